@@ -11,6 +11,7 @@ import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -22,6 +23,7 @@ settings.load_profile("steady")
 REPOSITORY = Path(__file__).resolve().parent.parent
 IN_MEMORY = Path("/dev/shm")
 FREE_BYTES_MIN = 8_000_000_000
+WCAG = ("wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice")
 LONG = tomllib.loads((Path(__file__).parent / "long_proofs.toml").read_text(encoding="utf-8"))
 
 
@@ -45,6 +47,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         node = item.nodeid.removeprefix("tests/")
         if node in LONG or node.split("[", maxsplit=1)[0] in LONG:
             item.add_marker("long")
+    _let_one_worker_make_the_demo(items)
+
+
+def _let_one_worker_make_the_demo(items: list[pytest.Item]) -> None:
+    """Put one file that needs the demo project first and the others last, so that no worker waits until it is made."""
+    of_demo = {item.path for item in items if "demo_project" in getattr(item, "fixturenames", ())}
+    first = next((item.path for item in items if item.path in of_demo), None)
+    items.sort(key=lambda item: 0 if item.path == first else 2 if item.path in of_demo else 1)
 
 
 def pytest_collection_finish() -> None:
@@ -128,6 +138,7 @@ def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     It takes half a minute to make, so the workers of a run share one: the first that needs it makes it.
     """
     from vsd_analytics.config import load_site
+    from vsd_analytics.ingest import pipeline
     from vsd_analytics.simulate import write_demo_project
     from vsd_analytics.simulate.demo import ingest_demo
     from vsd_analytics.warehouse.build import build
@@ -141,7 +152,8 @@ def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not (folder / "made").exists():
             write_demo_project(root, seed=4, weeks=1)
-            ingest_demo(load_site(root), sorted((root / "engine").iterdir()), seed=4)
+            with mock.patch.object(pipeline._Ingest, "understand", return_value=None):  # no test reads the cards
+                ingest_demo(load_site(root), sorted((root / "engine").iterdir()), seed=4)
             build(load_site(root))
             (folder / "made").touch()
     return root
@@ -163,7 +175,63 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
-def axe() -> str:
-    """Return the script that looks for accessibility violations."""
+def idle_tabs() -> dict[tuple[tuple[str, Any], ...], list[Any]]:
+    """Return the browser's tabs that no test uses, by the options of their context."""
+    return {}
+
+
+@pytest.fixture
+def tab(browser: Any, idle_tabs: dict[tuple[tuple[str, Any], ...], list[Any]]) -> Iterator[Callable[..., Any]]:
+    """Return a function that shows an address in a tab, and notes what it requests (`seen`) and its `errors`.
+
+    Later tests use the tabs again: a new one takes a process, half a second of processor time.
+    """
+    used = []
+
+    def show(
+        address: str, *, color_scheme: str = "light", viewport: dict[str, int] | None = None, **options: Any
+    ) -> Any:
+        key = tuple(sorted(options.items()))
+        idle = idle_tabs.setdefault(key, [])
+        page = idle.pop() if idle else browser.new_context(**options).new_page()
+        page.emulate_media(media="null", color_scheme=color_scheme, reduced_motion="reduce")
+        page.set_viewport_size(viewport or {"width": 1280, "height": 720})
+        page.seen, page.errors = [], []
+        heard = {
+            "request": lambda r: page.seen.append(r.url),
+            "console": lambda m: page.errors.append(m.text),
+            "pageerror": lambda e: page.errors.append(str(e)),
+        }
+        for event, note in heard.items():
+            page.on(event, note)
+        used.append((key, page, heard))
+        page.goto(address)
+        return page
+
+    yield show
+    for key, page, heard in used:
+        for event, note in heard.items():
+            page.remove_listener(event, note)
+        page.mouse.move(0, 0)
+        page.goto("about:blank")
+        idle_tabs[key].append(page)
+
+
+@pytest.fixture(scope="session")
+def axe() -> Callable[..., list[tuple[str, Any, str]]]:
+    """Return a function from a page to its accessibility violations: rule, element, what to do.
+
+    Of rules that pass, axe names one element each: to name all takes it as long as to test them.
+    """
     package = pytest.importorskip("axe_playwright_python", reason="axe-playwright-python is not installed")
-    return (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
+    script = (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
+
+    def violations(page: Any, tags: tuple[str, ...] = WCAG) -> list[tuple[str, Any, str]]:
+        if not page.evaluate("'axe' in window"):
+            page.evaluate(script)
+        options = {"resultTypes": ["violations"], **({"runOnly": tags} if tags else {})}
+        found = page.evaluate("options => axe.run(document, options)", options)
+        assert found["passes"]
+        return [(v["id"], n["target"], n["failureSummary"]) for v in found["violations"] for n in v["nodes"]]
+
+    return violations

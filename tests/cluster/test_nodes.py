@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import random
 from collections.abc import Callable
 from datetime import UTC, date, datetime, timedelta
@@ -239,8 +240,9 @@ def test_on_a_full_disk_what_came_is_made_ready_as_it_is(world: World, monkeypat
 
 
 def test_the_process_that_folds_beside_a_listener_makes_ready_on_a_node(
-    world: World, capsys: pytest.CaptureFixture[str]
+    world: World, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(os, "nice", lambda n: n)  # it would hold for all later tests of this process
     put(world)
     root = world.site("north").acknowledged
     ready = outbox.ready(root)

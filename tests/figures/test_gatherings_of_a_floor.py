@@ -159,6 +159,20 @@ def test_a_quarter_of_an_hour_in_parts_is_one_close_contact(tmp_path: Path) -> N
     assert (found.n, found.n_pairs, found.state) == (1, 2, "ok")
 
 
+def test_time_counts_as_long_lived_where_both_ids_of_a_pair_live_long(tmp_path: Path) -> None:
+    """A couple for 900 s in three parts, and each of them for 60 s with somebody whose id lives no longer."""
+    site = site_of(tmp_path)
+    places = [(2.0, 2.0), (3.0, 2.0)]
+    rows = [r for k in range(3) for r in stand("cam-0", places, start_ms=START + 1_000_000 * k, n_s=300, ids="c")]
+    for start_ms, ids in ((START + 400_000, ("a", "c1")), (START + 600_000, ("c0", "z"))):
+        rows += [(c, ts, i, ids[i], x, y) for c, ts, i, _, x, y in stand("cam-0", places, start_ms=start_ms, n_s=60)]
+    put(site, rows)
+    with Warehouse(site, DAY, DAY) as warehouse:
+        found = vsd_analytics.episode_figures(warehouse).contacts
+    assert (found.n, found.n_pairs, found.state) == (1, 3, "ok")
+    assert found.long_lived_share == pytest.approx(900 / 1020)
+
+
 def test_what_was_not_recorded_is_not_zero(tmp_path: Path) -> None:
     site = site_of(tmp_path)
     put(site, stand("cam-0", TRIANGLE, start_ms=START, n_s=60))

@@ -49,7 +49,7 @@ class Lab:
 
     root: Path
     calls: int = 0
-    kept: set[Path] = field(default_factory=set)
+    read: set[tuple[Path, int]] = field(default_factory=set)
 
     @property
     def project(self) -> Path:
@@ -100,6 +100,10 @@ class Lab:
             name = path.relative_to(self.root).as_posix()
             assert name.startswith("in/") or STORED.fullmatch(name.removeprefix("project/")), name
         for part in (self.project / "store").rglob("*.parquet"):
+            known = (part, part.stat().st_mtime_ns)
+            if known in self.read:
+                continue
+            self.read.add(known)
             table = pq.read_table(part, partitioning=None)
             assert all(re.fullmatch(r"cam-\d+", c) for c in table["camera_id"].to_pylist())
             for column in {"track_id", "track_a", "track_b"} & set(table.column_names):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -40,12 +41,11 @@ def test_a_floor_on_which_nothing_was_moved_has_one_layout(exact: PlannerData) -
 
 @pytest.mark.browser
 def test_the_week_draws_its_own_layout_and_the_difference_both(
-    browser: Any, moved: PlannerData, tmp_path: Path
+    tab: Callable[..., Any], moved: PlannerData, tmp_path: Path
 ) -> None:
     path = tmp_path / "planner.html"
     path.write_text(render_planner(moved), encoding="utf-8")
-    page = browser.new_page()
-    page.goto(path.as_uri())
+    page = tab(path.as_uri())
     page.wait_for_function("document.body.dataset.first")
     seen = """() => [...document.querySelectorAll('#plan g[data-in]')].map(e =>
         [e.dataset.in, getComputedStyle(e).visibility, getComputedStyle(e.firstChild).fill !== 'none'])
@@ -58,4 +58,3 @@ def test_the_week_draws_its_own_layout_and_the_difference_both(
     assert page.evaluate(
         "[...document.querySelectorAll('.fn[data-in=\"1\"]')].map(e => getComputedStyle(e).visibility)"
     ) == ["hidden"], "what is gone has no name"
-    page.close()

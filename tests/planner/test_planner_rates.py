@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -321,7 +321,7 @@ def test_bands_cover_the_floor_that_the_report_colours(page_of: Any, exact: Plan
 
 @pytest.mark.parametrize("week", [0, 1])
 def test_the_map_is_the_report_s_to_the_last_digit(
-    browser: Any, shop: Site, exact: PlannerData, pages: dict[str, Path], tmp_path: Path, week: int
+    tab: Callable[..., Any], shop: Site, exact: PlannerData, pages: dict[str, Path], tmp_path: Path, week: int
 ) -> None:
     """Same cells, same smoothing along the floor around fixtures, same hours: this week's own and the compared ones."""
     from vsd_analytics.figures.week.density import FloorGrid
@@ -339,12 +339,9 @@ def test_the_map_is_the_report_s_to_the_last_digit(
     hook = f"window.drawn = () => [fine.nx, ...field({'before, before.same' if week else 'week, week.drawn'})];\n"
     path = tmp_path / "hooked.html"
     path.write_text(text[:at] + hook + text[at:], encoding="utf-8")
-    context = browser.new_context(bypass_csp=True)
-    page = context.new_page()
-    page.goto(path.as_uri())
+    page = tab(path.as_uri(), bypass_csp=True)
     page.wait_for_function("document.body.dataset.first")
     n_x, *values = page.evaluate("drawn()")
-    context.close()
     shown = np.array(values).reshape(-1, n_x)[: told.shape[0], : told.shape[1]]
     assert told.max() > 1
     np.testing.assert_allclose(shown, told, rtol=1e-9, atol=1e-9)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
 
@@ -70,7 +71,7 @@ def test_reasons_are_those_of_the_analysis() -> None:
 
 @pytest.mark.browser
 def test_a_page_of_another_language_has_no_word_of_this_one(
-    masked: PlannerData, browser: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    masked: PlannerData, tab: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """A made-up language marks every sentence; what is outside the marks must come from the data."""
     real = catalogue.template
@@ -86,8 +87,7 @@ def test_a_page_of_another_language_has_no_word_of_this_one(
     names |= {reason_text(masked.hotspots.reason), "JSON"}
     assert masked.shown is not None
     names |= {f.name for f in masked.shown.fixtures}
-    page = browser.new_page()
-    page.goto(path.as_uri())
+    page = tab(path.as_uri())
     page.wait_for_function("document.body.dataset.first")
     for at in VIEWS:
         seen = page.evaluate(READ, at)
@@ -99,4 +99,3 @@ def test_a_page_of_another_language_has_no_word_of_this_one(
         for text in sorted(names - {""}, key=len, reverse=True):
             seen = seen.replace(text, "")
         assert set(re.findall(r"[A-Za-z]{2,}", seen)) == set(), at
-    page.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from vsd_analytics.site_index.page import render_index
 
 pytestmark = pytest.mark.browser
 
-TAGS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]
+Show = Callable[..., Any]
 NAMES = ("company", "hostile", "one floor", "compared")
 
 
@@ -42,52 +43,34 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_the_page_is_quiet_fits_and_is_accessible(browser: Any, axe: str, pages: dict[str, Path], name: str) -> None:
+def test_the_page_is_quiet_fits_and_is_accessible(tab: Show, axe: Show, pages: dict[str, Path], name: str) -> None:
+    page = tab(pages[name].as_uri(), bypass_csp=True)
+    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
     for scheme in ("light", "dark"):
-        context = browser.new_context(color_scheme=scheme, bypass_csp=True, reduced_motion="reduce")
-        page = context.new_page()
-        requests: list[str] = []
-        errors: list[str] = []
-        page.on("request", lambda r, seen=requests: seen.append(r.url))
-        page.on("console", lambda m, seen=errors: seen.append(m.text))
-        page.on("pageerror", lambda e, seen=errors: seen.append(str(e)))
-        page.goto(pages[name].as_uri())
-        page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
-        page.evaluate(axe)
+        page.emulate_media(color_scheme=scheme)
         for width in (1280, 941, 720, 390, 360, 320):
             page.set_viewport_size({"width": width, "height": 900})
             overflow = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
             assert overflow == 0, (scheme, width)
             if width in (1280, 390):
-                found = page.evaluate("tags => axe.run(document, {runOnly: tags})", TAGS)
-                nodes = [(v["id"], n["target"], n["failureSummary"]) for v in found["violations"] for n in v["nodes"]]
-                assert nodes == [], (scheme, width)
-                assert found["passes"]
-        context.close()
-        assert [u for u in requests if not u.startswith("data:")] == [pages[name].as_uri()]
-        assert errors == []
+                assert axe(page) == [], (scheme, width)
+    assert [u for u in page.seen if not u.startswith("data:")] == [pages[name].as_uri()]
+    assert page.errors == []
 
 
-def test_the_style_is_let_through_by_the_policy_and_a_link_leads_to_its_page(
-    browser: Any, pages: dict[str, Path]
-) -> None:
-    context = browser.new_context(java_script_enabled=False)
-    page = context.new_page()
-    page.goto(pages["company"].as_uri())
+def test_the_style_is_let_through_by_the_policy_and_a_link_leads_to_its_page(tab: Show, pages: dict[str, Path]) -> None:
+    page = tab(pages["company"].as_uri(), java_script_enabled=False)
     assert page.locator(".brand").evaluate("e => getComputedStyle(e).display") == "flex"
     page.get_by_role("link", name="Riverside Store, First floor").first.click()
     assert page.url.endswith("/riverside/2026-W46-first.html")
     assert page.title() == "a week"
-    context.close()
 
 
-def test_print_is_one_page_of_figures_without_links(browser: Any, pages: dict[str, Path]) -> None:
-    page = browser.new_page(color_scheme="dark")
-    page.goto(pages["company"].as_uri())
+def test_print_is_one_page_of_figures_without_links(tab: Show, pages: dict[str, Path]) -> None:
+    page = tab(pages["company"].as_uri(), color_scheme="dark")
     pdf = page.pdf(prefer_css_page_size=True, print_background=True, tagged=True)
     page.emulate_media(media="print", color_scheme="light")
     assert page.locator(".idx .ix-files").first.is_hidden()
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
-    page.close()
     assert len(re.findall(rb"/Type\s*/Page\b", pdf)) == 1
     assert b"/MarkInfo" in pdf

@@ -174,21 +174,21 @@ class MessageRows:
             message: FrameMessage | None = _known.decode(line)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             message = self._second_look(number, line)
-        if message is not None and not self._is_crowded(number, message, line):
+        if message is None:
+            return
+        n_persons, n_pairs = len(message.persons or ()), len(message.pairs or ())
+        if n_persons > self._options.persons_max:
+            self._reject_crowd(number, f"{n_persons:,} persons", self._options.persons_max, line)
+        elif n_pairs > self._options.pairs_max:
+            self._reject_crowd(number, f"{n_pairs:,} pairs", self._options.pairs_max, line)
+        else:
             self._messages.append(message)
             self._numbers.append(number)
-            self.n_rows += 1 + len(message.persons or ()) + len(message.pairs or ())
+            self.n_rows += 1 + n_persons + n_pairs
 
-    def _is_crowded(self, number: int, message: FrameMessage, line: bytes) -> bool:
-        """Put a message with more persons or pairs than a camera sees into quarantine as a whole; return whether."""
-        for what, found, most in (
-            ("persons", message.persons, self._options.persons_max),
-            ("pairs", message.pairs, self._options.pairs_max),
-        ):
-            if found is not None and len(found) > most:
-                self.reject(number, TOO_MANY, f"{len(found):,} {what} in one frame; at most {most:,} are read", line)
-                return True
-        return False
+    def _reject_crowd(self, number: int, found: str, most: int, line: bytes) -> None:
+        """Put a message with more persons or pairs than a camera sees into quarantine as a whole."""
+        self.reject(number, TOO_MANY, f"{found} in one frame; at most {most:,} are read", line)
 
     def _second_look(self, number: int, line: bytes) -> FrameMessage | None:
         """Decode a message that is wrong or has unknown fields, and count these."""

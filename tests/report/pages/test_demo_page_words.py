@@ -6,7 +6,7 @@ Also where five areas ask for visits, two of them as queues and four with a capa
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from vsd_analytics.site.model import LANGUAGES
 
 pytestmark = pytest.mark.browser
 
+Show = Callable[..., Any]
 MOST = 900
 PHONE = {"width": 390, "height": 844}
 WORDS = r"""() => {
@@ -62,24 +63,22 @@ def pages(root: Path, out: Path) -> Iterator[str]:
         yield (out / language / "2026-W46.html").as_uri()
 
 
-def check(browser: Any, address: str) -> None:
+def check(tab: Show, address: str) -> None:
     for viewport in ({"width": 1280, "height": 900}, PHONE):
-        page = browser.new_page(viewport=viewport)
-        page.goto(address)
+        page = tab(address, viewport=viewport)
         question = page.evaluate("document.querySelector('.ask').getBoundingClientRect().bottom")
         n_words = page.evaluate(WORDS)
-        page.close()
         assert 400 < n_words <= MOST, (address, viewport)
         assert question <= viewport["height"], (address, viewport)
 
 
 def test_the_page_of_a_first_week_is_short_and_asks_on_the_first_screen(
-    browser: Any, demo_project: Path, tmp_path: Path
+    tab: Show, demo_project: Path, tmp_path: Path
 ) -> None:
     asked = demo_project / "questions.jsonl"
     before = asked.read_bytes() if asked.exists() else None
     for address in pages(demo_project, tmp_path):
-        check(browser, address)
+        check(tab, address)
     if before is None:  # the project is shared: tests leave it as it is
         asked.unlink(missing_ok=True)
     else:
@@ -87,14 +86,14 @@ def test_the_page_of_a_first_week_is_short_and_asks_on_the_first_screen(
 
 
 def test_the_page_of_two_and_of_twelve_weeks_is_short_and_asks_on_the_first_screen(
-    browser: Any, demo_of_weeks: Path, tmp_path: Path
+    tab: Show, demo_of_weeks: Path, tmp_path: Path
 ) -> None:
     for address in pages(demo_of_weeks, tmp_path):
-        check(browser, address)
+        check(tab, address)
 
 
 def test_the_page_of_five_areas_that_ask_for_visits_is_short_and_prints_on_four_sheets(
-    browser: Any, demo_of_weeks: Path, tmp_path: Path
+    tab: Show, demo_of_weeks: Path, tmp_path: Path
 ) -> None:
     toml = demo_of_weeks / "vsd.toml"
     silent = toml.read_text("utf-8")
@@ -106,12 +105,10 @@ def test_the_page_of_five_areas_that_ask_for_visits_is_short_and_prints_on_four_
     toml.write_text(asking + TILLS, encoding="utf-8")
     try:
         for address in pages(demo_of_weeks, tmp_path):
-            check(browser, address)
-            page = browser.new_page()
-            page.goto(address)
+            check(tab, address)
+            page = tab(address)
             rows = page.locator("#waiting tbody tr").count()
             pdf = page.pdf(prefer_css_page_size=True, print_background=True)
-            page.close()
             assert rows >= 2 + 4, "both tables have their places"
             assert len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 4
     finally:
