@@ -11,6 +11,7 @@ from engine.simulated_people import SIZE, Scene, SimulatedCamera, simulate
 from engine.vsd_in_a_shop import shop
 from PIL import Image
 
+from vsd_analytics.engine.body import part_px
 from vsd_analytics.engine.published_layout import read_sequences
 from vsd_analytics.engine.ratio_search import search
 from vsd_analytics.engine.ratios import Ratios
@@ -111,6 +112,16 @@ def test_torso_measures_better_than_arm(tmp_path: Path, scene: Scene) -> None:
     (sequence,) = read_sequences(write_data_set(tmp_path / "Sim", scene))
     torso, arm = (search([sequence.labelled], part=part, by="persons") for part in ("torso", "arm"))  # type: ignore[arg-type]
     assert torso.f1 > arm.f1
+
+
+def test_missing_joints_cost_the_torso_more_than_the_arm_of_which_either_side_will_do(tmp_path: Path) -> None:
+    holed = simulate(CAMERA, seed=5, n_tracks=40, seconds=6, missing=0.05)
+    (sequence,) = read_sequences(write_data_set(tmp_path / "Sim", holed))
+    measured = {part: np.isfinite(part_px(sequence.people, part)).mean() for part in ("torso", "arm")}  # type: ignore[arg-type]
+    assert measured["torso"] < 0.93
+    assert measured["arm"] > 0.97
+    torso, arm = (search([sequence.labelled], part=part, by="persons") for part in ("torso", "arm"))  # type: ignore[arg-type]
+    assert torso.f1 < arm.f1 - 0.03
 
 
 def test_one_command_scores_every_part_and_the_calibration_from_people(
