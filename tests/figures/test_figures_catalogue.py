@@ -1,4 +1,4 @@
-"""The catalogue M0 to M42 is in the SQL headers once, and docs/figures.md is made from it."""
+"""The catalogue is in the SQL headers once, and docs/figures.md is made from it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vsd_analytics.warehouse.sqlfiles import FIGURE_FIELDS, figure_headers, read
 
 REPOSITORY = Path(__file__).resolve().parent.parent.parent
 PAGE = REPOSITORY / "docs" / "figures.md"
-ALL = [f"M{i}" for i in range(43)]
+ALL = [f"M{i}" for i in range(len(figure_headers()))]
 
 HEADER = """\
 -- name: marts/one

@@ -86,6 +86,14 @@ def odd_columns(acme: type[Any]) -> type[Any]:
     return OddColumns
 
 
+def at_any_time(acme: type[Any]) -> type[Any]:
+    class AtAnyTime(acme):
+        def read(self, source: Any, options: Any) -> Iterator[RawBatch]:
+            return super().read(source, replace(options, period_s=None))
+
+    return AtAnyTime
+
+
 @pytest.mark.parametrize(
     ("spoil", "says"),
     [
@@ -94,6 +102,7 @@ def odd_columns(acme: type[Any]) -> type[Any]:
         (forgetful, "must be rejected"),
         (hoarding, "yield at most"),
         (odd_columns, "RAW_SCHEMAS"),
+        (at_any_time, "--period would change nothing"),
     ],
 )
 def test_what_an_adapter_breaks_is_named(

@@ -15,7 +15,7 @@ import pyarrow as pa
 from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
 from vsd_analytics.ingest.cell_values import NO_ID
 from vsd_analytics.ingest.instants import ambiguous_note, local_to_utc
-from vsd_analytics.ingest.raw import BadRowError, raw_table, rejected, too_many_people
+from vsd_analytics.ingest.raw import BadRowError, floored, raw_table, rejected, too_many_people
 from vsd_analytics.ingest.reasons import TOO_MANY
 from vsd_analytics.schema import TableName
 
@@ -106,9 +106,6 @@ class FrameRows:
             zone = self._options.clocks.get(camera or "", self._options.frame_zone)
             at = at.replace(tzinfo=UTC)
         ts_ms = (at - _EPOCH) // _MS
-        if self._options.period_s and self._options.period_s >= 0.001:
-            period_ms = self._options.period_s * 1000
-            ts_ms = int(math.floor(ts_ms / period_ms) * period_ms)
         self._frames.append((camera, ts_ms, zone, len(seen), line))
         self._of_frame += [len(self._frames) - 1] * len(usable)
         self._numbers += [number for number, _ in usable]
@@ -141,7 +138,7 @@ class FrameRows:
     def batch(self, done_bytes: int, *, first_line: str | None = None) -> RawBatch:
         """Return the records added since the last call."""
         cameras, times, zones, counts, lines = map(list, zip(*self._frames, strict=True)) if self._frames else ([],) * 5
-        ts_ms = np.array(times, dtype=np.int64)
+        ts_ms = floored(np.array(times, dtype=np.int64), self._options)
         notes = []
         for zone in sorted({z for z in zones if z is not None}):
             at = np.array([z == zone for z in zones])

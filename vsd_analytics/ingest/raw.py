@@ -8,6 +8,8 @@ from dataclasses import replace
 from typing import IO, Any
 
 import msgspec
+import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 
 from vsd_analytics.ingest.adapter import EXCERPT_CHARS, WHOLE_MAX_BYTES, IngestOptions, RawBatch, Rejected
@@ -50,6 +52,17 @@ def raw_table(name: TableName, **columns: Any) -> pa.Table:
     if missing:
         raise ValueError(f"raw {name} need a column {', '.join(missing)}")
     return pa.table([_array(columns.get(f.name), f.type, n_rows) for f in schema], schema=schema)
+
+
+def floored(ts_ms: npt.NDArray[np.int64], options: IngestOptions) -> npt.NDArray[np.int64]:
+    """Return instants (UTC milliseconds) floored to the sampling period: records of one period are one frame.
+
+    Without `period_s`, or with one below a millisecond, they stay as they are.
+    """
+    if not options.period_s or options.period_s < 0.001:
+        return ts_ms
+    period_ms = options.period_s * 1000
+    return (np.floor(ts_ms / period_ms) * period_ms).astype(np.int64)
 
 
 def rejected(line: int, *, reason: str, detail: str, record: str | bytes = "") -> Rejected:

@@ -13,7 +13,7 @@ from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
 from vsd_analytics.ingest.cell_values import floats_or_null, ids, numbers, tracks, trimmed
 from vsd_analytics.ingest.columns import TIME_OF_DAY, ColumnPlan, beside
 from vsd_analytics.ingest.instants import Instants, parse_instants
-from vsd_analytics.ingest.raw import raw_table, rejected
+from vsd_analytics.ingest.raw import floored, raw_table, rejected
 from vsd_analytics.ingest.where import rows_where
 
 _MAX_MS = 2.0**53
@@ -57,10 +57,7 @@ def raw_batch(
     else:
         instants = _from_frames(values.pop("frame"), options)
         bad.add(instants.is_wrong, "frame", reason="not-a-time", what="a frame number")
-    ts_ms = instants.ms
-    if options.period_s and options.period_s >= 0.001:  # below a millisecond there is nothing to floor
-        period_ms = options.period_s * 1000
-        ts_ms = (np.floor(ts_ms / period_ms) * period_ms).astype(np.int64)
+    ts_ms = floored(instants.ms, options)
     values.pop("frame", None)
     for ours, unit in plan.units.items():
         values[ours] *= METRES[unit]

@@ -25,6 +25,7 @@ OTHER_FILES: Final = (b"", b"\n", b"ts,track_id,x_m,y_m\n", b'{"v": 1, "camera":
 """Files that no adapter of one engine may take for its own."""
 BATCH_MAX: Final = 2 * BATCH_ROWS
 _CUTS: Final = 25
+_PERIOD_MS: Final = 7_000
 _TOKYO: Final = "Asia/Tokyo"  # nine hours before UTC, all year
 _ONE_CAMERA: Final = IngestOptions(camera="cam-1")
 
@@ -39,7 +40,8 @@ class AdapterSample:
         first_ms: Instant of its first record (UTC milliseconds); None = not compared.
         file_name: Its name.
         header_lines: Lines above the records.
-        bad_line: A line that cannot be used; None = the format has no lines.
+        bad_line: A line that cannot be used and that no other line depends on, such as one person's below the line of a
+            frame; None = the format has no lines. What a bad line of a frame costs needs a test of your own.
         options: What the user says, with the camera of formats that name none.
     """
 
@@ -77,6 +79,7 @@ def prove(make: Callable[[], Adapter], sample: AdapterSample, folder: Path) -> N
     assert sample.first_ms in (None, first_ms), f"the first record is at {first_ms} ms, not at {sample.first_ms}"
     assert rows == _records(make, sample, sample.data, folder), "the same file gives other records the second time"
     _prove_zones(make, sample, folder)
+    _prove_period(make, sample, folder)
     if sample.bad_line is not None:
         _prove_lines(make, sample, folder, rows)
     _prove_damage(make, sample, folder)
@@ -95,6 +98,16 @@ def _prove_zones(make: Callable[[], Adapter], sample: AdapterSample, folder: Pat
                 "a time without an offset must be read on the clock of its zone: local_to_utc() in "
                 "vsd_analytics.ingest.instants; --zone would change nothing"
             )
+
+
+def _prove_period(make: Callable[[], Adapter], sample: AdapterSample, folder: Path) -> None:
+    """Records of one sampling period, which the user states, are one frame."""
+    stated = replace(sample, options=replace(sample.options, period_s=_PERIOD_MS / 1000))
+    for row in _records(make, stated, sample.data, folder):
+        assert row["ts_ms"] % _PERIOD_MS == 0, (
+            "times must be floored to options.period_s: floored() in vsd_analytics.ingest.raw; "
+            "--period would change nothing"
+        )
 
 
 def _prove_lines(make: Callable[[], Adapter], sample: AdapterSample, folder: Path, rows: Sequence[Any]) -> None:

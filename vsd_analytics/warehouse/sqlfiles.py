@@ -54,7 +54,7 @@ class FigureHeader:
     """A figure of the catalogue, as described in the header of the relation it is computed from.
 
     Attributes:
-        metric: M0 to M42.
+        metric: Its number in the catalogue, such as M7.
         name: Its name in reports and docs.
         definition: What is computed.
         unit: Unit of the value.

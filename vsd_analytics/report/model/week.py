@@ -4,8 +4,8 @@ The page, its JSON file, the CSV files and the notebook are all made from one `W
 formatted: numbers are floats, ints or None, instants are aware datetimes in the site's zone, names are the free text of
 `vsd.toml`. A missing number is None and its `state` says why; it is never 0.
 
-Every field carries `help`, and `unit` and `metric` (catalogue id M0 to M42) where they apply; `docs` and the published
-JSON Schema are made from them.
+Every field carries `help`, and `unit` and `metric` (catalogue id, such as M7) where they apply; `docs` and the
+published JSON Schema are made from them.
 """
 # ruff: noqa: RUF009  (`_f` only wraps dataclasses.field)
 
@@ -137,7 +137,7 @@ class WeekReport:
         "Time too close by crowding and day; None in files of older versions.", metric="M6", default=None
     )
     figures: Mapping[str, Figure] = _f(
-        "Keyed M0 to M42; absent: not in this version, nobody asks for it, or it needs weeks."
+        "Keyed by the catalogue, as M7; absent: not in this version, nobody asks for it, or it needs weeks."
     )
     agenda: Agenda | None = _f("What may be asked, and what earlier weeks asked.", default=None)
     story: Story | None = _f("Filled by `headline.story_of`; None until then.", default=None)
