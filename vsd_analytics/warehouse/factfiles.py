@@ -55,6 +55,7 @@ class FactWriter:
         if self._pieces:
             self._flush()
         assert self._writer is not None
+        self._writer.add_key_value_metadata(self._noted)
         self._writer.close()
         blank: bytes = self._sink.getvalue().to_pybytes()
         place = _place(blank)
@@ -66,15 +67,17 @@ class FactWriter:
         if self._writer is None:
             self._writer = pq.ParquetWriter(
                 self._sink,
-                rows.schema.with_metadata(self._noted),
+                rows.schema.remove_metadata(),
                 compression="zstd",
                 write_page_checksum=True,
+                # Arrow's own schema would say what Parquet's says.
+                store_schema=False,
                 # Instants rise from row to row, so their differences are small; all else repeats within a day, and
                 # where it does not, Parquet gives the dictionary up by itself.
                 use_dictionary=[name for name in rows.column_names if not name.endswith(_INSTANTS)],
                 column_encoding={n: "DELTA_BINARY_PACKED" for n in rows.column_names if n.endswith(_INSTANTS)},
             )
-        self._writer.write_table(rows.replace_schema_metadata(self._noted), row_group_size=max(1, rows.num_rows))
+        self._writer.write_table(rows.replace_schema_metadata(), row_group_size=max(1, rows.num_rows))
 
 
 def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, Any], noted: Mapping[bytes, bytes] | None = None) -> bytes:
