@@ -21,6 +21,7 @@ def said_of(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> st
     [
         ("timestamp_us,object_id,X,Y", "ts=timestamp_us,track_id=object_id,x_m=X,y_m=Y"),
         ("Zeit,Person-Nr.,X [yd],Y [yd]", "ts=Zeit,track_id=Person-Nr.,x_m=X [yd],y_m=Y [yd]"),
+        ("Data;Ora;ID persona;Posizione X (m);Posizione Y (m)", "ts=Data+Ora"),
         ("time,tag,pos_x_dm,pos_y_dm", "ts=time,track_id=tag,x_m=pos_x_dm,y_m=pos_y_dm"),
         ("ts,dossard,x_m,y_m", "columns that are not read holds them: dossard"),
         ("frame,timestamp,id,x_m,y_m", "ts=timestamp,track_id=id"),

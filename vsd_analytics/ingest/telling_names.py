@@ -55,7 +55,7 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
         "confidence conf score prob probability detectionconfidence detectionscore detconf trackconfidence "
         "confidencescore personprobability personscore personconfidence confidenza confiance confianza konfidenz"
     ),
-    "date": _words("date day datum localdate fecha giorno jour"),
+    "date": _words("date day data datum localdate fecha giorno jour"),
     "time": _words("time timeofday clock uhrzeit localtime hour heure hora ora orario"),
     "file": _words(
         "file filename filepath path image img imagename imagepath imagefile videoname videopath videofile topic "
