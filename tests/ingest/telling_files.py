@@ -61,6 +61,24 @@ def back_by_an_hour(s: Step) -> object:
     return s.at - timedelta(hours=1) if s.at >= STEPS[0].at + timedelta(seconds=30) else s.at
 
 
+def lost(place: tuple[float, float], every: int) -> object:
+    """Return a table in which each so many rows have one place, where the engine has lost the person."""
+    made = [[*plain(s)[:2], *(place if n % every == 0 else (s.x_m, s.y_m))] for n, s in enumerate(STEPS, 1)]
+    return text("a.csv", NAMES, made)
+
+
+def begun_again(period_s: int) -> object:
+    """Return a table whose ids are given to other people after each so many seconds."""
+    return text("a.csv", NAMES, rows(lambda s: [*plain(s)[:1], (s.track + s.at.second // period_s) % 6, *plain(s)[2:]]))
+
+
+def in_frames_of_a_second(n: int) -> object:
+    """Return positions in the picture without ids, with so many frames of one second."""
+    walked = walks(n_people=5, seconds=30, hz=n, seed=5)
+    made = [[s.at.replace(microsecond=0).isoformat(), 62.5 * s.x_m, (12 - s.y_m) / 0.0175] for s in walked]
+    return text("a.csv", ("ts", "u_px", "v_px"), made)
+
+
 TELLING: list[Odd] = [
     # columns whose names tell nothing
     Odd("cameras in a column without a telling name", marked("src", "cam-2", "cam-1"), (), None, "W221"),
@@ -112,10 +130,26 @@ TELLING: list[Odd] = [
         None,
         "names UTC",
     ),
+    # places and ids
+    Odd("one place for the lost", lost((99.9, 98.7), 11), (), None, "positions are exactly 99.9, 98.7"),
+    Odd("-1 for a few", lost((-1.0, -1.0), 29), (), None, "positions are exactly -1, -1"),
+    Odd("ids that begin again", begun_again(15), (), None, "change their places at once"),
+    # columns
+    Odd("two floors by height", with_column("z", lambda s: 1.2 + 4 * (s.track % 2)), (), None, "two heights"),
+    Odd("one floor with heights", with_column("z", lambda s: 1.2 + 0.1 * s.track), (), stored(FEW)),
+    Odd("floors in Italian", with_column("piano", lambda s: s.track % 2), (), None, "names 2 floors"),
+    Odd("cameras by address", with_column("IP", lambda s: f"10.0.0.{s.track % 3}"), (), None, "names 3 cameras"),
     # pictures
     Odd("the corner of a box as a place", box("u_px v_px w h", lambda u, v: (u, v, 30, 80)), (), None, "W226"),
     Odd("shares from the middle", box("u_px v_px", lambda u, v: (u / 640 - 1, 1 - v / 360)), (), None, "W226"),
     Odd("pixels of no camera", box("u_px v_px", lambda u, v: (6 * u, 8 * v + 5000)), (), None, "hardly any camera"),
+    Odd(
+        "far corners as sizes",
+        box("left top width height", lambda u, v: (u, v, u + 30, v + 80)),
+        (),
+        None,
+        "seem to be the far corner",
+    ),
     Odd("boxes on their side", box("left top width height", lambda u, v: (u, v, 90, 30)), (), None, "wider than high"),
     # files
     Odd("bars", text("a.csv", NAMES, rows(plain, FEW), by="|"), (), stored(FEW)),

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from odd_files import STEPS, Odd
-from telling_files import TELLING, numbered, pairs
+from telling_files import TELLING, in_frames_of_a_second, numbered, pairs
 from test_odd_files import by_identity, in_store
 from walks import project
 
@@ -71,3 +71,13 @@ def test_pixels_are_compared_with_the_floor_of_their_calibration(
     code, said = check(root, root / "a.csv", capsys)
     assert (says is None) == ("by the calibration, " not in said), said
     assert code == (0 if says is None else 1), said
+
+
+@pytest.mark.parametrize(("n", "is_doubted"), [(1, False), (3, True)])
+def test_several_frames_of_one_second_are_seen_through_the_calibration(
+    n: int, is_doubted: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = project(tmp_path / "p", more='clock = "UTC"\nhomography = "h.txt"')
+    np.savetxt(root / "h.txt", CALIBRATION)
+    _, said = check(root, in_frames_of_a_second(n)(tmp_path), capsys)
+    assert ("times have several frames" in said) == is_doubted, said

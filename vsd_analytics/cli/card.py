@@ -65,7 +65,8 @@ def _lines(project: Project, card: SourceCard) -> list[tuple[str, str]]:
         size = "" if card.picture_px is None else f"; picture {card.picture_px[0]} x {card.picture_px[1]} px"
         digits = 0 if max(map(abs, card.pixels)) > 10 else 2
         lines.append(("picture", _extent(card.pixels, "u", "v", digits=digits, unit=" px") + _trimmed(card) + size))
-        lines.append(("", f"taken for granted: u grows to the right, v downwards, to people's feet; {_PICTURE}"))
+        box = ", boxes by their upper left corner" if any(c.ours == "left" for c in card.columns) else ""
+        lines.append(("", f"taken for granted: u grows to the right, v downwards, to people's feet{box}; {_PICTURE}"))
     if card.cameras:
         of = "" if card.is_whole else f", in the first {count(card.n_records, 'record')}"
         lines.append(("cameras", ", ".join(f"{name[:40]} ({n:,})" for name, n in card.cameras.items()) + of))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 from vsd_analytics.config.file_columns import FILE_COLUMNS, PLACES
@@ -50,18 +50,30 @@ def proposed_columns(header: Header, found: Mapping[str, int], *, kind: TableNam
 
 
 def proposed_pairs(header: Header) -> dict[str, str]:
-    """Return the renames of a table with two people in a row, whose columns differ in a number; {} for others."""
+    """Return the renames of a table with two people in a row: two ids, and two places or a distance; {} for others."""
     for name in ids_like(header.names):
-        other = of_another_person(name, header.names)
+        other = of_another_person(name, header.names) or _with_b(name, header.names)
+        if other is None or not (_can_be_mapped(name) and _can_be_mapped(other)):
+            continue
         place = place_like([n for n in header.names if n not in (name, other)])
         corners = [place.get(side) for side in ("left", "top", "right", "bottom")]
-        if other is not None and all(corners):
+        if all(corners):
             ours = ("track_a", "track_b", "x_a_m", "y_a_m", "x_b_m", "y_b_m")
             return {o: str(n) for o, n in zip(ours, (name, other, *corners), strict=True)}
+        if distances := [n for n in named_like(header.names, "distance") if _can_be_mapped(n)]:
+            return {"track_a": name, "track_b": other, "distance_m": distances[0]}
     return {}
 
 
-def completed(proposed: Mapping[str, str], ours: str, header: Header, *, wanted: str) -> dict[str, str]:
+def _with_b(name: str, names: Sequence[str]) -> str | None:
+    """Return the name that ends in B where this one ends in A, as `Person A` does."""
+    swapped = {"a": "b", "A": "B"}.get(name[-1:])
+    return next((n for n in names if swapped is not None and n == name[:-1] + swapped), None)
+
+
+def completed(
+    proposed: Mapping[str, str], ours: str, header: Header, *, wanted: str, taken: Collection[str] = ()
+) -> dict[str, str]:
     """Return renames that also name a column that is missing: by the nearest name, or "THEIR_NAME".
 
     Args:
@@ -70,13 +82,14 @@ def completed(proposed: Mapping[str, str], ours: str, header: Header, *, wanted:
             name.
         header: The table's columns.
         wanted: The name that was looked for: `ours`, or what the user said.
+        taken: Columns that are read as something else already.
     """
     renames = dict(proposed)
     is_place = any(ours in place for place in PLACES)
     has_place = any(column in place for place in PLACES for column in renames)
     if ours not in renames and wanted != "camera_id" and not (is_place and has_place):
         # a column with one of our names is not another one under a wrong name, so it is no suggestion
-        shown = [n for n in header.names if not n.startswith("_") and n not in renames.values()]
+        shown = [n for n in header.names if not n.startswith("_") and n not in {*renames.values(), *taken}]
         other = shown if ours != wanted else [n for n in shown if n.lower() not in FILE_COLUMNS]
         renames[ours] = nearest_name(wanted, [n for n in other[:1000] if len(n) <= 100]) or _THEIR_NAME
     rank = {name: i for i, name in enumerate(_ORDER)}
@@ -88,7 +101,7 @@ def renames_option(renames: Mapping[str, str]) -> str:
     if not renames:
         return ""
     joined = ",".join(f"{ours}={theirs}" for ours, theirs in renames.items())
-    return f"--map {shlex.quote(joined)}{_note(renames)}"
+    return f"--map {shlex.quote(joined)}{note_on_place(renames)}"
 
 
 def nearest_name(column: str, names: Sequence[str]) -> str | None:
@@ -111,10 +124,13 @@ def _time(names: Sequence[str]) -> str | None:
     return f"{dates[0]}+{times[0]}" if dates and times else time_like(names)
 
 
-def _note(renames: Mapping[str, str]) -> str:
+def note_on_place(renames: Mapping[str, str]) -> str:
+    """Return how else the columns of a proposed place may be meant, which their names do not say."""
     places = {ours: theirs for ours, theirs in renames.items() if any(ours in place for place in PLACES)}
     if set(places) == {"x_m", "y_m"} and all(unit_in_name(name) is None for name in places.values()):
         return "   (metres; of the picture: u_px=...,v_px=...; another unit: --unit mm)"
+    if (distance := renames.get("distance_m")) and unit_in_name(distance) is None:
+        return "   (metres; another unit: --unit cm)"
     if set(places) == {"left", "top", "width", "height"}:
-        return f"   (the upper left corner; a centre: center_x={places['left']},center_y={places['top']})"
+        return f"   (the upper left corner; if it is the centre: center_x={places['left']},center_y={places['top']})"
     return "" if places else "      (or in vsd.toml, under [ingest.map])"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from vsd_analytics.config.camera_in_name import camera_named
@@ -20,7 +20,7 @@ from vsd_analytics.ingest.column_guess import (
     renames_option,
 )
 from vsd_analytics.ingest.table_file import Header
-from vsd_analytics.ingest.telling_names import of_another_person, place_like
+from vsd_analytics.ingest.telling_names import of_another_person, place_like, time_like
 from vsd_analytics.ingest.units import LENGTHS, unit_in_name
 from vsd_analytics.ingest.where import parse_where
 from vsd_analytics.schema import TableName
@@ -95,6 +95,10 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
     if kind is None:
         kind = "pairs" if "track_a" in found or "distance_m" in found else "observations"
     proposed = proposed_columns(header, found, kind=kind)
+    has_place = any(set(columns) <= set(found) for columns in PLACES)
+    pair = {} if kind == "pairs" or has_place else proposed_pairs(header)
+    if pair:
+        proposed = {ours: theirs for ours, theirs in proposed.items() if ours in ("ts", "camera_id")} | pair
     if "ts" not in found and "frame" not in found:
         raise _missing(source, "ts", header, "without a time nothing can be counted by hour", proposed)
     if kind == "pairs":
@@ -106,12 +110,17 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
     else:
         place = max(PLACES, key=lambda columns: len(set(columns) & set(found)) / len(columns))
         lacking = [c for c in place if c not in found]
-        if lacking and (pair := proposed_pairs(header)):
-            raise _missing(source, lacking[0], header, "a row seems to be two people", {**_time_of(proposed), **pair})
+        if lacking and pair:
+            raise _missing(source, lacking[0], header, "a row seems to be two people", proposed)
         if lacking:
-            raise _missing(source, lacking[0], header, _alone(header), proposed)
+            raise _missing(
+                source, lacking[0], header, _alone(header), proposed, taken=[header.names[i] for i in found.values()]
+            )
         place = ("track_id", *place, *(_PIXELS if place == _FLOOR else ()))
     if "ts" not in found and (options.fps is None or options.start is None):
+        if (time := time_like(header.names)) is not None:
+            why = "frame numbers need --fps and --start, and the file seems to have times"
+            raise _missing(source, "ts", header, why, {"ts": time, **proposed})
         raise InputError(
             f"{source.file_name} has frame numbers but no times",
             code="E207",
@@ -129,10 +138,6 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
     where = () if options.where is None else parse_where(options.where)
     compared = {c.column: _their_column(source, c.column, header) for c in where}
     return ColumnPlan(kind, theirs, names, _units(source, names, options), where, compared)
-
-
-def _time_of(proposed: Mapping[str, str]) -> dict[str, str]:
-    return {ours: theirs for ours, theirs in proposed.items() if ours in ("ts", "camera_id")}
 
 
 def _alone(header: Header) -> str:
@@ -239,6 +244,7 @@ def _missing(
     *,
     ours: str | None = None,
     named: str | None = None,
+    taken: Collection[str] = (),
 ) -> InputError:
     shown = [n for n in header.names if not n.startswith("_")]
     found = f"found: {', '.join(n[:40] for n in shown[:20])}"
@@ -259,8 +265,12 @@ def _missing(
             fix="let it write a file for each frame (save_txt=True), then: vsd engine run labels/ --camera ID --size "
             "WIDTHxHEIGHT --hz 25 --start INSTANT --out frames.jsonl",
         )
-    is_pair = proposed is not None and "track_a" in proposed and "x_a_m" in proposed
-    renames = dict(proposed or {}) if is_pair else completed(proposed or {}, ours or column, header, wanted=column)
+    is_pair = proposed is not None and not {"x_a_m", "distance_m"}.isdisjoint(proposed)
+    renames = (
+        dict(proposed or {})
+        if is_pair
+        else completed(proposed or {}, ours or column, header, wanted=column, taken=taken)
+    )
     near = renames.get(ours or column)
     counts = [n for n in shown if n.lower() in _COUNTS]
     if column == "x_m" and counts and near not in shown:

@@ -12,6 +12,7 @@ from vsd_analytics.geometry.homography import to_floor
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
 from vsd_analytics.ingest.doubts_of_axes import AXIS_LOOKS
 from vsd_analytics.ingest.doubts_of_places import PLACE_LOOKS
+from vsd_analytics.ingest.doubts_of_times import several_frames
 from vsd_analytics.site.model import Camera
 
 SKY_SHARE: Final = 0.1
@@ -45,6 +46,7 @@ def _on_the_floor(case: Case) -> Iterator[Doubt]:
         for doubt in look(on_floor):
             what = f"by the calibration, {doubt.what}"
             yield replace(doubt, code="W226", what=what, fix=fix)
+    yield from several_frames(on_floor)
 
 
 def _floor_m(camera: Camera, uv_px: np.ndarray) -> np.ndarray:

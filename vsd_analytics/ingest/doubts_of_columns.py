@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.config.file_columns import METRES
 from vsd_analytics.ingest.cell_values import is_number
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, quoted
 from vsd_analytics.ingest.reasons import NO_CLASS, NOT_A_PERSON
@@ -29,6 +30,8 @@ from vsd_analytics.ingest.units import LENGTHS, unit_in_name
 WEAK: Final = 0.3
 """Confidence below which detectors hardly ever show a box."""
 WEAK_SHARE: Final = 0.5
+STOREY_MIN_M: Final = 2.2
+"""Floors are no nearer above each other; nobody's head or hip is as far from another's on one floor."""
 _UNITS: Final = {"m": "m", "in": "in"}
 """Units that a column's name says only behind an axis."""
 _YES, _NO = frozenset({"1", "1.0", "true", "yes"}), frozenset({"0", "0.0", "false", "no"})
@@ -112,6 +115,27 @@ def _cameras(case: Case) -> Iterator[Doubt]:
             "people of several places would be counted as if they stood together",
             f"--map camera_id={column} (and engine_ids in vsd.toml), or --where \"{quoted(column)} = '...'\"",
             is_sure=True,
+        )
+
+
+def _heights(case: Case) -> Iterator[Doubt]:
+    """W221: heights of two floors in a column that is not read."""
+    if case.head is None or not case.sample.has_floor:
+        return
+    metres = METRES[case.head.plan.units.get("x_m", "m")]
+    for column in named_like(case.head.ignored, "third axis"):
+        values = case.head.values[column].items() if column in case.head.values else ()
+        found = [(float(v) * metres, n) for v, n in values if is_number(v)]
+        heights = np.sort(np.repeat(*map(np.asarray, zip(*found, strict=True)))) if found else np.empty(0)
+        inner = heights[int(0.05 * len(heights)) : len(heights) - int(0.05 * len(heights))]
+        if len(inner) < ROWS_MIN or (gap := np.diff(inner)).max() < STOREY_MIN_M or case.is_settled_by_where(column):
+            continue
+        low, high = inner[np.argmax(gap)], inner[np.argmax(gap) + 1]
+        yield Doubt(
+            "W221",
+            f"{column[:80]!r} holds two heights: up to {low:.1f} m, and from {high:.1f} m on",
+            "people of two floors would be counted as if they stood together",
+            f'--where "{quoted(column)} < {(low + high) / 2 / metres:.3g}" with --camera, one command for each floor',
         )
 
 
@@ -359,6 +383,7 @@ def _is_person(value: str) -> bool:
 COLUMN_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     _cameras_of_files,
     _cameras,
+    _heights,
     _classes,
     _marked,
     _unseen,

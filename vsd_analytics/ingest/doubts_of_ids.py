@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
+from vsd_analytics.ingest.jumps import steps
 from vsd_analytics.ingest.telling_names import ids_like
 
 TWO_PLACES_M: Final = 1.0
@@ -18,6 +19,12 @@ SECOND_SHARE: Final = 0.05
 COUNTED_SHARE: Final = 0.99
 COMINGS_MIN: Final = 10
 """So often somebody must come or go before numbers without a gap show that they number a frame."""
+TOGETHER_MIN: Final = 3
+"""People who are in view in two frames one after the other, from which "most of them" means something."""
+TOGETHER_MAX_M_S: Final = 4.0
+"""Most people in view never run this fast in the same step."""
+RENUMBERED_SHARE: Final = 0.5
+RENUMBERED_MIN: Final = 2
 
 
 def _ids(case: Case) -> Iterator[Doubt]:
@@ -30,7 +37,9 @@ def _ids(case: Case) -> Iterator[Doubt]:
     named = f"--map {shlex.quote('track_id=' + (like[0] if like else '...'))}"
     if case.head is not None and not sample.has_ids:
         what = "there are no track ids: violations cannot be counted"
-        fix = named if like else "export the tracker's ids, and map them: --map track_id=..."
+        unread = ", ".join(name[:40] for name in case.head.ignored[:5])
+        of_these = f", if one of the columns that are not read holds them: {unread}" if unread else ""
+        fix = named if like else f"export the tracker's ids, and map them: --map track_id=...{of_these}"
         yield Doubt("W225", what, why, fix, is_note=not like)
         return
     if sample.has_ids:
@@ -96,4 +105,24 @@ def _numbers_of_a_frame(case: Case) -> Iterator[Doubt]:
         )
 
 
-ID_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_ids, _of_several, _numbers_of_a_frame)
+def _renumbered(case: Case) -> Iterator[Doubt]:
+    """W225: ids that begin again: from one frame to the next, most people in view change their places."""
+    sample = case.sample
+    if sample.is_pairs or not sample.has_ids or case.options.period_s is not None:
+        return
+    axes = ("x", "y") if sample.has_floor else ("u", "v")
+    rows = steps(sample, *axes, fast_m_s=TOGETHER_MAX_M_S)
+    rows = rows[rows["is_step"]]
+    frames = rows.groupby(["camera_no", "ts_ms"])["is_jump"].agg(["size", "sum"])
+    frames = frames[frames["size"] >= TOGETHER_MIN]
+    n_frames = int((frames["sum"] > RENUMBERED_SHARE * frames["size"]).sum())
+    if RENUMBERED_MIN <= n_frames <= len(frames) / 10:  # more often: a wrong unit, or ids of a frame
+        yield Doubt(
+            "W225",
+            f"{n_frames} times most people in view seem to change their places at once",
+            "the ids begin again there, and those of other people follow: their ways and violations would be joined",
+            "export ids that do not begin again, or a file for each part, with the part in front of its ids",
+        )
+
+
+ID_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_ids, _of_several, _numbers_of_a_frame, _renumbered)

@@ -18,6 +18,7 @@ HALF_SHARE: Final = 0.55
 
 
 WIDE_SHARE: Final = 0.8
+CORNER_SHARE: Final = 0.99
 PICTURE_MAX_PX: Final = 5_120
 
 
@@ -59,6 +60,14 @@ def _pixels(case: Case) -> Iterator[Doubt]:
             f"{case.head.n_wide:,} of {case.head.n_boxes:,} boxes are clearly wider than high",
             "people who stand are higher than wide: the axes, or sides and sizes, may be exchanged",
             "map each side to the column that holds it: --map left=...,top=...,right=...,bottom=...",
+        )
+    if case.head is not None and case.head.n_like_corners > max(5 * ROWS_MIN, CORNER_SHARE * case.head.n_boxes):
+        yield Doubt(
+            "W226",
+            f"the width and height of {case.head.n_like_corners:,} of {case.head.n_boxes:,} boxes are larger than "
+            "their left and top sides",
+            "hardly anybody is so near to the upper left corner: they seem to be the far corner of the box",
+            "--map left=...,top=...,right=...,bottom=... if they are",
         )
     wrong = [theirs for ours, theirs in names.items() if side_named(theirs) == _BOX_SIDES.get(ours, "")]
     if wrong:

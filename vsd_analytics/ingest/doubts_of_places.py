@@ -10,6 +10,8 @@ import numpy as np
 
 from vsd_analytics.config.file_columns import FILE_BOX, METRES
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, floor_bounds_m, quoted
+from vsd_analytics.ingest.jumps import steps
+from vsd_analytics.ingest.sample import Sample
 from vsd_analytics.ingest.telling_names import named_like, names_degrees, names_motion
 from vsd_analytics.ingest.units import LENGTHS, PIXELS, unit_in_name
 
@@ -27,6 +29,7 @@ NEAR_M: Final = 2.0
 FLAT_M, WIDE_M = 0.5, 6.0
 """Positions on one line: within `FLAT_M` on one axis and over `WIDE_M` on the other."""
 SAME_PLACE_SHARE: Final = 0.02
+_USUAL_PLACEHOLDERS: Final = (0.0, -1.0, -999.0, -9999.0, 9999.0)
 UNIT: Final = "--unit mm (or cm, ft) if they are lengths; --map u_px=...,v_px=... if they are pixels"
 
 
@@ -178,25 +181,35 @@ def _axes(case: Case) -> Iterator[Doubt]:
 
 
 def _placeholders(case: Case) -> Iterator[Doubt]:
-    """W220: one place written for people whom the engine lost, such as 0, 0."""
+    """W220: one place written for people whom the engine lost: 0, 0, or where many ids jump to and come back from."""
     sample = case.sample
     if sample.is_pairs or sample.n < 5 * ROWS_MIN:
         return
     for across, up in (("x", "y"), ("u", "v")):
         places = sample.rows[[across, up, "track"]].dropna(subset=[across, up])
-        at = places[(places[across] == places[up]) & places[across].isin([0.0, -1.0, -999.0, -9999.0, 9999.0])]
-        for value, same in at.groupby(across):
-            if len(same) < SAME_PLACE_SHARE * len(places) or len(same) == len(places):
-                continue
+        usual = places.loc[(places[across] == places[up]) & places[across].isin(_USUAL_PLACEHOLDERS), [across, up]]
+        counts = usual.value_counts()
+        counts = counts[(counts >= SAME_PLACE_SHARE * len(places)) & (counts < len(places))]
+        jumped_to = {place for place in _jumped_to(sample, across, up) if place not in counts.index}
+        for x, y in [*counts.index, *sorted(jumped_to)]:
+            n_there = int(((places[across] == x) & (places[up] == y)).sum())
             names = {} if case.head is None else case.head.plan.names
             column = next((names[ours] for ours in ("x_m", "u_px") if ours in names), None)
             yield Doubt(
                 "W220",
-                f"{len(same):,} of {len(places):,} positions are exactly {value:g}, {value:g}",
+                f"{n_there:,} of {len(places):,} positions are exactly {x:g}, {y:g}",
                 "engines write such a place for people whom they have lost; they would all stand close together there",
-                "leave these rows out of the export" if column is None else f'--where "{quoted(column)} != {value:g}"',
-                is_sure=True,
+                "leave these rows out of the export" if column is None else f'--where "{quoted(column)} != {x:g}"',
+                is_sure=n_there >= SAME_PLACE_SHARE * len(places),
             )
+
+
+def _jumped_to(sample: Sample, across: str, up: str) -> list[tuple[float, float]]:
+    """Return the places to which the ids of several people jump again and again, and from which they come back."""
+    rows = steps(sample, across, up, fast_m_s=SPEED_MAX_M_S)
+    is_there_and_back = rows["is_jump"] & rows["is_jump"].shift(-1, fill_value=False)
+    found = rows[is_there_and_back].groupby([across, up])["track_no"].agg(["size", "nunique"])
+    return list(found.index[(found["size"] >= ROWS_MIN) & (found["nunique"] > 2)])
 
 
 PLACE_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_units, _axes, _placeholders)

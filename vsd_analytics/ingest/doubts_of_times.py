@@ -162,7 +162,7 @@ def _gps(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _several_frames(case: Case) -> Iterator[Doubt]:
+def several_frames(case: Case) -> Iterator[Doubt]:
     """W224: several frames with one time and without ids, so that each person stands beside himself."""
     sample = case.sample
     if sample.is_pairs or sample.has_ids or not sample.has_floor or case.options.period_s is not None:
@@ -426,7 +426,7 @@ TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     _hour_back,
     _closed,
     _merging,
-    _several_frames,
+    several_frames,
     _scattered,
     _strays,
 )

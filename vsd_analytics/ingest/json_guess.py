@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from vsd_analytics.errors import VsdError
 from vsd_analytics.ingest.adapter import IngestOptions, Source
+from vsd_analytics.ingest.column_guess import note_on_place
 from vsd_analytics.ingest.json_map import KEY, leaves
 from vsd_analytics.ingest.json_messages import messages
 from vsd_analytics.ingest.telling_names import ids_like, letters, named_like, place_like, time_like
@@ -46,7 +47,9 @@ def _guess(message: dict[str, Any]) -> str | None:
             if is_keyed:
                 theirs.setdefault("track_id", KEY)
             joined = ",".join(f"{ours}={name}" for ours, name in theirs.items())
-            return f"{'--format json' if path is None else f'--persons {path}'} --map {joined}"
+            where = "--format json" if path is None else f"--persons {path}"
+            note = note_on_place(theirs) if "left" in theirs else ""
+            return f"{where} --map {joined}{note}"
     return None
 
 

@@ -27,7 +27,7 @@ WIDE = 1.25
 """People who stand are higher than wide; a box is clearly wider from this ratio on."""
 LASTING: tuple[Role, ...] = ("camera", "class", "storey", "absent", "present", "state", "unseen", "unit")
 """What is looked at to the end of a file: these columns have few values."""
-_ROLES: tuple[Role, ...] = (*LASTING, "id", "confidence", "time", "date", "file")
+_ROLES: tuple[Role, ...] = (*LASTING, "id", "confidence", "time", "date", "file", "third axis")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +44,7 @@ class TableHead:
         n_boxes: Boxes with a top and a bottom side.
         n_upside_down: Those whose bottom has the smaller number: y points up.
         n_wide: Boxes that are clearly wider than high.
+        n_like_corners: Boxes whose width and height are larger than their left and top sides, as far corners are.
         parts: Names of the files that are read, of a folder or archive.
         unread: Names of the files of a folder or archive that hold data by their names, and are not read.
         passed_over: Paths of lists in a JSON message of whose entries one is read.
@@ -57,6 +58,7 @@ class TableHead:
     n_boxes: int = 0
     n_upside_down: int = 0
     n_wide: int = 0
+    n_like_corners: int = 0
     parts: Sequence[str] = ()
     unread: Sequence[str] = ()
     passed_over: Sequence[str] = ()
@@ -80,7 +82,7 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
     wanted = {**plan.theirs, **{beside(name): i for name, i in (*watched.items(), *plan.compared.items())}}
     values: dict[str, Counter[str]] = {name: Counter() for name in (*watched, *plan.compared)}
     rows: dict[int, dict[str, str]] = {}
-    n_rows = n_boxes = n_upside_down = n_wide = 0
+    n_rows = n_boxes = n_upside_down = n_wide = n_like_corners = 0
     with file.readable():
         for chunk in file.chunks(wanted):
             some = slice(0, SHOWN_ROWS - len(rows))
@@ -102,6 +104,9 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
             elif "height" in sides:
                 n_boxes += int((~np.isnan(sides["height"])).sum())
                 n_wide += int((sides["width"] > WIDE * sides["height"]).sum())
+                if "left" in sides:
+                    is_beyond = (sides["width"] > sides["left"]) & (sides["height"] > sides["top"])
+                    n_like_corners += int(is_beyond.sum())
             n_rows += len(chunk.lines)
             if n_rows >= HEAD_ROWS:
                 break
@@ -114,6 +119,7 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
         n_boxes,
         n_upside_down,
         n_wide,
+        n_like_corners,
     )
 
 

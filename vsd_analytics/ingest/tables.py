@@ -30,6 +30,7 @@ from vsd_analytics.ingest.table_file import TableFile
 from vsd_analytics.ingest.table_head import LASTING, TableHead, head_of, values_of, watched_columns
 from vsd_analytics.ingest.table_parts import PartWithConstants, TablePart, has_parts, parts_of, unread_of
 from vsd_analytics.ingest.table_rows import raw_batch
+from vsd_analytics.ingest.telling_names import are_columns
 from vsd_analytics.ingest.text_table import TextTable, as_text, delimiter_of, split_by
 from vsd_analytics.ingest.time_formats import time_format
 from vsd_analytics.ingest.workbook import Workbook
@@ -55,7 +56,7 @@ class Tables:
             self.name = "positions" if kind == "observations" else "pairs"
 
     def detects(self, source: Source) -> bool:
-        """Return whether the suffix is that of a table, or the first line has one of our column names."""
+        """Return whether the suffix is that of a table, or the first line has one of our columns, or telling names."""
         if self._kind is not None:  # only the user can name what is in it
             return False
         if archive_kind(source) is not None:
@@ -69,10 +70,11 @@ class Tables:
         if first.lstrip().startswith("{"):
             return False
         try:
-            names = [name.strip().lower() for name in split_by(delimiter_of(first))(first)]
+            names = [name.strip().lower() for name in split_by(delimiter_of(first))(first.strip())]
         except BadRowError:
             names = []
-        return bool(set(source.suffixes) & _SUFFIXES) or any(name in FILE_COLUMNS for name in names)
+        is_named = any(name in FILE_COLUMNS for name in names) or are_columns(names)
+        return bool(set(source.suffixes) & _SUFFIXES) or is_named
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream the rows of a file, or of all files of a folder or archive; see `Adapter.read`."""

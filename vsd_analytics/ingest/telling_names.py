@@ -17,6 +17,7 @@ Role = Literal[
     "file",
     "storey",
     "third axis",
+    "distance",
     "absent",
     "present",
     "state",
@@ -34,7 +35,8 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
         "camera cameraid cameraname camerano cameranumber cam camid camname camno sensor sensorid sensorname stream "
         "streamid streamname view viewid viewname source sourceid sourcename device deviceid devicename channel "
         "channelid videoid video feed feedid telecamera telecameraid idtelecamera kamera kameraid kameraname camara "
-        "idcamara sensore capteur kanal 摄像头 摄像机 相机 カメラ камера 카메라"
+        "idcamara sensore capteur kanal cameraserial deviceserial ip ipaddress host hostname 摄像头 摄像机 相机 "
+        "カメラ камера 카메라"
     ),
     "id": _words(
         "id person personid personnumber persons pid track tracks trackid tid trackerid trackingid trackingnumber "
@@ -53,14 +55,21 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
         "confidence conf score prob probability detectionconfidence detectionscore detconf trackconfidence "
         "confidencescore personprobability personscore personconfidence confidenza confiance confianza konfidenz"
     ),
-    "date": _words("date day datum localdate fecha giorno jour"),
+    "date": _words("date day data datum localdate fecha giorno jour"),
     "time": _words("time timeofday clock uhrzeit localtime hour heure hora ora orario"),
     "file": _words(
         "file filename filepath path image img imagename imagepath imagefile videoname videopath videofile topic "
         "mqtttopic url"
     ),
-    "storey": _words("floor floorid floorname floorno level levelid storey story etage stockwerk geschoss planta"),
+    "storey": _words(
+        "floor floorid floorname floorno level levelid storey story etage stockwerk geschoss planta piano piso "
+        "verdieping"
+    ),
     "third axis": _words("z zm zmm zcm zft posz positionz worldz zpos zposition elevation"),
+    "distance": _words(
+        "distance dist separation spacing abstand entfernung distanza distancia distancem distancecm distancemm "
+        "distanceft distancefeet distm distcm distmm distft abstandm abstandcm distanzam distanzacm"
+    ),
     "absent": _words(
         "lost islost outside outsideview invisible deleted predicted ispredicted extrapolated falsepositive "
         "isfalsepositive ghost isghost interpolated isinterpolated"
@@ -74,6 +83,8 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
         "state status trackstate trackstatus trackingstate trackingstatus trackerstate trackerstatus quality flag"
     ),
 }
+
+_LENGTH_UNITS: Final = ("m", "mm", "cm", "dm", "km", "ft", "in", "yd")
 
 _PLACES: Final = (
     (
@@ -98,11 +109,7 @@ _PLACES: Final = (
     ("left top width height", "x y w h", "x y width height", "left top width height", "left top w h"),
     (
         "x_m y_m",
-        "xm ym",
-        "xmm ymm",
-        "xcm ycm",
-        "xft yft",
-        "xin yin",
+        *(f"{front}x{unit} {front}y{unit}" for front in ("", "pos") for unit in _LENGTH_UNITS),
         "worldx worldy",
         "floorx floory",
         "groundx groundy",
@@ -129,6 +136,11 @@ _INSTANTS: Final = (
     *("when", "at", "t", "zeit", "zeitpunkt", "ora", "orario", "hora", "heure"),
 )
 """Names of instants, the surest first."""
+
+_NUMBER_ENDS: Final = re.compile(r"(?:number|nummer|numero|num|no|nr)$")
+"""What a name of ids may end in: `Person-Nr.`."""
+_CLOCK_ENDS: Final = re.compile(r"(?:sec|seconds|millis|ms|us|ns|s)$")
+"""What a name of instants may end in: `timestamp_us`."""
 
 _FAINT_IDS: Final = ("name", "object", "obj")
 """Names of ids that often hold a class instead."""
@@ -166,8 +178,11 @@ OBJECTS: Final = _words(
 
 def is_named_like(name: str, role: Role) -> bool:
     """Return whether a column's name says that it holds this, whatever its case, blanks, signs, or front (`p.id`)."""
-    last = name.rpartition(".")[2]
-    return not _NAMES[role].isdisjoint((letters(name), letters(last), last.strip().lower()))
+    last = name.strip(" .").rpartition(".")[2]
+    said = {letters(name), letters(last), last.strip().lower()}
+    if role == "id":
+        said |= {_NUMBER_ENDS.sub("", word) for word in said}
+    return not _NAMES[role].isdisjoint(said)
 
 
 def named_like(names: Iterable[str], role: Role) -> list[str]:
@@ -192,6 +207,7 @@ def _faintness(name: str) -> int:
 def time_like(names: Iterable[str]) -> str | None:
     """Return the name that says most surely that its column holds an instant, or None."""
     by_letters = {letters(name.rpartition(".")[2]): name for name in reversed(list(names))}
+    by_letters = {_CLOCK_ENDS.sub("", word): name for word, name in by_letters.items()} | by_letters
     return next((by_letters[name] for name in _INSTANTS if name in by_letters), None)
 
 
@@ -207,6 +223,12 @@ def place_like(names: Iterable[str]) -> dict[str, str]:
                 if all(front + name in known for name in wanted):
                     return {o: known[front + name] for o, name in zip(ours.split(), wanted, strict=True)}
     return {}
+
+
+def are_columns(names: Iterable[str]) -> bool:
+    """Return whether these names say when and where somebody is, as the header of a table does."""
+    given = [name.strip() for name in names]
+    return bool(place_like(given)) and (time_like(given) is not None or bool(named_like(given, "date")))
 
 
 def letters(text: str) -> str:

@@ -17,6 +17,7 @@ from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Rejected, Source, bytes_read, empty
 from vsd_analytics.ingest.raw import BadRowError, rejected, whole_line
 from vsd_analytics.ingest.table_file import Chunk, Header, repeated_names, unique_names
+from vsd_analytics.ingest.telling_names import are_columns
 from vsd_analytics.ingest.text_lines import line_blocks
 
 BLOCK_BYTES = 1 << 20  # a block may be all line ends, or lines of one character, each of them a record
@@ -165,7 +166,7 @@ class _WholeLines(Mapping[int, str | None]):
 
 
 def _header_line(lines: list[str], first: int, options: IngestOptions) -> int:
-    """Return which line is the header: the first, unless a title or remarks are above one with names that are wanted.
+    """Return which line is the header: the first, unless a title or remarks are above one with wanted or telling names.
 
     Args:
         lines: The head of the file.
@@ -175,16 +176,19 @@ def _header_line(lines: list[str], first: int, options: IngestOptions) -> int:
     theirs = [part for name in (*options.map.values(), *options.site_map.values()) for part in (name, *name.split("+"))]
     wanted = {name.strip().lower() for name in (*FILE_COLUMNS, *theirs)}
 
-    def n_wanted(line: str) -> int:
+    def names_in(line: str) -> list[str]:
         try:
-            cells = split_by(delimiter_of(line))(line.strip().lstrip("# "))
+            return split_by(delimiter_of(line))(line.strip().lstrip("# "))
         except BadRowError:
-            return 0
-        return len({cell.strip().lower() for cell in cells} & wanted)
+            return []
+
+    def n_wanted(line: str) -> int:
+        return len({name.strip().lower() for name in names_in(line)} & wanted)
 
     if n_wanted(lines[first]):
         return first
-    return next((i for i in range(first + 1, min(len(lines), first + _TITLE_LINES)) if n_wanted(lines[i]) > 1), first)
+    below = range(first, min(len(lines), first + _TITLE_LINES))
+    return next((i for i in below if n_wanted(lines[i]) > 1 or are_columns(names_in(lines[i]))), first)
 
 
 def delimiter_of(line: str, *, n_cells: int = 0) -> str:
