@@ -428,6 +428,18 @@ def test_healthy_project_needs_nothing(vsd: Vsd, project: Path) -> None:
     assert (code, found["store"]["detail"]) == (0, "1 UTC day(s), 2026-11-09 to 2026-11-09")
 
 
+def test_records_past_their_time_need_you(vsd: Vsd, project: Path) -> None:
+    file = project / "a.csv"
+    file.write_text("ts,camera_id,track_id,x_m,y_m\n2026-11-09T09:00:00Z,cam-1,1,0.5,0.5\n", encoding="utf-8")
+    assert vsd("ingest", str(file))[0] == 0
+    assert "retention" not in findings(vsd)[1]
+    path = project / "vsd.toml"
+    path.write_text(path.read_text() + "[privacy]\nretention_days = 7\n")  # they are eleven days old
+    code, found = findings(vsd)
+    assert (code, found["retention"]["state"]) == (1, "needs you")
+    assert "vsd purge --older-than retention" in found["retention"]["fix"]
+
+
 def test_old_calibration_broken_config_and_real_track_ids_need_you(vsd: Vsd, project: Path) -> None:
     store_something(project)
     np.savetxt(project / "h.txt", H)

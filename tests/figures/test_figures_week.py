@@ -218,8 +218,11 @@ def test_without_ids_time_and_maps_remain(tmp_path: Path) -> None:
 
 def test_a_week_without_data_refuses_everything_but_its_outages(tmp_path: Path) -> None:
     site = w.world(tmp_path, w.toml(), w.messages(w.steady(HOURLY), monday=w.BEFORE))
-    told = figures_of(w.report(site))
+    report = w.report(site)
+    told = figures_of(report)
     check(told)
+    first, last = report.coverage.outages[0].start, report.coverage.outages[-1].end
+    assert (first.hour, last.hour) == (9, 12)  # the nights before and after are no missing time
     given = {metric for metric, figure in told.items() if figure["state"] == "ok"}
     assert given <= {"M1", "M2", "M29"}
     assert told["M1"]["value"] == 0

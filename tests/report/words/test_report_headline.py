@@ -226,6 +226,15 @@ def test_abnormal_weeks_say_first_what_is_known(week, headline: str) -> None:  #
     assert story_of(week()).headline == headline
 
 
+@pytest.mark.parametrize(("n", "more"), [(2, ""), (3, "; and 1 more time."), (4, "; and 2 more times.")])
+def test_missing_times_that_are_not_listed_are_counted(n: int, more: str) -> None:
+    week = weeks.too_incomplete()
+    outages = tuple(week.coverage.outages[:1] * n)
+    (note,) = story_of(replace(week, coverage=replace(week.coverage, outages=outages))).notes
+    assert note.endswith(more)
+    assert ("more" in note) == bool(more)
+
+
 @pytest.mark.parametrize(
     "week", [weeks.no_data, weeks.too_incomplete, weeks.empty, weeks.first_week, weeks.settings_changed]
 )
