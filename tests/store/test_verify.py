@@ -204,7 +204,7 @@ def test_a_left_over_beside_fresh_facts_is_noted(project: Path) -> None:
         other.unlink()
 
 
-def test_facts_without_records_are_noted(project: Path) -> None:
+def test_facts_without_records_are_noted(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for name in TABLES:
         for part in Store(project / "store", site_id="shop").parts(name):
             part.path.unlink()
@@ -212,6 +212,10 @@ def test_facts_without_records_are_noted(project: Path) -> None:
     assert result.is_whole
     assert {f.path for f in result.notes} == set((project / "facts").rglob("*.parquet"))
     assert verify(site(project), with_facts=False).notes == ()
+    assert run(cli, ["-C", str(project), "verify"]) == 0
+    told = capsys.readouterr().err
+    assert told.count("note[E307]") == 1  # one with a path, the others as a number
+    assert f"and {len(result.notes) - 1:,} more files like it" in told
 
 
 def test_facts_of_purged_hours_must_be_there_as_they_were_sealed(project: Path) -> None:

@@ -71,8 +71,13 @@ def _print(project: Project, found: Verification) -> None:
             f", {found.n_stale:,} stale, {found.n_missing:,} not computed" if found.n_stale or found.n_missing else ""
         )
         click.echo(f"{'note' if stale else 'ok':12} {'build':10} {found.n_fresh:>12,} hours have fresh facts{stale}")
+    alike: dict[tuple[str, str], list[StoreFault]] = {}
     for finding in found.notes:
-        click.echo(render_error(_error(project, finding), word="note"), err=True)
+        alike.setdefault((finding.code, finding.what), []).append(finding)
+    for first, *others in alike.values():
+        click.echo(render_error(_error(project, first), word="note"), err=True)
+        if others:
+            click.echo(f"  and {len(others):,} more files like it: vsd verify --json names each", err=True)
     for finding in found.damages:
         click.echo(render_error(_error(project, finding), word="damaged"), err=True)
     n = len(found.damages)
