@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import os
 from functools import cache
 from pathlib import Path
 
@@ -44,7 +45,8 @@ def execute(
     notebook = nbformat.read(NOTEBOOKS[name], as_version=4)
     n_asserts = sum(cell.source.count("assert ") for cell in notebook.cells if cell.cell_type == "code")
     assert n_asserts >= 4, "a notebook asserts on values"
-    begin = f"import os\nos.chdir({str(tmp_path)!r})\nos.environ.update({environ!r})\n%reset -f"
+    of_test = {**os.environ, **environ}  # nothing of the notebook before, which ran in the same kernel
+    begin = f"import os\nos.chdir({str(tmp_path)!r})\nos.environ.clear()\nos.environ.update({of_test!r})\n%reset -f"
     notebook.cells.insert(0, nbformat.v4.new_code_cell(begin))  # type: ignore[no-untyped-call]
     if then:
         notebook.cells.append(nbformat.v4.new_code_cell(then))  # type: ignore[no-untyped-call]

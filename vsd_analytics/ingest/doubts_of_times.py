@@ -10,6 +10,7 @@ from itertools import islice
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from vsd_analytics.ingest.cell_values import is_number
@@ -371,8 +372,8 @@ def _strays(case: Case) -> Iterator[Doubt]:
     rows = sample.rows.loc[sample.rows["track_no"] >= 0, ["camera_no", "track_no", "ts_ms"]]
     if (seen := _followed(rows)) is None:
         return
-    frames = rows.groupby(["camera_no", "ts_ms"]).size()
-    a_step = len(frames) * seen.usual_ms / max(seen.busy_ms, 1.0)
+    n_frames = len(rows[["camera_no", "ts_ms"]].drop_duplicates())
+    a_step = (n_frames - seen.n_stretches) * seen.usual_ms / max(seen.busy_ms, 1.0)
     if a_step < FRAMES_A_STEP or seen.lives_ms < TOGETHER * seen.busy_ms:
         return
     period_s = float(f"{seen.usual_ms / 1000:.1g}")
@@ -386,11 +387,19 @@ def _strays(case: Case) -> Iterator[Doubt]:
 
 @dataclass(frozen=True, slots=True)
 class _Followed:
-    """Milliseconds between two records of a person, in view summed over people, and with anybody in view."""
+    """How people with ids are seen.
+
+    Attributes:
+        usual_ms: From one record of a person to the next.
+        lives_ms: In view, summed over people.
+        busy_ms: With anybody in view.
+        n_stretches: Stretches of time with anybody in view.
+    """
 
     usual_ms: float
     lives_ms: float
     busy_ms: float
+    n_stretches: int
 
 
 def _followed(rows: pd.DataFrame) -> _Followed | None:
@@ -402,17 +411,17 @@ def _followed(rows: pd.DataFrame) -> _Followed | None:
     # an id that comes again after a long time is somebody else's, or the same person's next visit
     life = (steps_ms.isna() | (steps_ms > LIFE_STEPS * usual_ms)).cumsum()
     lives = rows.groupby(["camera_no", life], sort=False)["ts_ms"].agg(["min", "max"]).reset_index(level=1, drop=True)
-    busy_ms = sum(_busy_ms(of_camera) for _, of_camera in lives.groupby("camera_no"))
-    return _Followed(usual_ms, float((lives["max"] - lives["min"]).sum()), busy_ms)
+    stretches = np.concatenate([_stretches_ms(of_camera) for _, of_camera in lives.groupby("camera_no")])
+    return _Followed(usual_ms, float((lives["max"] - lives["min"]).sum()), float(stretches.sum()), len(stretches))
 
 
-def _busy_ms(lives: pd.DataFrame) -> float:
-    """Return for how long somebody is in view, from the first and last instants of tracks."""
+def _stretches_ms(lives: pd.DataFrame) -> npt.NDArray[np.int64]:
+    """Return how long each stretch with somebody in view lasts, from the first and last instants of tracks."""
     ordered = lives.sort_values("min")
     starts, latest = ordered["min"].to_numpy(), np.maximum.accumulate(ordered["max"].to_numpy())
     is_new = np.r_[True, starts[1:] > latest[:-1]]
     firsts, lasts = starts[is_new], latest[np.r_[is_new[1:], True]]
-    return float((lasts - firsts).sum())
+    return np.asarray(lasts - firsts, dtype=np.int64)
 
 
 TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
