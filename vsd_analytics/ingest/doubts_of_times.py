@@ -42,7 +42,8 @@ LIFE_STEPS: Final = 10
 TOGETHER: Final = 1.5
 """People in view at once, on average while anybody is, from which some of them must share a frame."""
 FRAMES_A_STEP: Final = 1.15
-"""Frames in the time from one record of a person to the next, beyond which frames show parts of the people."""
+"""Frames from one record of a person to the next, beyond which each shows a part of the people: 1.0 in seven real
+recordings, 1.24 to 1.38 in the three hours of ATC, whose times scatter."""
 
 
 def _zones(case: Case) -> Iterator[Doubt]:
