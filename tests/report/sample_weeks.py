@@ -382,6 +382,20 @@ def too_incomplete() -> page_model.WeekReport:
     )
 
 
+def not_over() -> page_model.WeekReport:
+    report = too_incomplete()
+    rough = m.Estimate(
+        value=118.2,
+        state="not_enough_data",
+        reason=read_reason("an interval needs at least 5 recorded days, has 4"),
+    )
+    return replace(
+        report,
+        coverage=replace(report.coverage, share=0.98, not_over_from=datetime(2026, 11, 12, 12, tzinfo=ROME)),
+        level=replace(report.level, often=rough),
+    )
+
+
 def first_week() -> page_model.WeekReport:
     report = normal()
 
@@ -510,7 +524,7 @@ def masked() -> page_model.WeekReport:
 ALL = {
     f.__name__: f
     for f in (
-        *(normal, hostile, no_data, too_incomplete, first_week, empty, settings_changed),
+        *(normal, hostile, no_data, too_incomplete, not_over, first_week, empty, settings_changed),
         *(exposure_unknown, six_feet, always_open_picture, masked),
     )
 }

@@ -99,7 +99,7 @@ def test_one_floor_has_the_headline_of_its_report(floors: Callable[..., tuple[Fl
     [
         *(("fall", "fall"), ("rise", "rise"), ("same", "same"), ("none", "none"), ("little", "not_compared")),
         *(("first_week", "not_compared"), ("settings_changed", "not_compared"), ("too_incomplete", "incomplete")),
-        ("no_data", "no_data"),
+        *(("no_data", "no_data"), ("not_over", "not_compared")),
     ],
 )
 def test_standing(floors: Callable[..., tuple[FloorWeeks, ...]], kind: str, found: str) -> None:

@@ -148,6 +148,7 @@ def test_every_state_of_a_week_is_shown_without_a_value_of_python(tmp_path: Path
 ROWS = {
     "normal": ("121", "Clear fall, \u221214%", ["likely \u221218% to \u221210%", "Logged: Seasonal display"], "94%"),
     "too_incomplete": ("about 118", "Too incomplete to compare", ["below 60% of open hours recorded", "Logged"], "38%"),
+    "not_over": ("about 118", "Not over yet", ["Logged"], "98%"),
     "no_data": ("\u2013", "No data", ["Nothing was received"], "0%"),
     "first_week": (
         "121",

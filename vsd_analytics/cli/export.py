@@ -91,6 +91,7 @@ def _export_duckdb(project: Project, days: str | None, out: str, *, as_json: boo
         last,
         out=Path(out),
         now=project.now if project.now_text is not None else None,
+        clock=project.now,
         on_week=lambda monday: project.say(f"week {monday:%G-W%V}"),
     )
     if as_json:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -139,7 +139,13 @@ def report(
     for path in paths:
         click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")
     for report in reports:
-        if report.state in ("no_data", "too_incomplete"):
+        if report.is_so_far:
+            least = report.rules.min_coverage
+            project.say(
+                f"{report.week.iso} is not over: the page compares and ranks nothing before {least:.0%} of its open "
+                "hours are recorded"
+            )
+        elif report.state in ("no_data", "too_incomplete"):
             floor = "" if len(project.site.floors) == 1 else f" of {report.site.floor_name}"
             project.say(
                 f"{report.week.iso}{floor}: {_share(report)} of the open hours were recorded, so the "
@@ -161,10 +167,10 @@ def report(
 def remember_questions(project: Project, reports: list[WeekReport]) -> None:
     """Store the questions of the pages for later weeks; a read-only project only warns."""
     from vsd_analytics.config.asked_questions import remember
-    from vsd_analytics.report.words.questions import choose
+    from vsd_analytics.report.words.questions import choose, may_ask
 
     try:
-        remember(project.site, [choose(report) for report in reports if report.week.is_week])
+        remember(project.site, [choose(report) for report in reports if may_ask(report)])
     except VsdError as error:
         click.echo(render_error(error, word="warning"), err=True)
 
@@ -201,11 +207,17 @@ def make_reports(
     floors = named_floors(project.site, floor_id)
     warn_of_broken_log_lines(project)
     with facts_progress(quiet=project.quiet) as (on_plan, on_hours):
-        now = project.now if project.now_text is not None else None
+        clock = project.now
+        options: dict[str, Any] = {
+            "now": clock if project.now_text is not None else None,
+            "clock": clock,
+            "on_plan": on_plan,
+            "on_hours": on_hours,
+        }
         return [
-            week_report(project.site, monday, floor_id=f, now=now, on_plan=on_plan, on_hours=on_hours)
+            week_report(project.site, monday, floor_id=f, **options)
             if last is None
-            else days_report(project.site, monday, last, floor_id=f, now=now, on_plan=on_plan, on_hours=on_hours)
+            else days_report(project.site, monday, last, floor_id=f, **options)
             for f in floors
         ]
 

@@ -9,7 +9,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
-from datetime import date, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
 
@@ -45,15 +45,24 @@ class ReportAnswers:
 
     Args:
         root: Folder of the project.
-        now: Instant that reports print; None = the last record's.
+        now: Instant that reports print, and the present; None = they print the last record's.
         clock: Seconds that pass steadily.
+        present: Tells the present where `now` is None: hours that are not over are not missing.
     """
 
-    def __init__(self, root: Path, *, now: datetime | None = None, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        root: Path,
+        *,
+        now: datetime | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        present: Callable[[], datetime] = lambda: datetime.now(tz=UTC),
+    ) -> None:
         self._root, self._now, self._clock = root, now, clock
+        self._present = present if now is None else lambda: now
         self._lock = threading.Lock()
         self._site = load_site(root)
-        self._state = _state_of(root)
+        self._state = self._state_now()
         self._looked_at = clock()
         self._made: OrderedDict[tuple[str, ...], Any] = OrderedDict()
 
@@ -127,7 +136,8 @@ class ReportAnswers:
     def _one(self, kind: str, week: str, floor_id: str, make: Callable[[WeekReport], bytes]) -> bytes:
         def made(site: Site, monday: date) -> bytes:
             report = self._remembered(
-                ("report", f"{monday}", floor_id), lambda: week_report(site, monday, floor_id=floor_id, now=self._now)
+                ("report", f"{monday}", floor_id),
+                lambda: week_report(site, monday, floor_id=floor_id, now=self._now, clock=self._present()),
             )
             return make(report)
 
@@ -151,11 +161,15 @@ class ReportAnswers:
         self._made.move_to_end(key)
         return self._made[key]
 
+    def _state_now(self) -> tuple[str, int]:
+        """Return the state of the project's files, and the hour: with each hour that ends, a running week changes."""
+        return _state_of(self._root), int(self._present().timestamp()) // 3600
+
     def _fresh(self) -> Site:
-        """Return the site; forget all answers when a file of the project changed since they were made."""
+        """Return the site; forget all answers when a file of the project changed, or an hour ended, since then."""
         if self._clock() - self._looked_at >= LOOK_AGAIN_S:
             self._looked_at = self._clock()
-            state = _state_of(self._root)
+            state = self._state_now()
             if state != self._state:
                 self._site = load_site(self._root)
                 self._state = state

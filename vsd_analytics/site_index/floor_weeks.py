@@ -145,7 +145,7 @@ def standing(report: IndexedReport | None) -> Standing:
         case "no_data":
             return "no_data"
         case "too_incomplete":
-            return "incomplete"
+            return "not_compared" if report.is_so_far else "incomplete"
         case "settings_changed" | "first_week":
             return "not_compared"
     verdict: Standing | None = verdict_of(report.level.often)

@@ -245,7 +245,7 @@ def _row(floor: FloorWeeks, latest: date) -> Row:
         direction=terms.direction(_clear(report)),
         details=tuple(d for d in (_why(report), _note(report)) if d),
         recorded=fmt.percent_short(share),
-        is_low=report.state in ("no_data", "too_incomplete"),
+        is_low=report.state in ("no_data", "too_incomplete") and not report.is_so_far,
         links=tuple(_links(entry, say("index.whose", floor=floor.full_name, week=_week_name(monday)))),
         weeks=weeks,
     )
@@ -269,6 +269,8 @@ def _verdict(report: IndexedReport) -> str:
         case "same":
             return terms.verdict_words(often)
     match report.state:
+        case "too_incomplete":  # of an incomplete week that is over, the standing is "incomplete"
+            return terms.capital(say("index.not_over"))
         case "first_week":
             return terms.capital(say("index.first_week"))
         case "settings_changed":
@@ -284,6 +286,8 @@ def _why(report: IndexedReport) -> str:
     match report.state:
         case "no_data":
             return say("index.nothing_received")
+        case "too_incomplete" if report.is_so_far:
+            return ""
         case "too_incomplete":
             return say("index.below", share=fmt.percent(report.rules.min_coverage))
         case "first_week":

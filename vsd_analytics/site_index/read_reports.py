@@ -62,6 +62,7 @@ class Recorded:
     share: float
     seen_h: float | None = None
     cameras: tuple[RecordedCamera, ...] = ()
+    not_over_from: datetime | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,6 +103,12 @@ class IndexedReport:
     log: tuple[LogLine, ...] = ()
     settings_change: SettingsChange | None = None
     close_by_crowding: CloseByCrowding | None = None
+
+    @property
+    def is_so_far(self) -> bool:
+        """Tell whether nothing is compared only because the week was not over; see `WeekReport.is_so_far`."""
+        is_recorded = self.coverage.share >= self.rules.min_coverage
+        return self.state == "too_incomplete" and self.coverage.not_over_from is not None and is_recorded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

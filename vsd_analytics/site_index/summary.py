@@ -106,6 +106,8 @@ def short_reason(report: IndexedReport) -> str:
     match report.state:
         case "no_data":
             return say("index.no_data")
+        case "too_incomplete" if report.is_so_far:
+            return say("index.not_over")
         case "too_incomplete":
             return say("index.recorded", share=fmt.percent(report.coverage.share))
         case "first_week":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +91,56 @@ def test_below_sixty_percent_nothing_is_compared_or_ranked(tmp_path: Path) -> No
     assert report.level.often.change is None
     assert {c.state for c in report.when.cells if c.day.weekday() > 3} == {"no_data"}
     assert {c.violations for c in report.when.cells if c.day.weekday() > 3} == {None}
+
+
+@pytest.fixture(scope="module")
+def begun_week(tmp_path_factory: pytest.TempPathFactory) -> Site:
+    """Return a site with a whole week and the days of the next one up to Thursday, 11:00. Tests leave it as it is."""
+    lost = [(w.rome(1, 10), w.rome(1, 11)), (w.rome(3, 11), w.rome(3, 12))]
+    streams = w.messages(busy, monday=w.BEFORE), w.messages(busy, days=range(4), lost=lost)
+    return w.world(tmp_path_factory.mktemp("begun"), w.toml(), *streams)
+
+
+def test_hours_to_come_are_neither_recorded_nor_missing(begun_week: Site) -> None:
+    report = w.report(begun_week, clock=w.rome(3, 11, 20))
+    assert report.state == "too_incomplete"
+    assert report.is_so_far
+    assert report.coverage.not_over_from == w.rome(3, 11)
+    assert report.coverage.share == pytest.approx(10 / 11)  # of 11 hours that are over, one was lost
+    assert [(o.start, o.end) for o in report.coverage.outages] == [(w.rome(1, 10), w.rome(1, 11))]
+    states = {(c.day.weekday(), c.hour): c.state for c in report.when.cells if c.state != "closed"}
+    to_come = {(3, 11), *((day, hour) for day in (4, 5, 6) for hour in (9, 10, 11))}
+    assert {at for at, state in states.items() if state == "not_over"} == to_come
+    assert states[1, 10] == "no_data"
+    assert [d.share for d in report.coverage.cameras[0].days][4:] == [None, None, None]
+    assert report.level.often.change is None
+    assert report.story is not None
+    assert report.story.question == ""
+    page = text_of(render_html(report))
+    assert "Week 46 is not over yet" in page
+    assert "Missing: Tue 10 Nov, 10:00 to Tue 10 Nov, 11:00." in page
+    rows = [line.split(",") for line in to_csv(report)["hours.csv"].splitlines()]
+    assert sum("not_over" in row for row in rows) == 10
+
+
+def test_a_week_that_is_nearly_over_is_compared_over_the_hours_that_are(tmp_path: Path) -> None:
+    streams = w.messages(busy, monday=w.BEFORE), w.messages(busy, days=range(6))
+    site = w.world(tmp_path, w.toml(), *streams)
+    report = w.report(site, clock=w.rome(6, 8))
+    assert report.state == "normal"
+    assert report.coverage.share == pytest.approx(1.0)
+    assert report.coverage.outages == ()
+    assert w.report(site).coverage.share == pytest.approx(6 / 7)
+    assert report.level.often.previous == w.report(site).level.often.previous
+
+
+def test_a_clock_says_nothing_about_a_week_that_is_over_or_that_has_not_begun(begun_week: Site) -> None:
+    plain = to_json(w.report(begun_week))
+    for clock in (w.rome(6, 12), w.rome(6, 23), w.rome(0, 9, 59)):  # closed for the week; records ahead of the clock
+        assert to_json(w.report(begun_week, clock=clock)) == plain
+    next_week = w.MONDAY + timedelta(days=7)
+    ahead = to_json(w.report(begun_week, next_week, clock=w.rome(3, 12)))
+    assert ahead == to_json(w.report(begun_week, next_week))
 
 
 def test_no_data_week_names_each_cameras_last_record(tmp_path: Path) -> None:

@@ -174,6 +174,7 @@ CASES: Mapping[str, Callable[[], page_model.WeekReport]] = {
     "no-floor": lambda: uncounted(NO_FLOOR),
     "empty": weeks.empty,
     "too-incomplete": weeks.too_incomplete,
+    "not-over": weeks.not_over,
     "first-week": weeks.first_week,
     "after-a-gap": lambda: after_a_gap(is_usual=False),
     "after-a-gap-usual": lambda: after_a_gap(is_usual=True),

@@ -6,11 +6,12 @@ A study of other days in a row is made of the same parts: its "week" is these da
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import date, timedelta
+from datetime import date, datetime, timedelta
 from functools import cached_property
 
 import numpy as np
 
+from vsd_analytics.figures.operator_counts import begun_until_ms
 from vsd_analytics.figures.panels import WEEK, Flags, FloorHours, Panel, Period, Place, TwoPeriods
 from vsd_analytics.figures.week.hidden_counts import HiddenWeek, hidden_week
 from vsd_analytics.result import Reason
@@ -26,6 +27,7 @@ class WeekData(FloorHours):
         floor: The floor.
         monday: First day of the week.
         last: Last day of a range that is no week; None = the week's Sunday.
+        clock: The present; None = the week is over.
 
     Attributes:
         sunday: Its last day.
@@ -35,8 +37,17 @@ class WeekData(FloorHours):
         pair: The week before and this week.
     """
 
-    def __init__(self, warehouse: Warehouse, *, floor: Floor, monday: date, last: date | None = None) -> None:
+    def __init__(
+        self,
+        warehouse: Warehouse,
+        *,
+        floor: Floor,
+        monday: date,
+        last: date | None = None,
+        clock: datetime | None = None,
+    ) -> None:
         super().__init__(warehouse, floor=floor)
+        self._clock = clock
         self.monday, self.sunday = monday, monday + timedelta(days=6) if last is None else last
         self.is_week = last is None
         self.span = self.sunday + timedelta(days=1) - monday
@@ -54,6 +65,23 @@ class WeekData(FloorHours):
         """Return which hours lie in the week that starts on `monday`; None = this week."""
         first = monday or self.monday
         return self.inside(first, first + self.span - timedelta(days=1))
+
+    @cached_property
+    def not_over_ms(self) -> int | None:
+        """Return the UTC start of the first hour of the week that is not over, while opening hours are still to come.
+
+        None where the week's opening hours are all over, or none of them is: such a week has nothing to be part of.
+        """
+        until_ms = None if self._clock is None else begun_until_ms(self.warehouse, now=self._clock)
+        if until_ms is None:
+            return None
+        is_open = self.week() & (self.hours.open_s > 0)
+        is_over = self.hours.start_ms < until_ms
+        return until_ms if (is_open & is_over).any() and (is_open & ~is_over).any() else None
+
+    def week_so_far(self) -> Flags:
+        """Return which hours of this week are over."""
+        return self.week() if self.not_over_ms is None else self.week() & (self.hours.start_ms < self.not_over_ms)
 
     def compared(self, place: Place, *, since: int | None = None) -> tuple[Panel, Panel]:
         """Return the panels of the week before and of this week; see `TwoPeriods.compared`."""

@@ -17,9 +17,9 @@ class CameraDay:
     day: date = _f("Local date.")
     scheduled_h: float = _f("Open hours of the day; 0 when closed.", "h")
     recorded_h: float = _f("Open hours recorded.", "h", "M1")
-    share: float | None = _f("Recorded over scheduled; None when closed all day.", "share", "M1")
+    share: float | None = _f("Recorded over scheduled; None when closed all day, or to come.", "share", "M1")
     hourly_share: tuple[float | None, ...] = _f(
-        "24 values, local hours 0 to 23: share of the hour recorded; None where closed.", "share", "M1"
+        "24 values, local hours 0 to 23: share of the hour recorded; None where closed or not over.", "share", "M1"
     )
 
 
@@ -63,8 +63,8 @@ class Coverage:
 
     share: float = _f("Recorded over scheduled camera-hours.", "share", "M1")
     recorded_h: float = _f("Recorded open camera-hours.", "camera-hours", "M1")
-    scheduled_h: float = _f("Open camera-hours.", "camera-hours", "M1")
-    open_h: float = _f("Open hours of the site in the week.", "h")
+    scheduled_h: float = _f("Open camera-hours; those that are over.", "camera-hours", "M1")
+    open_h: float = _f("Open hours of the site in the week; those that are over.", "h")
     seen_h: float | None = _f("Open clock hours in which at least one person was seen.", "h", default=None)
     cameras: tuple[CameraRecord, ...] = _f("In the order of vsd.toml.", default=())
     outages: tuple[Outage, ...] = _f("In order of start.", metric="M2", default=())
@@ -77,3 +77,8 @@ class Coverage:
         default=None,
     )
     message_gaps: int = _f("Gaps these are in.", default=0)
+    not_over_from: datetime | None = _f(
+        "Start of the first hour that is not over, in the site's zone: from it on hours are neither recorded nor "
+        "missing; None: the week's open hours are over.",
+        default=None,
+    )

@@ -18,8 +18,8 @@ from vsd_analytics.warehouse.provenance import last_records
 
 
 def coverage(data: WeekData) -> Coverage:
-    """Return how much of the week's opening hours each camera recorded."""
-    now = np.flatnonzero(data.week())
+    """Return how much of the week's opening hours each camera recorded; hours that are not over are not among them."""
+    now = np.flatnonzero(data.week_so_far())
     last = last_records(data.site, data.ids, until=data.sunday)
     left_out = not_compared(data)
     missing, gaps = _messages(data)
@@ -48,6 +48,7 @@ def coverage(data: WeekData) -> Coverage:
         share=recorded_h / scheduled_h if scheduled_h else 0.0,
         recorded_h=recorded_h,
         scheduled_h=scheduled_h,
+        not_over_from=None if data.not_over_ms is None else data.local(data.not_over_ms),
         open_h=float(data.hours.open_s[now].sum()) / 3600,
         seen_h=None if data.why_no_exposure else float(seen.sum()),
         cameras=tuple(cameras),
@@ -111,6 +112,8 @@ def _outages(data: WeekData) -> tuple[Outage, ...]:
     if opening["first"] is None:
         return ()
     first, last = opening["first"], opening["last"]  # what came before the week's opening is no missed time of it
+    if data.not_over_ms is not None:
+        last = min(last, data.not_over_ms)
     rows = data.warehouse.rows(
         "select camera_id, started_ms, ended_ms, open_s, is_inferred from outages "
         "where camera_id in (select unnest($ids)) and ended_ms > $first and started_ms < $last "

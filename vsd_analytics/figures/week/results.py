@@ -13,7 +13,7 @@ from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.result import Reason, State, Verdict
 
 WeekState = Literal["normal", "no_data", "too_incomplete", "first_week", "empty", "settings_changed"]
-HourState = Literal["full", "partial", "low_data", "no_data", "closed"]
+HourState = Literal["full", "partial", "low_data", "no_data", "closed", "not_over"]
 LogKind = Literal["logged", "detected"]
 DistanceUnit = Literal["m", "ft"]
 
@@ -250,7 +250,7 @@ class HourCell:
     start: datetime = _f("Start with offset.")
     state: HourState = _f("See the house plan, section 7.6.")
     violations: int | None = _f(
-        "Violations counted; None if masked, no data or closed.", "violations", "M8", default=None
+        "Violations counted; None if masked, no data, closed or not over.", "violations", "M8", default=None
     )
     is_masked: bool = _f("True: 1 to `mask_below`-1 were counted.", default=False)
     is_held_back: bool = _f("True: its count is held back, as it would tell a masked one.", default=False)

@@ -88,7 +88,9 @@ def _cells(data: WeekData) -> tuple[HourCell, ...]:
         recorded = states[int(hours.start_ms[i])]
         state, share = recorded["state"], recorded["recorded_share"]
         is_open = state != "closed"
-        is_counted = is_known and state not in ("no_data", "closed")
+        if is_open and data.not_over_ms is not None and hours.start_ms[i] >= data.not_over_ms:
+            state, share = "not_over", None
+        is_counted = is_known and state not in ("no_data", "closed", "not_over")
         n = int(data.whole.n[:, i].sum()) if is_counted and i not in held else None
         cells.append(
             HourCell(
@@ -103,7 +105,7 @@ def _cells(data: WeekData) -> tuple[HourCell, ...]:
                 scaled=n / share if n is not None and state == "low_data" else None,
                 close_share=float(close_share[i]) if n is not None and np.isfinite(close_share[i]) else None,
                 share=share if is_open else None,
-                cameras_down=recorded["cameras_down"] if is_open else 0,
+                cameras_down=recorded["cameras_down"] if state not in ("closed", "not_over") else 0,
             )
         )
     return tuple(cells)

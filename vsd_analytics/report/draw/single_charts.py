@@ -103,7 +103,7 @@ def when(page: Page, *, width: float) -> Drawing | None:
     key = legend(
         page.hour_legend,
         say("when.no_data") if "hatch" in table.used else "",
-        say("when.closed") if "cl" in table.used else "",
+        "  ".join(say(f"when.{key}") for key, style in (("closed", "cl"), ("not_over", "to")) if style in table.used),
     )
     left, mean_w, row_h = 78.0, 104.0 if table.has_means else 0.0, 34
     slot = (width - left - mean_w) / 7

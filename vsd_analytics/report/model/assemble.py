@@ -57,6 +57,7 @@ def week_report(
     *,
     floor_id: str | None = None,
     now: datetime | None = None,
+    clock: datetime | None = None,
     on_plan: Callable[[int], None] | None = None,
     on_hours: Callable[[int], None] | None = None,
 ) -> WeekReport:
@@ -67,6 +68,7 @@ def week_report(
         monday: First day of the week.
         floor_id: Floor; None = the first.
         now: Instant to print as the time of making; None = the last record's.
+        clock: The present: hours that are not over at it are neither recorded nor missing; None = all are over.
         on_plan: Called with the number of fact hours to compute first; see `build`.
         on_hours: Called after computed hours.
 
@@ -82,7 +84,7 @@ def week_report(
         >>> report.state, vsd.render_html(report)[:15]
         ('first_week', '<!doctype html>')
     """
-    return _of_days(site, monday, None, floor_id=floor_id, now=now, on_plan=on_plan, on_hours=on_hours)
+    return _of_days(site, monday, None, floor_id=floor_id, now=now, clock=clock, on_plan=on_plan, on_hours=on_hours)
 
 
 def days_report(
@@ -92,6 +94,7 @@ def days_report(
     *,
     floor_id: str | None = None,
     now: datetime | None = None,
+    clock: datetime | None = None,
     on_plan: Callable[[int], None] | None = None,
     on_hours: Callable[[int], None] | None = None,
 ) -> WeekReport:
@@ -107,6 +110,7 @@ def days_report(
         last: Last local day, inclusive.
         floor_id: Floor; None = the first.
         now: Instant to print as the time of making; None = the last record's.
+        clock: The present, as for `week_report`.
         on_plan: Called with the number of fact hours to compute first; see `build`.
         on_hours: Called after computed hours.
 
@@ -114,7 +118,7 @@ def days_report(
         StoreError: E301, nothing was ever stored.
         KeyError: The site has no floor of this id.
     """
-    return _of_days(site, first, last, floor_id=floor_id, now=now, on_plan=on_plan, on_hours=on_hours)
+    return _of_days(site, first, last, floor_id=floor_id, now=now, clock=clock, on_plan=on_plan, on_hours=on_hours)
 
 
 def _of_days(
@@ -124,6 +128,7 @@ def _of_days(
     *,
     floor_id: str | None,
     now: datetime | None,
+    clock: datetime | None,
     on_plan: Callable[[int], None] | None,
     on_hours: Callable[[int], None] | None,
 ) -> WeekReport:
@@ -135,7 +140,7 @@ def _of_days(
     loaded = min(first - (end - first), _first_day(site, first)), end - timedelta(days=1)
     opened = open_warehouse(site, *loaded, on_plan=on_plan, on_hours=on_hours, threads=THREADS)
     with speaking(chosen() or site.language), opened as warehouse:
-        data = WeekData(_made(warehouse), floor=floor, monday=first, last=last)
+        data = WeekData(_made(warehouse), floor=floor, monday=first, last=last, clock=clock)
         found = Findings(data)
         add = with_more if data.is_week else with_more_of_days
         return headline.finish(with_more_maps(add(_report(data, floor, found, now), data, found), data))
@@ -236,7 +241,8 @@ def with_row_texts(found: Mapping[str, Figure]) -> Mapping[str, Figure]:
 def _state(data: WeekData, coverage: Coverage, change: SettingsChange | None, has_before: bool) -> WeekState:
     if coverage.recorded_h == 0:
         return "no_data"
-    if coverage.share < data.site.settings.min_coverage:
+    whole_h = float(data.hours.open_s[data.week()].sum()) / 3600 * len(coverage.cameras)  # hours to come among them
+    if coverage.recorded_h < data.site.settings.min_coverage * whole_h:
         return "too_incomplete"
     if not data.whole.n[:, data.week()].any() and data.why_no_violations is None:
         return "empty"

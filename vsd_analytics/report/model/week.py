@@ -148,6 +148,12 @@ class WeekReport:
         return tuple(c for c in self.coverage.cameras if c.is_silent)
 
     @property
+    def is_so_far(self) -> bool:
+        """Tell whether nothing is compared only because the week is not over: its hours so far were recorded."""
+        is_recorded = self.coverage.share >= self.rules.min_coverage
+        return self.state == "too_incomplete" and self.coverage.not_over_from is not None and is_recorded
+
+    @property
     def is_little_recorded(self) -> bool:
         """Return whether one of the silent cameras recorded minutes, so that "nothing" would be false."""
         return any(c.recorded_h > 0 for c in self.silent_cameras)

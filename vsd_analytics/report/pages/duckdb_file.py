@@ -53,6 +53,7 @@ def export_duckdb(
     *,
     out: Path,
     now: datetime | None = None,
+    clock: datetime | None = None,
     on_week: Callable[[date], None] | None = None,
 ) -> DuckdbExport:
     """Write the weekly reports of all floors into one DuckDB file, whole or not at all.
@@ -67,6 +68,7 @@ def export_duckdb(
         last: Any day of the last week.
         out: The file.
         now: Instant that the reports print; None = the last record's.
+        clock: The present, as for `week_report`.
         on_week: Called with the Monday of each week before its reports are made.
 
     Raises:
@@ -80,7 +82,7 @@ def export_duckdb(
         if on_week is not None:
             on_week(start)
         for floor in site.floors:
-            made = to_json(week_report(site, start, floor_id=floor.floor_id, now=now)).decode()
+            made = to_json(week_report(site, start, floor_id=floor.floor_id, now=now, clock=clock)).decode()
             reports.append({"floor_id": floor.floor_id, "report": made})
     with open_warehouse(site, monday, sunday) as warehouse:
         inputs = {

@@ -28,7 +28,7 @@ class Cell:
     """One cell of the timetable.
 
     Attributes:
-        style: CSS classes: colour step, part, low, hatch, cl, hb (held back).
+        style: CSS classes: colour step, part, low, hatch, cl (closed), to (not over), hb (held back).
         text: Text of the cell; empty for no data.
         note: What only screen readers hear.
     """
@@ -149,6 +149,8 @@ def step_of(value: float, steps: tuple[float, ...]) -> int:
 def _cell(cell: HourCell, report: WeekReport) -> Cell:
     if cell.state == "closed":
         return Cell("cl", fmt.MISSING, say("when.cell_closed"))
+    if cell.state == "not_over":
+        return Cell("to", "", say("when.cell_not_over"))
     if cell.state == "no_data":
         return Cell("hatch", "", say("when.cell_no_data"))
     steps = report.rules.hour_steps

@@ -310,6 +310,8 @@ def _why_not_compared(report: WeekReport) -> str:
             change = report.settings_change
             is_cameras = change is not None and change.name == "cameras"
             return say("changed.why_cameras" if is_cameras else "changed.why_settings")
+        case "too_incomplete" if report.is_so_far:
+            return say("changed.why_not_over")
         case "too_incomplete":
             return say("changed.why_incomplete", limit=fmt.percent(report.rules.min_coverage))
         case "empty":

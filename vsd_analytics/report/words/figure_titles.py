@@ -24,7 +24,7 @@ def where(report: WeekReport) -> str:
     if report.state == "empty":
         return say("titles.where_empty")
     if spot is None and report.state == "too_incomplete":
-        return say("titles.where_incomplete")
+        return say("titles.where_so_far" if report.is_so_far else "titles.where_incomplete")
     if spot is None:
         return say("titles.where_unranked")
     return say("titles.where_recorded" if report.silent_cameras else "titles.where", area=spot.name)
@@ -35,6 +35,8 @@ def when(report: WeekReport) -> str:
     busiest = report.busiest_hour
     if report.state == "empty":
         return say("titles.when_empty")
+    if report.is_so_far:
+        return say("titles.when_so_far")
     if busiest is None or report.state == "too_incomplete":
         return say("titles.when_incomplete")
     day, hour = report.when.busiest_day, terms.moment(busiest.start)
@@ -69,8 +71,10 @@ def data(report: WeekReport) -> str:
     coverage, camera = report.coverage, weakest_camera(report)
     if report.state == "no_data":
         return nothing(report).data_title
-    if camera is None:
+    if camera is None and coverage.not_over_from is None:
         return say("titles.data_complete")
+    if camera is None:
+        return say("titles.data", share=fmt.percent(coverage.share))
     rest = [c for c in coverage.cameras if c is not camera]
     if rest and all((c.share or 0.0) >= report.rules.full_hour_share for c in rest):
         return say("titles.data_one", camera=terms.camera_name(camera.name))

@@ -22,7 +22,7 @@ from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.catalogue import has, say
 from vsd_analytics.report.words.no_data import nothing
-from vsd_analytics.report.words.questions import choose
+from vsd_analytics.report.words.questions import choose, may_ask
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.report.words.spoken import spoken_of
 from vsd_analytics.report.words.things_to_know import things
@@ -52,7 +52,7 @@ def story_of(report: WeekReport) -> Story:
     """
     rule, headline = _headline(report)
     lead, notes = _lead(report)
-    question = choose(report) if report.week.is_week else None
+    question = choose(report) if may_ask(report) else None
     return Story(
         headline=headline,
         rule=rule,
@@ -103,6 +103,8 @@ def _abnormal_headline(report: WeekReport) -> tuple[str, str] | None:
     """Return the rule and headline of a week that is compared with nothing; None for a normal one."""
     week, often = report.week, report.level.often
     match report.state:
+        case "too_incomplete" if report.is_so_far:
+            return "not_over", say("headline.not_over", week=week.number)
         case "too_incomplete":
             return "too_incomplete", say("headline.too_incomplete", week=week.number)
         case "empty":
@@ -245,7 +247,9 @@ def _lead_of_all(report: WeekReport) -> tuple[list[Span], list[str]]:
             return [Span(text=texts.lead)], list(texts.notes)
         case "too_incomplete":
             share, limit = fmt.percent(coverage.share), fmt.percent(rules.min_coverage)
-            return [Span(text=say("lead.too_incomplete", share=share, limit=limit))], _missing_notes(report)
+            until = "" if coverage.not_over_from is None else fmt.instant_short(coverage.not_over_from)
+            key = "lead.not_over" if report.is_so_far else "lead.too_incomplete"
+            return [Span(text=say(key, share=share, limit=limit, until=until))], _missing_notes(report)
         case "empty":
             seen = ""
             if coverage.seen_h is not None:

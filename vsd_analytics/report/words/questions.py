@@ -175,6 +175,11 @@ class Candidate:
     forget: timedelta = FORGET
 
 
+def may_ask(report: WeekReport) -> bool:
+    """Tell whether a report has a question of the week: other days and a week that is only begun have none."""
+    return report.week.is_week and not report.is_so_far
+
+
 def choose(report: WeekReport) -> AskedQuestion:
     """Return the one question of the week: the first candidate that earlier weeks and their answers leave."""
     past = report.agenda.asked if report.agenda is not None else ()

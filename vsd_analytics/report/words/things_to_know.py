@@ -37,6 +37,9 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
         texts = nothing(report)
         return (Thing(kind="distrust", title=texts.title, text=texts.text, target="data"),)
     recorded = say("things.recorded", share=fmt.percent(report.coverage.share))
+    if report.is_so_far:
+        title = say("things.not_over_title")
+        return (Thing(kind="distrust", title=title, text=say("things.not_over"), target="when"),)
     if report.state == "too_incomplete":
         return (Thing(kind="distrust", title=recorded, text=say("things.too_incomplete"), target="data"),)
     if report.state == "normal" and report.level.often.value is not None:
