@@ -108,15 +108,17 @@ def test_grid_search_finds_ratios_near_those_of_the_camera(tmp_path: Path, scene
     assert flat.f1 < torso.f1 - 0.05
 
 
-def test_torso_measures_better_than_arm(tmp_path: Path, scene: Scene) -> None:
-    (sequence,) = read_sequences(write_data_set(tmp_path / "Sim", scene))
+@pytest.mark.parametrize("missing", [0.0, 0.05])
+def test_torso_measures_better_than_arm(missing: float, tmp_path: Path) -> None:
+    seen = simulate(CAMERA, seed=5, n_tracks=40, seconds=6, missing=missing)
+    (sequence,) = read_sequences(write_data_set(tmp_path / "Sim", seen))
     torso, arm = (search([sequence.labelled], part=part, by="persons") for part in ("torso", "arm"))  # type: ignore[arg-type]
-    assert torso.f1 > arm.f1
+    assert torso.f1 > arm.f1 + 0.02
 
 
-def test_missing_joints_cost_the_torso_more_than_the_arm_of_which_either_side_will_do(tmp_path: Path) -> None:
-    holed = simulate(CAMERA, seed=5, n_tracks=40, seconds=6, missing=0.05)
-    (sequence,) = read_sequences(write_data_set(tmp_path / "Sim", holed))
+def test_arms_would_be_ahead_if_the_trunk_hid_none_as_either_side_will_do(tmp_path: Path) -> None:
+    seen = simulate(CAMERA, seed=5, n_tracks=40, seconds=6, missing=0.05, hidden_missing=0.0)
+    (sequence,) = read_sequences(write_data_set(tmp_path / "Sim", seen))
     measured = {part: np.isfinite(part_px(sequence.people, part)).mean() for part in ("torso", "arm")}  # type: ignore[arg-type]
     assert measured["torso"] < 0.93
     assert measured["arm"] > 0.97
