@@ -148,13 +148,25 @@ def test_one_command_scores_every_part_and_the_calibration_from_people(
     assert "inset 0." in printed
 
 
+def test_a_second_skeleton_on_a_person_counts_no_more_in_the_calibration(tmp_path: Path, scene: Scene) -> None:
+    folder = write_data_set(tmp_path / "Sim", scene)
+    (clean,) = read_sequences(folder)
+    for path in (folder / "HumanJoints" / SEQUENCE).iterdir():
+        people = json.loads(path.read_text())["people"]
+        path.write_text(json.dumps({"people": people + people}))
+    (doubled,) = read_sequences(folder)
+    assert doubled.people.bad["second skeleton on the same person"] >= len(scene.people)
+    np.testing.assert_array_equal(doubled.people.joints, clean.people.joints)
+    np.testing.assert_array_equal(doubled.labelled.people.joints, clean.labelled.people.joints)
+
+
 def test_data_sets_are_found_where_their_archive_unpacked_them(tmp_path: Path, scene: Scene) -> None:
     folder = write_data_set(tmp_path / "archive" / "dataset" / "Sim", scene)
     (folder / "Images" / SEQUENCE / ".listing").write_text("not a picture")
     (folder / "HumanJoints" / SEQUENCE / "._view_00000_keypoints.json").write_bytes(b"\0\5\x16\7")  # macOS
     (sequence,) = read_sequences(tmp_path)
     assert sequence.name == "Sim/seq-1"
-    assert not sequence.people.bad
+    assert sequence.people.bad.keys() == {"second skeleton on the same person"}  # two walk through each other
     assert sequence.n_unknown == 0
 
 
