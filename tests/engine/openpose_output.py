@@ -80,7 +80,8 @@ def write_openpose(folder: Path, scene: Scene, *, faults: Faults, seed: int, eve
         for _ in range(rng.binomial(max(len(rows), 1), faults.ghosts)):
             high = rng.uniform(30, 300)
             body = joints[rng.choice(rows)] if len(rows) else np.full((25, 2), 100.0)
-            shape = np.nan_to_num(body - np.nanmean(body, axis=0)) / max(float(np.nanmax(np.ptp(body, axis=0))), 1.0)
+            size = float(np.nanmax(np.nanmax(body, axis=0) - np.nanmin(body, axis=0)))
+            shape = np.nan_to_num(body - np.nanmean(body, axis=0)) / max(size, 1.0)
             ghost = rng.uniform(0, 1, 2) * SIZE + shape * high + rng.normal(0, 0.1 * high, (25, 2))
             ghost[rng.random(25) < rng.uniform(0.4, 0.9)] = np.nan
             if np.isfinite(ghost).any():

@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from engine.simulated_arms import ARMS, ELBOWS_AND_WRISTS, arms_of, behind_trunk, elbows_and_wrists
 from numpy.typing import NDArray
 
 from vsd_analytics.engine.people import N_JOINTS, People
 
 Array = NDArray[np.float64]
 SIZE = (1920, 1080)
+HIDDEN_MISSING = 0.9
+"""Share of hidden joints that a detector does not find."""
 
 # BODY_25 joints of a standing person of height 1: to the right, ahead, up
 _RIGHT = {2: (-0.11, 0.0, 0.82), 3: (-0.13, 0.0, 0.63), 4: (-0.13, 0.03, 0.47), 9: (-0.06, 0.0, 0.53)}
@@ -120,13 +123,15 @@ def simulate(
     reach_m: float = 18.0,
     noise_px: float = 2.0,
     missing: float = 0.05,
+    hidden_missing: float = HIDDEN_MISSING,
     children: float = 0.0,
     sitting: float = 0.0,
     standing: float = 0.2,
 ) -> Scene:
     """Let people of different height walk in all directions, and return what is seen of them inside the picture.
 
-    Adults are 1.70 +- 0.08 m, children 1.20 +- 0.15 m. Sitting people have 0.75 of their height and do not move.
+    Adults are 1.70 +- 0.08 m, children 1.20 +- 0.15 m. Sitting people have 0.75 of their height and do not move. The
+    share `missing` of all joints is missing, and `hidden_missing` of those of arms that the own trunk hides.
     """
     rng = np.random.default_rng(seed)
     low = nearest_m(camera)
@@ -145,15 +150,22 @@ def simulate(
     joints: list[Array] = []
     boxes: list[Array] = []
     shape = np.concatenate([skeleton(), surface()])
+    own = np.random.default_rng([seed, 1])  # of its own, so that arms change nothing else
+    walk, stand = arms_of(n_tracks, own)
+    arms = np.where(moves[:, None, None], walk, stand)
     for frame in frames:
         t = frame / hz
         turn = heading + 0.15 * np.sin(t / 3 + begin)
         ahead = np.column_stack([np.cos(turn), np.sin(turn)])
         xy = starts + ahead * (speed * (t - seconds / 2 - begin))[:, None]
+        step = np.sin(2 * np.pi * t * 0.9 + np.arange(n_tracks)) * moves
+        hands = elbows_and_wrists(arms, step)
         for i in range(n_tracks):
-            body = shape * heights[i] * np.array([1, 1, 0.75 if sits[i] else 1.0])
+            size = heights[i] * np.array([1, 1, 0.75 if sits[i] else 1.0])
+            shape[list(ELBOWS_AND_WRISTS)] = hands[i]
+            body = shape * size
             side = np.array([ahead[i, 1], -ahead[i, 0]])
-            swing = 0.12 * heights[i] * np.sin(2 * np.pi * t * 0.9 + i) * moves[i]
+            swing = 0.12 * heights[i] * step[i]
             flat = body[:, :1] * side + body[:, 1:2] * ahead[i]
             legs = np.array([11, 22, 23, 24]), np.array([14, 19, 20, 21])
             flat[legs[0]] += swing * ahead[i]
@@ -164,6 +176,9 @@ def simulate(
             boxes.append(np.concatenate([uv.min(axis=0), uv.max(axis=0)]) + rng.normal(0, noise_px, 4))
             uv = uv[:N_JOINTS] + rng.normal(0, noise_px, (N_JOINTS, 2))
             uv[rng.random(N_JOINTS) < missing] = np.nan
+            lens = np.array([-side @ xy[i], -ahead[i] @ xy[i], camera.height_m]) / size
+            is_hidden = behind_trunk(shape[None, ARMS], lens[None])[0]
+            uv[ARMS, :] = np.where((is_hidden & (own.random(len(ARMS)) < hidden_missing))[:, None], np.nan, uv[ARMS, :])
             rows.append((int(frame), i))
             places.append(xy[i])
             joints.append(uv)

@@ -111,6 +111,23 @@ def test_few_people_who_stay_are_not_taken_for_many(tmp_path: Path) -> None:
     assert "a neck and both ankles" in str(refused.value.fix)
 
 
+def test_a_second_skeleton_on_a_person_counts_no_more_in_a_calibration(
+    tmp_path: Path, scene: Scene, capsys: pytest.CaptureFixture[str]
+) -> None:
+    vsd = shop(tmp_path, capsys)
+    folder = tmp_path / "joints"
+    write_openpose(folder, scene, faults=NONE, seed=3)
+    printed = []
+    for is_doubled in (False, True):
+        for path in folder.iterdir() if is_doubled else ():
+            people = json.loads(path.read_text())["people"]
+            path.write_text(json.dumps({"version": 1.3, "people": people + people}))
+        code, found, err = vsd("calibrate", "cam-1", "--from-people", str(folder), "--size", "1920x1080", "--json")
+        assert code == 0, err
+        printed.append({key: value for key, value in json.loads(found).items() if key != "warnings"})
+    assert printed[0] == printed[1]
+
+
 def test_folder_of_openpose_goes_from_calibration_to_messages(
     tmp_path: Path, scene: Scene, capsys: pytest.CaptureFixture[str]
 ) -> None:

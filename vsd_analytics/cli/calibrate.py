@@ -179,13 +179,13 @@ def _from_people(
     from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.engine.people_calibration import calibrate_from_people
     from vsd_analytics.engine.people_calibration_file import write_stated_error
-    from vsd_analytics.engine.people_files import read_people
+    from vsd_analytics.engine.people_files import read_each_once
     from vsd_analytics.engine.plane_method import off_planes
     from vsd_analytics.geometry.stated_errors import beside
 
     camera = calibration.camera_called(project.site, camera_id)
     picture_px = _picture_px(camera, size)
-    seen = off_planes(read_people(people, size_px=picture_px), camera.planes)
+    seen = off_planes(read_each_once(people, size_px=picture_px), camera.planes)
     if since is not None and seen.ts_ms is not None:
         seen = seen.between(round(since.timestamp() * 1000), None)
     found = calibrate_from_people(seen, size_px=picture_px)
@@ -281,12 +281,12 @@ def _check(project: Project, camera_id: str, source: Path, *, size: str | None, 
     """Tell whether a camera has moved since its latest calibration; 1 when it has, or when nobody can tell."""
     from vsd_analytics.cli import moved_cameras
     from vsd_analytics.config.calibrate import camera_called
-    from vsd_analytics.engine.people_files import read_people
+    from vsd_analytics.engine.people_files import read_each_once
     from vsd_analytics.errors import UsageError
 
     camera = camera_called(project.site, camera_id)
     picture_px = _picture_px(camera, size)
-    people = read_people(source, size_px=picture_px)
+    people = read_each_once(source, size_px=picture_px)
     ts_ms = moved_cameras.timed(people, source)
     check = moved_cameras.check_people(camera, people, ts_ms=ts_ms, size_px=picture_px)
     if check is None:

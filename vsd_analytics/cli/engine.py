@@ -144,10 +144,9 @@ def run(
       vsd engine run joints/ --camera cam-1 --out frames.jsonl --overlay look/ --pictures door.mp4
     """
     from vsd_analytics.config.calibrate import camera_called
-    from vsd_analytics.engine.doubles import without_doubles
     from vsd_analytics.engine.messages import frame_messages, instants_ms
     from vsd_analytics.engine.monoloco_files import read_monoloco
-    from vsd_analytics.engine.people_files import read_people
+    from vsd_analytics.engine.people_files import read_each_once, read_people
     from vsd_analytics.errors import UsageError
     from vsd_analytics.store.durable import publish
 
@@ -158,9 +157,8 @@ def run(
     camera = camera_called(project.site, camera_id, option="--camera")
     picture_px = parse_size(size) if size else camera.picture_px
     own = read_monoloco(people) if method == "monoloco" else None
-    found = read_people(people, size_px=picture_px) if own is None else own.people
-    if method == "people":
-        found = without_doubles(found)
+    read = read_people if method == "paper" else read_each_once  # the paper's method takes skeletons as they are
+    found = read(people, size_px=picture_px) if own is None else own.people
     rate = hz or camera.hz or 1.0
     if found.ts_ms is None and start is None:
         project.say(

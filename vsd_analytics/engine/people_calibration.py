@@ -27,7 +27,7 @@ MAX_SCATTER: Final = 0.20
 TALL, MAX_TALL = 1.3, 0.1
 """Nobody is this much taller than usual; more than so many who are mean that the usual ones were cut off."""
 MAX_BOX_TILT_DEG: Final = 40.0
-"""Above, the middle of a box's bottom edge is so far from the feet that even the true camera measures 7 % wrong."""
+"""Above, the bottom edge of a box is so far from the feet that a camera in ten is off by 23 % (docs/engine.md)."""
 MAX_ERROR: Final = 0.30
 """Relative sd of a distance of 2 m from which on a calibration would mislead."""
 

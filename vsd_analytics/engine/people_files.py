@@ -4,8 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from vsd_analytics.engine.doubles import without_doubles
 from vsd_analytics.engine.people import People
 from vsd_analytics.errors import InputError, Where
+
+
+def read_each_once(path: Path, *, size_px: tuple[int, int] | None = None) -> People:
+    """Read the people a detector found, with one skeleton for each person (`without_doubles`).
+
+    Takes and raises what `read_people` does.
+    """
+    return without_doubles(read_people(path, size_px=size_px))
 
 
 def read_people(path: Path, *, size_px: tuple[int, int] | None = None) -> People:

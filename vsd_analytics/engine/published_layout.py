@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.engine.body import is_valid
+from vsd_analytics.engine.doubles import without_doubles
 from vsd_analytics.engine.joint_files import frame_numbers, read_joint_folder
 from vsd_analytics.engine.people import Array, People
 from vsd_analytics.engine.ratio_search import Labelled
@@ -34,8 +35,8 @@ class LabelledSequence:
 
     Attributes:
         name: `dataset/sequence`.
-        people: All detected people.
-        labelled: Those with true distances.
+        people: All detected people, with one skeleton for each person.
+        labelled: Those with true distances: the annotation says who counts.
         n_unknown: Annotated persons who are not in the files of joints, also those of frames without a file.
     """
 
@@ -122,7 +123,7 @@ def _sequence(data_set: Path, joints: Path, size_px: tuple[int, int] | None) -> 
     is_known = distance_m >= 0
     labelled = Labelled(counted, a[is_known].astype(np.intp), b[is_known].astype(np.intp), distance_m[is_known], size)
     n_listed = sum(len(frame.persons) for frame in frames.values())
-    return LabelledSequence(name, people, labelled, n_listed - n_rows)
+    return LabelledSequence(name, without_doubles(people), labelled, n_listed - n_rows)
 
 
 def _persons(people: People, number: int, given: _AnnotatedFrame) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
