@@ -204,10 +204,14 @@ def simulated(n: int, seed: int) -> None:
         n_used += 1
         given = labelled(scene.people, scene.xy)
         boxed = labelled(boxes_only(scene), scene.xy)
-        for part in PART_M:
-            best = search([given], part=part).ratios
-            name = f"paper, {part}, ratios found with the truth"
-            rows.setdefault(name, []).append(scores(given, paper_distances(given, ratios=best, part=part)))
+        best = {part: search([given], part=part).ratios for part in PART_M}
+        for part, own in best.items():
+            given_as = {"ratios found with the truth": own}
+            if part != "torso":
+                given_as["the torso's ratios"] = best["torso"]
+            for which, ratios in given_as.items():
+                measured = scores(given, paper_distances(given, ratios=ratios, part=part))
+                rows.setdefault(f"paper, {part}, {which}", []).append(measured)
         name = "paper, torso, default ratios"
         rows.setdefault(name, []).append(scores(given, paper_distances(given, ratios=BY_EYE, part="torso")))
         for name, who in (
