@@ -109,7 +109,7 @@ def _no_day_files(request: pytest.FixtureRequest) -> Iterator[None]:
     from vsd_analytics.warehouse.warehouse import Warehouse
 
     with pytest.MonkeyPatch.context() as patch:
-        if {"draw", "figures", "model", "privacy", "send", "words"} & set(request.path.parts):
+        if {"draw", "figures", "invariances", "model", "privacy", "send", "words"} & set(request.path.parts):
             patch.setitem(Warehouse.__init__.__kwdefaults__, "uses_days", False)
         yield
 
