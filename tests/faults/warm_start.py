@@ -11,13 +11,16 @@ import vsd_analytics
 from vsd_analytics.report.pages.templates import environment
 from vsd_analytics.warehouse.sqlfiles import relations
 
+NOT_IN_JOBS = ("vsd_analytics.bench", "vsd_analytics.cluster")
+"""Rooms whose libraries may be missing. The server stops importing without a word where an import fails."""
 LIBRARIES = ("contourpy", "cv2", "duckdb", "pandas", "pyarrow.dataset", "scipy.sparse.csgraph", "shapely")
 for name in ("pyarrow.pandas_compat", "pyarrow.parquet", "pyarrow.vendored.version", *LIBRARIES):
     importlib.import_module(name)
 for module in pkgutil.walk_packages(vsd_analytics.__path__, "vsd_analytics."):
-    importlib.import_module(module.name)
+    if not module.name.startswith(NOT_IN_JOBS):
+        importlib.import_module(module.name)
 tqdm.tqdm.get_lock()  # one for all children: nothing is left over of those that are killed
 for layers in (("staging",), ("facts",), ("marts",), ("staging", "facts"), ("facts", "marts")):
     relations(*layers)
-for template in environment().list_templates(filter_func=lambda name: "mail" not in name):
+for template in environment().list_templates(filter_func=lambda name: name.endswith(".j2") and "mail" not in name):
     environment().get_template(template)

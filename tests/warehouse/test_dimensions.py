@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from datetime import date
+from datetime import date, datetime, timedelta
 from pathlib import Path
 
 import pytest
 from warehouse.small_projects import T0, Person, make_site, open_days, put
 
 from vsd_analytics.site.model import Area, Calibration, Camera
-from vsd_analytics.warehouse.dimensions import area_cells, bucket_quarters, calendar
+from vsd_analytics.warehouse.dimensions import area_cells, bucket_quarters, calendar, is_open, site_days
 from vsd_analytics.warehouse.input_fingerprint import SiteInputs
 
 ROOT = Path()
+DAY = timedelta(days=1)
 HALF_PAST = tuple(((8 * 60 + 30, 20 * 60),) for _ in range(7))
 
 
@@ -59,6 +60,59 @@ def test_a_day_has_92_96_or_100_quarters(day: str, n_quarters: int) -> None:
     rows = calendar(make_site(ROOT, timezone="Europe/Rome"), date.fromisoformat(day), date.fromisoformat(day))
     assert rows.num_rows == n_quarters
     assert set(rows["local_date"].to_pylist()) == {date.fromisoformat(day)}
+
+
+@pytest.mark.parametrize(
+    ("zone", "first", "last"),
+    [
+        ("Europe/Rome", "2026-03-27", "2026-04-01"),
+        ("Europe/Rome", "2026-10-25", "2026-10-25"),
+        ("Europe/Rome", "2026-10-26", "2027-02-01"),
+        ("America/Havana", "2026-10-30", "2026-11-03"),  # set back at 01:00
+        ("America/Sao_Paulo", "2018-11-01", "2019-02-20"),  # no midnight on 4 November; 23:00 twice on 16 February
+        ("America/St_Johns", "2006-10-27", "2006-10-31"),  # set back at 00:01
+        ("Australia/Lord_Howe", "2026-04-01", "2026-10-08"),  # by half an hour
+        ("Asia/Kathmandu", "2026-01-01", "2026-01-03"),
+        ("Pacific/Apia", "2011-12-28", "2012-01-02"),  # 30 December did not happen
+        ("Africa/Casablanca", "2026-02-10", "2026-03-30"),
+        ("UTC", "1969-12-30", "1970-01-03"),
+    ],
+)
+def test_a_calendar_is_what_the_clocks_of_the_zone_show(zone: str, first: str, last: str) -> None:
+    site = replace(
+        make_site(ROOT, timezone=zone, opening=(*HALF_PAST[:6], ())),
+        day_starts_min=4 * 60,
+        closed=frozenset({date.fromisoformat(last)}),
+    )
+    days = date.fromisoformat(first), date.fromisoformat(last)
+    shown, hour_start_ms, hour = [], 0, None
+    for row in calendar(site, *days).to_pylist():
+        local = datetime.fromtimestamp(row["quarter"] * 900, tz=site.zone)
+        if hour != (local.date(), local.hour, local.fold):
+            hour, hour_start_ms = (local.date(), local.hour, local.fold), row["quarter"] * 900_000
+        offset = local.utcoffset()
+        assert offset is not None
+        expected = {
+            "quarter": row["quarter"],
+            "local_date": local.date(),
+            "local_hour": local.hour,
+            "fold": local.fold,
+            "weekday": local.isoweekday(),
+            "hour_start_ms": hour_start_ms,
+            "offset_min": offset // timedelta(minutes=1),
+            "is_open": is_open(site, local.date(), 60 * local.hour + local.minute),
+        }
+        assert row == expected
+        shown.append(row["quarter"])
+    ends = [
+        round(datetime(d.year, d.month, d.day, tzinfo=site.zone).timestamp()) // 900 for d in (days[0], days[1] + DAY)
+    ]
+    assert shown == list(range(*ends))
+    of_day = {row["quarter"]: row["site_day"] for row in site_days(site, *days).to_pylist()}
+    for quarter in range(ends[0] - 96, ends[1] + 192):
+        local = datetime.fromtimestamp(quarter * 900, tz=site.zone).replace(tzinfo=None) - timedelta(hours=4)
+        is_in = days[0] - DAY <= local.date() <= days[1]
+        assert of_day.get(quarter) == (local.date() if is_in else None)
 
 
 def test_a_cell_in_two_areas_belongs_to_the_first(tmp_path: Path) -> None:

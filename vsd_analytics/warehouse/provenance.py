@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from datetime import UTC, date, datetime, timedelta
 from itertools import groupby
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
+
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store
-from vsd_analytics.store.duck import connect
 from vsd_analytics.store.layout import Part
 from vsd_analytics.store.part_files import engines_of
 from vsd_analytics.warehouse.sealed import sealed_range
@@ -56,28 +58,28 @@ def last_records(site: Site, camera_ids: Collection[str], *, until: date) -> dic
     found: dict[str, datetime] = {}
     hours = _hours(site, until - LOOK_BACK, until)
     sealed = sealed_range(site, *hours).hours
-    by_hour: dict[int, list[str]] = {hour: [] for hour in sealed}
+    by_hour: dict[int, list[Path]] = {hour: [] for hour in sealed}
     store = _store(site)
     for parts in _parts(store, hours).values():
         for part in parts:
             if part.hour not in sealed:
-                by_hour.setdefault(part.hour, []).append(str(part.path))
-    with store.reporting_damage(), connect(threads=1) as con:
+                by_hour.setdefault(part.hour, []).append(part.path)
+    with store.reporting_damage():
         for hour in sorted(by_hour, reverse=True):
             if len(found) == len(set(camera_ids)):
                 break
-            rows = (
-                list(sealed[hour].last_ms.items())
-                if hour in sealed
-                else con.execute(
-                    "select camera_id, max(epoch_ms(ts)) from read_parquet($names, union_by_name = true) group by all",
-                    {"names": by_hour[hour]},
-                ).fetchall()
-            )
-            for camera_id, ms in rows:
+            last_ms = sealed[hour].last_ms if hour in sealed else _last_ms(by_hour[hour])
+            for camera_id, ms in last_ms.items():
                 if camera_id in camera_ids and camera_id not in found:
                     found[camera_id] = datetime.fromtimestamp(ms // 1000, tz=UTC).astimezone(site.zone)
     return found
+
+
+def _last_ms(paths: Sequence[Path]) -> dict[str, int]:
+    """Return the instant of each camera's last record in some parts, in milliseconds."""
+    rows = pa.concat_tables(pq.read_table(path, columns=["camera_id", "ts"], partitioning=None) for path in paths)
+    last = rows.group_by("camera_id").aggregate([("ts", "max")])
+    return dict(zip(last["camera_id"].to_pylist(), last["ts_max"].cast(pa.int64()).to_pylist(), strict=True))
 
 
 def _hours(site: Site, first: date, last: date) -> tuple[int, int]:

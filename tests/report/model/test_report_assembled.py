@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from datetime import timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,10 @@ from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.model import Site
 
+messages = partial(w.messages, hours=(9, 10))
+toml = partial(w.toml, opening='{ mon-sun = "09:00-10:00" }')
+HOURS = [(d, 9) for d in range(7)]
+
 
 def busy(day: int, hour: int) -> dict[w.Place, int]:
     """Counts that differ from day to day as real ones do."""
@@ -34,7 +39,7 @@ def quieter(day: int, hour: int) -> dict[w.Place, int]:
 @pytest.fixture(scope="module")
 def busy_week(tmp_path_factory: pytest.TempPathFactory) -> Site:
     """Return a site of which one busy week is stored. Tests leave it as it is."""
-    return w.world(tmp_path_factory.mktemp("busy"), w.toml(), w.messages(busy))
+    return w.world(tmp_path_factory.mktemp("busy"), toml(), messages(busy))
 
 
 @pytest.fixture(scope="module")
@@ -54,9 +59,7 @@ def text_of(page: str) -> str:
 
 def test_two_whole_weeks_are_compared(tmp_path: Path) -> None:
     log = [{"at": "2026-11-09T08:00:00+01:00", "text": "Stand moved away", "area": "door"}]
-    site = w.world(
-        tmp_path, w.toml(), w.messages(busy, monday=w.BEFORE), w.messages(quieter, engine="acme 1.0"), log=log
-    )
+    site = w.world(tmp_path, toml(), messages(busy, monday=w.BEFORE), messages(quieter, engine="acme 1.0"), log=log)
     report = w.report(site)
     assert report.state == "normal"
     verdicts = {a.area_id: a.often.verdict for a in report.areas}
@@ -81,7 +84,7 @@ def test_first_week_has_a_level_and_no_change(of_busy: WeekReport) -> None:
 
 
 def test_below_sixty_percent_nothing_is_compared_or_ranked(tmp_path: Path) -> None:
-    site = w.world(tmp_path, w.toml(), w.messages(busy, monday=w.BEFORE), w.messages(busy, days=range(4)))
+    site = w.world(tmp_path, toml(), messages(busy, monday=w.BEFORE), messages(busy, days=range(4)))
     report = w.report(site)
     assert report.coverage.share == pytest.approx(4 / 7)
     assert report.state == "too_incomplete"
@@ -144,11 +147,11 @@ def test_a_clock_says_nothing_about_a_week_that_is_over_or_that_has_not_begun(be
 
 
 def test_no_data_week_names_each_cameras_last_record(tmp_path: Path) -> None:
-    streams = [w.messages(busy, monday=w.BEFORE, camera=c) for c in ("cam-1", "cam-2")]
-    site = w.world(tmp_path, w.toml(cameras=("cam-1", "cam-2")), *streams)
+    streams = [messages(busy, monday=w.BEFORE, camera=c) for c in ("cam-1", "cam-2")]
+    site = w.world(tmp_path, toml(cameras=("cam-1", "cam-2")), *streams)
     report = w.report(site)
     assert report.state == "no_data"
-    last = w.rome(6, 11, 59, monday=w.BEFORE).replace(second=50)
+    last = w.rome(6, 9, 59, monday=w.BEFORE).replace(second=50)
     assert [c.last_record for c in report.coverage.cameras] == [last, last]
     assert report.maps == ()
     assert report.areas == ()
@@ -156,15 +159,15 @@ def test_no_data_week_names_each_cameras_last_record(tmp_path: Path) -> None:
     assert {c.violations for c in report.when.cells} == {None}
     page = text_of(render_html(report))
     assert "All cameras stopped in the same minute" in page
-    assert "Sun 8 Nov, 11:59" in page
+    assert "Sun 8 Nov, 09:59" in page
 
 
 def test_no_data_week_tells_when_cameras_stopped_apart(tmp_path: Path) -> None:
     site = w.world(
         tmp_path,
-        w.toml(cameras=("cam-1", "cam-2")),
-        w.messages(busy, monday=w.BEFORE, camera="cam-1"),
-        w.messages(busy, monday=w.BEFORE, camera="cam-2", days=range(3)),
+        toml(cameras=("cam-1", "cam-2")),
+        messages(busy, monday=w.BEFORE, camera="cam-1"),
+        messages(busy, monday=w.BEFORE, camera="cam-2", days=range(3)),
     )
     assert "stopped at different times" in render_html(w.report(site))
 
@@ -193,8 +196,8 @@ def test_recalibration_inside_the_window_blocks_the_comparison(tmp_path: Path) -
         '[[calibration]]\nhomography = "calibration/new.txt"\nfrom = 2026-11-12T08:00:00+01:00\n',
         encoding="utf-8",
     )
-    streams = w.messages(busy, monday=w.BEFORE, say=pixels), w.messages(busy, say=pixels)
-    site = w.world(tmp_path, w.toml(), *streams)
+    streams = messages(busy, monday=w.BEFORE, say=pixels), messages(busy, say=pixels)
+    site = w.world(tmp_path, toml(), *streams)
     assert [len(c.calibrations) for c in site.cameras] == [2]
     report = w.report(site)
     assert report.state == "settings_changed"
@@ -215,8 +218,8 @@ def test_recalibration_inside_the_window_blocks_the_comparison(tmp_path: Path) -
 
 
 def test_another_engine_blocks_the_comparison(tmp_path: Path) -> None:
-    old, new = w.messages(busy, monday=w.BEFORE), w.messages(busy, engine="acme 2.0")
-    report = w.report(w.world(tmp_path, w.toml(), old, new))
+    old, new = messages(busy, monday=w.BEFORE), messages(busy, engine="acme 2.0")
+    report = w.report(w.world(tmp_path, toml(), old, new))
     assert report.state == "settings_changed"
     assert report.settings_change is not None
     assert (report.settings_change.before, report.settings_change.after) == ("acme 1.0", "acme 2.0")
@@ -225,8 +228,8 @@ def test_another_engine_blocks_the_comparison(tmp_path: Path) -> None:
 
 
 def test_an_engine_that_changes_on_the_last_day_is_seen_in_that_week(tmp_path: Path) -> None:
-    streams = [w.messages(busy, days=range(6)), w.messages(busy, days=[6], engine="acme 2.0")]
-    report = w.report(w.world(tmp_path, w.toml(), w.messages(busy, monday=w.BEFORE), *streams))
+    streams = [messages(busy, days=range(6)), messages(busy, days=[6], engine="acme 2.0")]
+    report = w.report(w.world(tmp_path, toml(), messages(busy, monday=w.BEFORE), *streams))
     assert report.provenance.engines == ("acme 1.0", "acme 2.0")
     assert report.state == "settings_changed"
 
@@ -234,14 +237,14 @@ def test_an_engine_that_changes_on_the_last_day_is_seen_in_that_week(tmp_path: P
 def test_closed_day_is_neither_missing_nor_zero(tmp_path: Path) -> None:
     site = w.world(
         tmp_path,
-        w.toml(site='closed = ["2026-11-11"]'),
-        w.messages(busy, monday=w.BEFORE),
-        w.messages(busy, days=[0, 1, 3, 4, 5, 6]),
+        toml(site='closed = ["2026-11-11"]'),
+        messages(busy, monday=w.BEFORE),
+        messages(busy, days=[0, 1, 3, 4, 5, 6]),
     )
     report = w.report(site)
     assert report.state == "normal"
     assert report.coverage.share == 1
-    assert report.coverage.scheduled_h == 18
+    assert report.coverage.scheduled_h == 6
     assert {(c.state, c.violations) for c in report.when.cells if c.day.day == 11} == {("closed", None)}
     assert report.when.day_means[2].value is None
     assert report.coverage.cameras[0].days[2].share is None
@@ -254,7 +257,7 @@ def test_closed_day_is_neither_missing_nor_zero(tmp_path: Path) -> None:
 def pairs_only(counts: w.Counts, **options: Any) -> list[dict[str, Any]]:
     """Return frames of an engine that sends pairs without positions."""
     frames = []
-    for frame in w.messages(counts, is_alone=False, **options):
+    for frame in messages(counts, is_alone=False, **options):
         ids = [p["id"] for p in frame.pop("persons")]
         frame["pairs"] = [{"a": a, "b": b, "distance_m": 1.5} for a, b in zip(ids[::2], ids[1::2], strict=True)]
         frames.append(frame)
@@ -262,8 +265,8 @@ def pairs_only(counts: w.Counts, **options: Any) -> list[dict[str, Any]]:
 
 
 def test_pairs_only_makes_how_risky_not_measurable_and_never_zero(tmp_path: Path) -> None:
-    report = w.report(w.world(tmp_path, w.toml(), pairs_only(busy, monday=w.BEFORE), pairs_only(busy)))
-    assert report.level.often.value == pytest.approx(sum(sum(busy(d, h).values()) for d, h in HOURS) / 21)
+    report = w.report(w.world(tmp_path, toml(), pairs_only(busy, monday=w.BEFORE), pairs_only(busy)))
+    assert report.level.often.value == pytest.approx(sum(sum(busy(d, h).values()) for d, h in HOURS) / 7)
     for estimate in (report.level.risky, report.level.people):
         assert (estimate.value, estimate.state) == (None, "not_measurable")
         assert reason_text(estimate.reason) == "the engine sends no positions"
@@ -284,7 +287,7 @@ def test_no_ids_makes_how_often_not_measurable_but_hours_show_the_records(
     def nameless(track: str, x: float, y: float) -> dict[str, Any]:
         return {"x_m": x, "y_m": y}
 
-    site = w.world(tmp_path, w.toml(), w.messages(busy, say=nameless))
+    site = w.world(tmp_path, toml(), messages(busy, say=nameless))
     report = w.report(site)
     assert report.level.often.value is None
     assert report.level.often.state == "not_measurable"
@@ -309,7 +312,7 @@ def test_pixels_without_calibration_are_not_measurable(tmp_path: Path) -> None:
     def pixels(track: str, x: float, y: float) -> dict[str, Any]:
         return {"id": track, "u_px": 100 * x, "v_px": 100 * y}
 
-    site = w.world(tmp_path, w.toml(), w.messages(busy, say=pixels))
+    site = w.world(tmp_path, toml(), messages(busy, say=pixels))
     report = w.report(site)
     assert report.level.often.state == "not_measurable"
     assert "calibration" in reason_text(report.level.often.reason)
@@ -324,7 +327,8 @@ def test_one_camera_without_calibration_is_left_out_and_named(tmp_path: Path) ->
     config = w.toml(cameras=("cam-1", "cam-2"))
     site = w.world(tmp_path, config, w.messages(busy), w.messages(busy, camera="cam-2", say=pixels))
     report = w.report(site)
-    assert report.level.often.value == pytest.approx(sum(sum(busy(d, h).values()) for d, h in HOURS) / 21)
+    n_pairs = sum(sum(busy(d, h).values()) for d in range(7) for h in (9, 10, 11))
+    assert report.level.often.value == pytest.approx(n_pairs / 21)
     assert [c.not_counted is None for c in report.coverage.cameras] == [True, False]
     assert report.level.risky.value == pytest.approx(
         report.level.often.value * 21 / (report.level.exposure_h or 0), rel=1e-9
@@ -332,15 +336,12 @@ def test_one_camera_without_calibration_is_left_out_and_named(tmp_path: Path) ->
     assert "Camera 2 is not counted" in render_html(report)
 
 
-HOURS = [(d, h) for d in range(7) for h in (9, 10, 11)]
-
-
 # what a site does not have --------------------------------------------------------------------------------------------
 
 
 def test_site_without_areas_has_a_map_and_says_how_to_name_them(tmp_path: Path) -> None:
-    half = w.messages(lambda day, hour: {place: n // 2 for place, n in busy(day, hour).items()})
-    report = w.report(w.world(tmp_path, w.toml(areas={}), w.messages(busy, monday=w.BEFORE), half))
+    half = messages(lambda day, hour: {place: n // 2 for place, n in busy(day, hour).items()})
+    report = w.report(w.world(tmp_path, toml(areas={}), messages(busy, monday=w.BEFORE), half))
     assert report.state == "normal"
     assert report.areas == ()
     assert report.busiest_spot is None
@@ -364,8 +365,8 @@ def test_without_a_plan_the_heat_lies_over_the_cameras_picture(tmp_path: Path) -
     matrix = np.array([[0.025, 0.0, -2.0], [0.0, -0.025, 14.0], [0.0, 0.0, 1.0]])
     np.savetxt(tmp_path / "calibration" / "cam-1.txt", matrix)
     cv2.imwrite(str(tmp_path / "pictures" / "cam-1.png"), np.full((640, 960), 120, np.uint8))
-    config = w.toml(camera='homography = "calibration/cam-1.txt"\npicture = "pictures/cam-1.png"')
-    report = w.report(w.world(tmp_path, config, w.messages(busy)))
+    config = toml(camera='homography = "calibration/cam-1.txt"\npicture = "pictures/cam-1.png"')
+    report = w.report(w.world(tmp_path, config, messages(busy)))
     (drawn,) = report.maps
     assert drawn.kind == "picture"
     assert drawn.extent == (0, 0, 960, 640)
@@ -378,12 +379,12 @@ def test_without_a_plan_the_heat_lies_over_the_cameras_picture(tmp_path: Path) -
 
 def test_two_floors_have_two_reports(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     upper = '[[floor]]\nid = "upper"\nname = "Upper floor"\n\n[[camera]]\nid = "cam-2"\nname = "Up"\nfloor = "upper"\n'
-    streams = w.messages(busy), w.messages(w.steady({w.QUEUE: 7}), camera="cam-2")
-    site = w.world(tmp_path, w.toml(more=upper), *streams)
+    streams = messages(busy), messages(w.steady({w.QUEUE: 7}), camera="cam-2")
+    site = w.world(tmp_path, toml(more=upper), *streams)
     ground, above = (w.report(site, floor_id=f) for f in ("ground", "upper"))
     assert ground.site.floors == above.site.floors == ("ground", "upper")
     assert ground.level.violations == sum(sum(busy(d, h).values()) for d, h in HOURS)
-    assert above.level.violations == 7 * 21
+    assert above.level.violations == 7 * 7
     assert above.areas == ()
     assert [c.camera_id for c in above.coverage.cameras] == ["cam-2"]
     from vsd_analytics.cli import cli
@@ -398,8 +399,8 @@ def test_two_floors_have_two_reports(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_a_six_foot_site_never_says_two_metres(tmp_path: Path) -> None:
-    config = w.toml(site="distance_m = 1.83")
-    report = w.report(w.world(tmp_path, config, w.messages(busy)))
+    config = toml(site="distance_m = 1.83")
+    report = w.report(w.world(tmp_path, config, messages(busy)))
     assert report.level.often.value is not None
     page = re.sub(r"<style>.*?</style>", "", render_html(report), flags=re.DOTALL)
     for text in (page, to_json(report).decode(), *to_csv(report).values()):
