@@ -355,8 +355,8 @@ def site_days(site: Site, first: date, last: date) -> pa.Table:
 def _local_quarters(site: Site, first: date, last: date) -> tuple[Ints, Ints, Ints]:
     """Return the UTC quarter-hours of local days, their offsets from UTC (seconds, east positive) and folds.
 
-    The zone is asked every six hours, and every quarter-hour where two answers differ: to ask it always takes 15 times as
-    long. A day before is asked too, since clocks set back shortly before the first day repeat an hour in it.
+    The zone is asked every six hours, and every quarter-hour where two answers differ: to ask it always takes 15 times
+    as long. A day before is asked too, since clocks set back shortly before the first day repeat an hour in it.
     """
     start, end = _quarter_at(first, site), _quarter_at(last + timedelta(days=1), site)
     quarters = np.arange(start - 96, end)
