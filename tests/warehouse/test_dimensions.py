@@ -115,6 +115,12 @@ def test_a_calendar_is_what_the_clocks_of_the_zone_show(zone: str, first: str, l
         assert of_day.get(quarter) == (local.date() if is_in else None)
 
 
+def test_no_days_have_an_empty_calendar() -> None:
+    site, day = make_site(ROOT, timezone="Europe/Rome"), date(2026, 11, 9)
+    empty, whole = calendar(site, day, day - DAY), calendar(site, day, day)
+    assert (empty.num_rows, empty.schema) == (0, whole.schema)
+
+
 def test_a_cell_in_two_areas_belongs_to_the_first(tmp_path: Path) -> None:
     square = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
     wide = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (0.0, 1.0))

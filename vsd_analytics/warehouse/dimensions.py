@@ -330,7 +330,7 @@ def calendar(site: Site, first: date, last: date) -> pa.Table:
     hour_start_ms = quarters[np.maximum.accumulate(np.where(begins, np.arange(len(quarters)), 0))] * QUARTER_MS
     weekdays = (days + 3) % 7  # 1970 began on a Thursday
     times, at = np.unique(weekdays * 1440 + local_s % 86400 // 60, return_inverse=True)
-    opens = np.array([_opens(site, *divmod(int(time), 1440)) for time in times])
+    opens = np.array([_opens(site, *divmod(int(time), 1440)) for time in times], np.bool_)
     is_closed = np.isin(days, np.array(sorted(site.closed), "datetime64[D]").astype(np.int64))
     columns = (
         *(quarters, days.astype("datetime64[D]"), hours % 24, fold, weekdays + 1),
