@@ -65,6 +65,8 @@ def hour_facts(
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield hourly facts with their rows of the hours from `first_hour` to `last_hour`, by hour and grain.
 
+    Ids are texts, or dictionaries that have other names, too.
+
     The rows of an hour depend only on the records of that hour and of its two neighbours at most `reach_ms` away, not
     on the other hours that are computed with it.
 
