@@ -77,8 +77,6 @@ def build(
             do not match the hash in its name.
         DiskError: E304 to E306, the disk failed.
     """
-    import duckdb
-
     store, root = Store(site.root / "store", site_id=site.site_id), site.root / "facts"
     try:
         if has_lock:
@@ -95,13 +93,19 @@ def build(
                 unneeded += [*superseded_anywhere(site, result), *superseded.temporaries(root)]
             superseded.clear(root, unneeded, has_published=is_published)
             return result
-    except (duckdb.Error, pa.ArrowException, UnicodeDecodeError, OSError) as error:
+    except (*_errors_of_duckdb(), pa.ArrowException, UnicodeDecodeError, OSError) as error:
         if refused := disk_error(error):
             raise refused from None
         store.refuse_damaged()
         if isinstance(error, pa.ArrowException | UnicodeDecodeError):
             raise damaged_facts(error) from error
         raise
+
+
+def _errors_of_duckdb() -> tuple[type[Exception], ...]:
+    import duckdb  # asked for after an error only: facts without a query need no DuckDB
+
+    return (duckdb.Error,)
 
 
 def _build(
