@@ -116,11 +116,13 @@ def _own_names(column: pa.ChunkedArray) -> pa.DictionaryArray:
     codes = (ids.indices.fill_null(n) if ids.null_count else ids.indices).to_numpy()
     used = np.flatnonzero(np.bincount(codes, minlength=n)[:n])
     names = ids.dictionary.take(pa.array(used))
-    order = pc.sort_indices(names)
+    if not pc.all(pc.less(names[:-1], names[1:])).as_py():  # those of a batch are in order
+        order = pc.sort_indices(names)
+        names, used = names.take(order), used[order.to_numpy()]
     number = np.zeros(n + 1, dtype=np.int32)
-    number[used[order.to_numpy()]] = np.arange(len(used))
+    number[used] = np.arange(len(used))
     own = pa.array(number.take(codes), mask=codes == n if ids.null_count else None)
-    return pa.DictionaryArray.from_arrays(own, names.take(order), safe=False)
+    return pa.DictionaryArray.from_arrays(own, names, safe=False)
 
 
 def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, Any], noted: Mapping[bytes, bytes] | None = None) -> bytes:
