@@ -1,7 +1,8 @@
-"""`vsd report` in a process of its own imports no pandas, whose page is that of a process which has it."""
+"""`vsd report` and `vsd build` in a process of their own import no pandas, and write what one does that has it."""
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,7 +13,7 @@ from warehouse.small_projects import T0, Person, beats, make_site, put
 from vsd_analytics.config import load_site
 from vsd_analytics.warehouse import warehouse as module
 
-LEFT_OUT = ("pandas", "scipy.optimize", "tqdm")
+LEFT_OUT = ("pandas", "scipy.optimize", "tqdm", "duckdb")
 ENDS = f"import os, sys\nos._exit = lambda code: print(*(name in sys.modules for name in {LEFT_OUT}))\n"
 RUNS = "from vsd_analytics.cli import main\nmain()\n"
 QUERY = "select count(*) as n from camera_hours where recorded_s >= $least"
@@ -41,7 +42,11 @@ def project(root: Path) -> Path:
 
 
 def report(root: Path, out: Path, before: str) -> str:
-    arguments = ["vsd", "-C", str(root), "report", "--week", "2026-W46", "--format", "html,json,csv", "--out", str(out)]
+    return run(before, "-C", str(root), "report", "--week", "2026-W46", "--format", "html,json,csv", "--out", str(out))
+
+
+def run(before: str, *given: str) -> str:
+    arguments = ["vsd", *given]
     code = f"{before}{ENDS}sys.argv = {arguments!r}\n{RUNS}"
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     return done.stdout.splitlines()[-1]
@@ -50,12 +55,23 @@ def report(root: Path, out: Path, before: str) -> str:
 def test_a_report_imports_neither_pandas_nor_an_optimiser_and_is_the_same_without(tmp_path: Path) -> None:
     root = project(tmp_path)
     report(root, tmp_path / "warm", "")  # computes the facts, with pandas or without
-    assert report(root, tmp_path / "without", "") == "False False False"
+    assert report(root, tmp_path / "without", "") == "False False False True"
     assert report(root, tmp_path / "with", "import pandas\n").startswith("True")
     files = sorted(p.name for p in (tmp_path / "without").iterdir())
     assert {Path(name).suffix for name in files} == {".html", ".json", ".csv"}
     for name in files:
         assert (tmp_path / "without" / name).read_bytes() == (tmp_path / "with" / name).read_bytes()
+
+
+def test_facts_of_people_with_ids_are_the_same_without_pandas_and_duckdb(tmp_path: Path) -> None:
+    (tmp_path / "with").mkdir()
+    project(tmp_path / "with")
+    shutil.copytree(tmp_path / "with", tmp_path / "without")
+    assert run("", "-C", str(tmp_path / "without"), "build") == "False False True False"
+    assert run("import pandas\n", "-C", str(tmp_path / "with"), "build").startswith("True")
+    files = [sorted((tmp_path / name / "facts").rglob("*.parquet")) for name in ("with", "without")]
+    assert len(files[0]) > 20
+    assert [p.read_bytes() for p in files[0]] == [p.read_bytes() for p in files[1]]
 
 
 def test_after_pyarrow_has_been_answered_frames_still_come_and_go() -> None:

@@ -119,7 +119,13 @@ def facts_of(site: Site, *, by_queries: bool) -> dict[str, pa.Table]:
         last_hour=last,
         by_queries=by_queries,
     )
-    return {"camera_days": days, **{relation.name: rows for relation, rows in hourly}}
+    return {"camera_days": days, **{relation.name: with_texts(rows) for relation, rows in hourly}}
+
+
+def with_texts(rows: pa.Table) -> pa.Table:
+    """Return rows as they are read from their file, with texts in place of dictionaries of ids."""
+    fields = (f.with_type(pa.string()) if pa.types.is_dictionary(f.type) else f for f in rows.schema)
+    return rows.cast(pa.schema(fields))
 
 
 def both(scene: Scene) -> tuple[dict[str, pa.Table], dict[str, pa.Table]]:

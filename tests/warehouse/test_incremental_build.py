@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from warehouse.small_projects import (
@@ -216,6 +217,39 @@ def test_row_groups_end_where_the_hours_do_whatever_was_computed_at_once(
     assert fact_files(sites[0]) == fact_files(sites[1])
     (path,) = (sites[0].root / "facts" / "pairs").rglob("*.parquet")
     assert pq.read_metadata(path).num_row_groups == 3
+
+
+def test_a_day_that_does_not_fit_whole_is_computed_with_the_next_ones(
+    project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else its files would be written with the rows of two runs."""
+    site, asked = make_site(project), list[tuple[int, int]]()
+
+    def noting(*args: Any, first_hour: int, last_hour: int, **options: Any) -> Any:
+        asked.append((first_hour, last_hour))
+        return hour_facts(*args, first_hour=first_hour, last_hour=last_hour, **options)
+
+    put(site, [frame for h in (24, 25) for frame in beats(T0 + h * HOUR, T0 + (h + 1) * HOUR)])
+    own = len(list(beats(T0, T0 + HOUR)))
+    n_rows = sum(pq.read_metadata(path).num_rows for path in (project / "store").rglob("*.parquet"))
+    monkeypatch.setattr(build_module, "hour_facts", noting)
+    shutil.rmtree(project / "facts")
+    build(site)
+    everything = fact_files(site)
+    assert asked == [(HOUR0, HOUR0 + 25)]
+    monkeypatch.setattr(build_module, "QUIET_ROWS", n_rows - own)  # room for one hour of the second day
+    shutil.rmtree(project / "facts")
+    build(site)
+    assert asked[1:] == [(HOUR0, HOUR0 + 2), (HOUR0 + 24, HOUR0 + 25)]
+    assert fact_files(site) == everything
+
+
+def test_a_fact_file_has_the_names_of_its_rows_only() -> None:
+    ids = pa.DictionaryArray.from_arrays(pa.array([2, None, 0], pa.int32()), pa.array(["c", "other", "b"]))
+    data = factfiles.fact_bytes(pa.table({"hour": [1, 1, 2], "track_id": ids}), inputs={})
+    found = pq.ParquetFile(pa.BufferReader(data), read_dictionary=["track_id"]).read()["track_id"]
+    assert found.to_pylist() == ["b", None, "c"]
+    assert found.chunk(0).dictionary.to_pylist() == ["b", "c"]
 
 
 def test_files_of_hours_of_an_older_version_give_way_to_those_of_days(project: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,8 +31,9 @@ from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.spread import Spread, publish_days
 from vsd_analytics.warehouse.units import PartIndex, Unit, days_around, merged_parts
 
-BATCH_HOURS, BATCH_ROWS = 48, 2_000_000
-"""Hours and stored rows per batch. Hours of a busy site are computed one by one, so that memory stays bounded."""
+BATCH_HOURS, BATCH_ROWS = 24, 2_000_000
+"""Hours and stored rows per batch, which begins with a UTC day where it can: so most files are written at once, and the
+columns of a day fit into caches. Hours of a busy site are computed one by one, so that memory stays bounded."""
 QUIET_HOURS, QUIET_ROWS = 168, 500_000
 """A batch of a quiet site goes on for a week: with so few rows, planning the queries costs more than running them."""
 
@@ -76,8 +77,6 @@ def build(
             do not match the hash in its name.
         DiskError: E304 to E306, the disk failed.
     """
-    import duckdb
-
     store, root = Store(site.root / "store", site_id=site.site_id), site.root / "facts"
     try:
         if has_lock:
@@ -94,13 +93,19 @@ def build(
                 unneeded += [*superseded_anywhere(site, result), *superseded.temporaries(root)]
             superseded.clear(root, unneeded, has_published=is_published)
             return result
-    except (duckdb.Error, pa.ArrowException, UnicodeDecodeError, OSError) as error:
+    except (*_errors_of_duckdb(), pa.ArrowException, UnicodeDecodeError, OSError) as error:
         if refused := disk_error(error):
             raise refused from None
         store.refuse_damaged()
         if isinstance(error, pa.ArrowException | UnicodeDecodeError):
             raise damaged_facts(error) from error
         raise
+
+
+def _errors_of_duckdb() -> tuple[type[Exception], ...]:
+    import duckdb  # asked for after an error only: facts without a query need no DuckDB
+
+    return (duckdb.Error,)
 
 
 def _build(
@@ -259,10 +264,13 @@ def _write_hours(
         )
         for relation, rows in facts:
             name = relation.name
-            for hour, rows_of_hour in slices(rows, "hour", wanted[name]):
-                key = (name, hour // 24)
+            hours_of: dict[int, list[int]] = defaultdict(list)
+            for hour in wanted[name]:
+                hours_of[hour // 24].append(hour)
+            for day, hours in hours_of.items():
+                key = (name, day)
                 writer = writers.pop(key, None) or files.writer(*key)
-                writer.add(hour, rows_of_hour)
+                writer.add(hours, rows)
                 if not writer.is_done:
                     writers[key] = writer
         if on_hours is not None:
@@ -365,17 +373,26 @@ def _fresh_days(
 
 
 def _batches(units: Sequence[Unit]) -> Iterator[Sequence[Unit]]:
-    """Yield runs of units within the limits of hours (or as many days) and rows; each holds at least one unit."""
+    """Yield runs of units within the limits of hours (or as many days) and rows; each holds at least one unit.
+
+    A run goes on with a further day only if the whole of it fits: then each file is written with the rows of one run.
+    """
+    n_rows = {u.number: sum(pq.read_metadata(p.path).num_rows for t in TABLES for p in u.own_parts(t)) for u in units}
+    of_day: Counter[int] = Counter()
+    for number, n in n_rows.items():
+        of_day[number // BATCH_HOURS] += n
     batch: list[Unit] = []
-    n_rows = 0
+    held = 0
     for unit in units:
-        own = sum(pq.read_metadata(p.path).num_rows for t in TABLES for p in unit.own_parts(t))
-        span = unit.number - batch[0].number if batch else 0
-        is_within = span < BATCH_HOURS and n_rows + own <= BATCH_ROWS
-        if batch and not is_within and not (span < QUIET_HOURS and n_rows + own <= QUIET_ROWS):
-            yield batch
-            batch, n_rows = [], 0
+        own, day = n_rows[unit.number], unit.number // BATCH_HOURS
+        if batch:
+            ahead = own if day == batch[-1].number // BATCH_HOURS else of_day[day]
+            is_within = day == batch[0].number // BATCH_HOURS and held + own <= BATCH_ROWS
+            is_quiet = unit.number - batch[0].number < QUIET_HOURS and held + ahead <= QUIET_ROWS
+            if not is_within and not is_quiet:
+                yield batch
+                batch, held = [], 0
         batch.append(unit)
-        n_rows += own
+        held += own
     if batch:
         yield batch

@@ -17,7 +17,7 @@ from vsd_analytics.warehouse.arrays.camera_days import camera_days as days_of_ca
 from vsd_analytics.warehouse.arrays.held import ENUMS, Held
 from vsd_analytics.warehouse.arrays.stored import columns_of, id_names, read_records
 from vsd_analytics.warehouse.dimensions import camera_table, params, quarters, register_site, site_relations
-from vsd_analytics.warehouse.duckdb_failures import INSIDE, failed_inside
+from vsd_analytics.warehouse.duckdb_failures import failed_inside, inside
 from vsd_analytics.warehouse.graphs import components
 from vsd_analytics.warehouse.input_fingerprint import dependencies
 from vsd_analytics.warehouse.reach import reach_ms
@@ -64,6 +64,8 @@ def hour_facts(
     by_queries: bool = False,
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield hourly facts with their rows of the hours from `first_hour` to `last_hour`, by hour and grain.
+
+    Ids are texts, or dictionaries that have other names, too.
 
     The rows of an hour depend only on the records of that hour and of its two neighbours at most `reach_ms` away, not
     on the other hours that are computed with it.
@@ -112,7 +114,7 @@ def hour_facts(
                         if not any(table in later.reads for later in order[number + 1 :]):
                             held.forget(table)
             return
-        except INSIDE as error:
+        except inside() as error:
             if is_careful:
                 raise failed_inside(
                     error, relation=name, parts=parts, first_hour=first_hour, last_hour=last_hour

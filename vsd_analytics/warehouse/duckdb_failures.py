@@ -10,15 +10,20 @@ import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 
-import duckdb
-
 from vsd_analytics.errors import SqlError
 from vsd_analytics.schema import TableName
 from vsd_analytics.store.duck import connect
 from vsd_analytics.store.layout import Part
 
-INSIDE = (duckdb.InternalException, duckdb.FatalException)
-"""Errors that DuckDB raises when it fails internally, and on every query after that."""
+
+def inside() -> tuple[type[Exception], ...]:
+    """Return the errors that DuckDB raises when it fails internally, and on every query after that.
+
+    They are looked up where an error came, so that facts without a query need not import DuckDB.
+    """
+    import duckdb
+
+    return duckdb.InternalException, duckdb.FatalException
 
 
 def failed_inside(
@@ -71,6 +76,8 @@ def _most_crowded(parts: Iterable[Part]) -> tuple[str, int, int] | None:
     names = [str(p.path) for p in parts]
     if not names:
         return None
+    import duckdb
+
     with contextlib.suppress(duckdb.Error), connect(is_careful=True) as con:
         found = con.execute(
             "select camera_id, epoch_ms(ts), count(*) from read_parquet($names, union_by_name = true) "

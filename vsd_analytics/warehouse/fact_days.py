@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -71,6 +72,7 @@ class FactDays:
         self._hashes: dict[tuple[int, tuple[str, ...]], str] = {}
         self._noted: dict[tuple[str, int], dict[Path, dict[int, dict[str, str]]]] = {}
         self._names: dict[int, Mapping[str, frozenset[str]]] = {}
+        self._torn_of: dict[int, Collection[str]] = {}
         self._is_trusting, self._write = is_trusting, write or _publish
 
     @cached_property
@@ -116,7 +118,7 @@ class FactDays:
         changed, has_any, has_fresh = set[str](), False, False
         for name in self.names:
             is_fresh = name not in self.missing.get(day, ())
-            has_fresh |= is_fresh or self.paths[name][day].exists()
+            has_fresh = has_fresh or is_fresh or name in self._torn(day)
             older = () if is_fresh else self._older(name, day).values()
             noted = [hours[unit.number] for hours in older if unit.number in hours]
             has_any |= is_fresh or bool(noted)
@@ -128,6 +130,13 @@ class FactDays:
             return "incomplete" if has_fresh else "new"
         # No input of an old file changed: a fresh file is torn or gone, or nobody asked for the fact so far.
         return stale_reason(changed) or ("incomplete" if has_fresh else "SQL changed")
+
+    def _torn(self, day: int) -> Collection[str]:
+        """Return the facts whose fresh file is there but not whole."""
+        if day not in self._torn_of:
+            names = self.missing.get(day, ())
+            self._torn_of[day] = {name for name in names if self.paths[name][day].exists()}
+        return self._torn_of[day]
 
     def holds(self, hour: int) -> bool:
         """Return whether any fact has a file that holds an hour, computed from whatever inputs."""
@@ -210,13 +219,19 @@ class DayWriter:
         self._left = sorted(hours, reverse=True)
         self._file = FactWriter(by_kind(hours))
 
-    def add(self, hour: int, rows: pa.Table) -> None:
-        """Append the rows of the next hour that is not reused."""
+    def add(self, hours: Sequence[int], rows: pa.Table) -> None:
+        """Append the rows of the next hours that are not reused; `rows` may have other hours, too, in order."""
         self.add_reused()
-        assert self._left[-1] == hour
-        self._left.pop()
-        self._file.add(rows)
-        self.add_reused()
+        if self._left[: -len(hours) - 1 : -1] == hours and self._file.has_room(whole := together(rows, "hour", hours)):
+            del self._left[-len(hours) :]
+            self._file.add(whole)
+            self.add_reused()
+            return
+        for hour, of_hour in slices(rows, "hour", hours):  # a row group may end with any of them
+            assert self._left[-1] == hour
+            self._left.pop()
+            self._file.add(of_hour)
+            self.add_reused()
 
     @property
     def is_done(self) -> bool:
@@ -261,12 +276,19 @@ def damaged_facts(error: object, why: str = "") -> StoreError:
 
 def slices(rows: pa.Table, column: str, numbers: Iterable[int]) -> Iterator[tuple[int, pa.Table]]:
     """Yield numbers with their rows, given rows in order of the numbers in `column`."""
-    import numpy as np
-
     column_of = rows[column].to_numpy()
     for number in numbers:
         first, after = np.searchsorted(column_of, [number, number + 1])
         yield number, rows.slice(int(first), int(after - first))
+
+
+def together(rows: pa.Table, column: str, numbers: Sequence[int]) -> pa.Table:
+    """Return the rows of some numbers, in order, given rows in order of the numbers in `column`."""
+    of = np.asarray(numbers)
+    first, after = np.searchsorted(rows[column].to_numpy(), [of, of + 1])
+    if np.array_equal(first[1:], after[:-1]):
+        return rows.slice(int(first[0]), int(after[-1] - first[0]))
+    return pa.concat_tables(rows.slice(int(f), int(n)) for f, n in zip(first, after - first, strict=True))
 
 
 def is_whole(path: Path) -> bool:

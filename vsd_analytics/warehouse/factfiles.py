@@ -11,12 +11,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
+
+from vsd_analytics.warehouse.arrays.held import ENUMS
 
 INPUTS = b"vsd.causes"
 """Metadata key of the input hashes. Every file on disk has it, so it keeps its name from before they were "inputs"."""
@@ -43,12 +47,18 @@ class FactWriter:
         self._sink = pa.BufferOutputStream()
         self._writer: pq.ParquetWriter | None = None
         self._pieces: list[pa.Table] = []
+        self._n_rows = 0
 
     def add(self, rows: pa.Table) -> None:
-        """Append rows; all pieces have the same columns."""
+        """Append rows; all pieces have the same columns. Dictionaries of ids may have names that no row has."""
         self._pieces.append(rows)
-        if sum(piece.num_rows for piece in self._pieces) >= ROW_GROUP:
+        self._n_rows += rows.num_rows
+        if self._n_rows >= ROW_GROUP:
             self._flush()
+
+    def has_room(self, rows: pa.Table) -> bool:
+        """Return whether a row group goes on after some more rows."""
+        return self._n_rows + int(rows.num_rows) < ROW_GROUP
 
     def finish(self) -> bytes:
         """Return the bytes of the file; at least one piece was added, with or without rows."""
@@ -62,8 +72,8 @@ class FactWriter:
         return blank[:place] + _digest(blank) + blank[place + len(_ZEROS) :]
 
     def _flush(self) -> None:
-        rows = pa.concat_tables(self._pieces).combine_chunks()
-        self._pieces = []
+        rows = _with_own_names(self._pieces)
+        self._pieces, self._n_rows = [], 0
         if self._writer is None:
             self._writer = pq.ParquetWriter(
                 self._sink,
@@ -75,9 +85,44 @@ class FactWriter:
                 # Instants rise from row to row, so their differences are small; all else repeats within a day, and
                 # where it does not, Parquet gives the dictionary up by itself.
                 use_dictionary=[name for name in rows.column_names if not name.endswith(_INSTANTS)],
+                # Every row group has ids from end to end of their order: comparing each for that finds nothing to skip.
+                write_statistics=[name for name in rows.column_names if name not in ENUMS],
                 column_encoding={n: "DELTA_BINARY_PACKED" for n in rows.column_names if n.endswith(_INSTANTS)},
             )
         self._writer.write_table(rows.replace_schema_metadata(), row_group_size=max(1, rows.num_rows))
+
+
+def _with_own_names(pieces: Sequence[pa.Table]) -> pa.Table:
+    """Return pieces as one table, with ids as dictionaries of the names that occur, in order.
+
+    So the writer need not look up the text of each row, and a file holds no names of other days.
+    """
+    rows = pa.concat_tables(map(_with_dictionaries, pieces))
+    if any(column.num_chunks != 1 for column in rows.columns):  # else these steps would only copy
+        rows = rows.unify_dictionaries().combine_chunks()
+    columns = (_own_names(rows[name]) if name in ENUMS else rows[name] for name in rows.column_names)
+    return pa.table(list(columns), rows.column_names)
+
+
+def _with_dictionaries(rows: pa.Table) -> pa.Table:
+    for name in (c for c in rows.column_names if c in ENUMS and pa.types.is_string(rows[c].type)):
+        rows = rows.set_column(rows.column_names.index(name), name, rows[name].dictionary_encode())
+    return rows
+
+
+def _own_names(column: pa.ChunkedArray) -> pa.DictionaryArray:
+    ids = column.chunk(0) if column.num_chunks else pa.array([], column.type)
+    n = len(ids.dictionary)
+    codes = (ids.indices.fill_null(n) if ids.null_count else ids.indices).to_numpy()
+    used = np.flatnonzero(np.bincount(codes, minlength=n)[:n])
+    names = ids.dictionary.take(pa.array(used))
+    if not pc.all(pc.less(names[:-1], names[1:])).as_py():  # those of a batch are in order
+        order = pc.sort_indices(names)
+        names, used = names.take(order), used[order.to_numpy()]
+    number = np.zeros(n + 1, dtype=np.int32)
+    number[used] = np.arange(len(used))
+    own = pa.array(number.take(codes), mask=codes == n if ids.null_count else None)
+    return pa.DictionaryArray.from_arrays(own, names, safe=False)
 
 
 def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, Any], noted: Mapping[bytes, bytes] | None = None) -> bytes:

@@ -23,7 +23,7 @@ from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.day_files import AROUND_H, DayFiles
 from vsd_analytics.warehouse.dimensions import calendar, register_site, site_days
-from vsd_analytics.warehouse.duckdb_failures import INSIDE, failed_inside
+from vsd_analytics.warehouse.duckdb_failures import failed_inside, inside
 from vsd_analytics.warehouse.relations import Catalog
 from vsd_analytics.warehouse.sealed import OtherRules, other_rules
 from vsd_analytics.warehouse.sources import RelationSources
@@ -248,7 +248,7 @@ class Warehouse:
                         raise
                     is_limited = False
                     self._con.execute("reset memory_limit")
-                except INSIDE as error:
+                except inside() as error:
                     if self._is_careful:
                         raise self._failed_inside(error, relation) from error
                     self._is_careful = True

@@ -26,9 +26,16 @@ NULL = -(2**62)
 """An unknown number. Sums of two stay far below every number that is known."""
 
 
+def picked(values: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
+    """Return the values of some rows, by number; all of them are there, so nothing is checked, which takes a third."""
+    return values.take(rows, mode="clip")
+
+
 def take(columns: Columns, rows: NDArray[Any], *names: str) -> Columns:
     """Return some rows, by number or by mask, of the columns with these names; of all columns without names."""
-    return {name: columns[name][rows] for name in names or columns}
+    if rows.dtype == np.bool_:
+        rows = np.flatnonzero(rows)
+    return {name: picked(columns[name], rows) for name in names or columns}
 
 
 def order_by(*keys: NDArray[Any]) -> Ints:
@@ -44,7 +51,7 @@ def grouped_by(*keys: NDArray[Any]) -> tuple[Ints, Ints]:
         order = np.lexsort(keys[::-1])
         return order, starts_of(*(key[order] for key in keys))
     order = _order(packed, n_bits)
-    return order, starts_of(packed[order])
+    return order, starts_of(picked(packed, order))
 
 
 def packed_keys(*keys: NDArray[Any]) -> tuple[Ints | None, int]:
@@ -75,7 +82,7 @@ def _order(packed: Ints, n_bits: int) -> Ints:
             return order
     order = np.argsort(packed.astype(np.uint16), kind="stable")  # a cast takes the lowest 16 bits
     for shift in range(_DIGIT_BITS, n_bits, _DIGIT_BITS):
-        order = order[np.argsort((packed >> shift).astype(np.uint16)[order], kind="stable")]
+        order = picked(order, np.argsort(picked((packed >> shift).astype(np.uint16), order), kind="stable"))
     return order
 
 

@@ -11,6 +11,7 @@ from vsd_analytics.warehouse.arrays.columns import (
     greatest,
     least,
     order_by,
+    picked,
     rounded,
     starts_of,
     sums,
@@ -29,13 +30,13 @@ def shared_tracks(held: Held, site: SiteTables) -> Columns:
     clusters, people = held["gathering_clusters"], held["clustered"]
     number = np.full(len(people["ts_ms"]), -1, dtype=np.int64)
     number[clusters["_row"]] = np.arange(len(clusters["_row"]))
-    cluster = number[held["frame_clusters"]["_first"]]
+    cluster = picked(number, held["frame_clusters"]["_first"])
     rows = np.flatnonzero((cluster >= 0) & (people["track_id"] >= 0))
-    cluster, track = cluster[rows], people["track_id"][rows]
+    cluster, track = picked(cluster, rows), picked(people["track_id"], rows)
     order = order_by(cluster, track)
-    cluster, track = cluster[order], track[order]
+    cluster, track = picked(cluster, order), picked(track, order)
     once = starts_of(cluster, track)  # an engine may send one id twice in a frame
-    cluster, track = cluster[once], track[once]
+    cluster, track = picked(cluster, once), picked(track, once)
     starts = starts_of(cluster)
     place = np.arange(len(cluster)) - np.repeat(starts, np.diff(starts, append=len(cluster)))
     is_crowd = clusters["n_people"][cluster] > _CROWD
@@ -43,10 +44,11 @@ def shared_tracks(held: Held, site: SiteTables) -> Columns:
     for rows, reach in ((np.flatnonzero(~is_crowd), _CROWD), (np.flatnonzero(is_crowd), _STEPS)):
         found += [(rows[a], rows[b]) for a, b in beside(cluster[rows], place[rows], reach)]
     a, b = (np.concatenate([once[:0], *(f[i] for f in found)]) for i in range(2))
-    camera = clusters["camera_id"][cluster[a]]
-    order = order_by(camera, track[a], track[b], cluster[a])
-    of, a, b = cluster[a[order]], track[a[order]], track[b[order]]
-    camera, ts, gap = camera[order], clusters["ts_ms"][of], clusters["gap_ms"][of]
+    of, a, b = picked(cluster, a), picked(track, a), picked(track, b)
+    camera = picked(clusters["camera_id"], of)
+    order = order_by(camera, a, b, of)
+    camera, of, a, b = (picked(values, order) for values in (camera, of, a, b))
+    ts, gap = picked(clusters["ts_ms"], of), picked(clusters["gap_ms"], of)
     is_next = np.zeros(len(of), dtype=np.bool_)
     is_next[1:] = (camera[1:] == camera[:-1]) & (a[1:] == a[:-1]) & (b[1:] == b[:-1]) & (ts[1:] - ts[:-1] <= gap[1:])
     before = np.maximum(np.arange(len(of)) - 1, 0)

@@ -124,7 +124,7 @@ class Held:
             self._create(name, pa.table({c: _array(c, rows[c]) for c in columns}), _named)
 
     def table(self, relation: Relation, first_hour: int, last_hour: int) -> pa.Table:
-        """Return the rows of a held fact in a range of hours, with texts for ids; the rows are in order of hours."""
+        """Return the rows of a held fact in a range of hours, in order of hours; ids are dictionaries."""
         rows = self._columns[relation.name]
         first, after = np.searchsorted(rows["hour"], [first_hour, last_hour + 1])
         found = {}
@@ -134,8 +134,7 @@ class Held:
             if values.dtype == object or enum is None:
                 found[column] = pa.array(values, pa.string()) if values.dtype == object else _array(column, values)
             else:
-                names = self._names[enum]
-                found[column] = names.take(_array(column, values)) if len(names) else pa.nulls(len(values), pa.string())
+                found[column] = pa.DictionaryArray.from_arrays(_array(column, values), self._names[enum], safe=False)
         return pa.table(found)
 
     def names_of(self, enum: str) -> pa.Array:
@@ -174,7 +173,8 @@ def _array(column: str, values: NDArray[Any]) -> pa.Array:
     if values.dtype == np.bool_:
         return pa.array(values)
     if ENUMS.get(column) is not None:
-        return pa.array(values.astype(np.int32, copy=False), mask=values < 0)
+        is_unknown = values < 0
+        return pa.array(values.astype(np.int32, copy=False), mask=is_unknown if is_unknown.any() else None)
     if values.dtype.kind == "f":
         return pa.array(values, mask=np.isnan(values))
     is_unknown = values == NULL

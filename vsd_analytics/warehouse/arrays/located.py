@@ -11,6 +11,7 @@ from vsd_analytics.warehouse.arrays.columns import (
     distinct,
     ends_of,
     order_by,
+    picked,
     rounded,
     starts_of,
     take,
@@ -84,24 +85,24 @@ def located(held: Held, site: SiteTables) -> Columns | None:
     key = frame * (site.n_tracks + 1)
     key += np.where(track < 0, site.n_tracks, track)  # nulls last
     rows = order_by(key)
-    ordered = key[rows]
+    ordered = picked(key, rows)
     if np.any(ordered[1:] == ordered[:-1]):  # people without ids are numbered by place
         places = (np.where(v == NULL, _AFTER_ALL, v) for v in (x, y))
         pixels = (np.where(np.isnan(v), np.inf, v) for v in (stored["u_px"], stored["v_px"]))
         rows = np.lexsort((key, *places, *pixels, stored["person"])[::-1])
     n_unknown = int(np.searchsorted(ordered, 0))  # records of cameras that vsd.toml does not name
     rows, ordered = rows[n_unknown:], ordered[n_unknown:]
-    frame, camera, ts, x, y = frame[rows], camera[rows], ts[rows], x[rows], y[rows]
+    frame, camera, ts, x, y = (picked(of, rows) for of in (frame, camera, ts, x, y))
     starts = starts_of(frame)
     first = np.repeat(starts, np.diff(starts, append=len(frame)))
     return {
         "camera_id": camera,
         "ts_ms": ts,
         "member": np.arange(1, len(frame) + 1) - first,
-        "track_id": track[rows],
+        "track_id": picked(track, rows),
         "x_mm": x,
         "y_mm": y,
-        "weight_ms": frames["weight_ms"][frame],
+        "weight_ms": picked(frames["weight_ms"], frame),
         "is_owned": site.floors.is_owned(camera, ts, x, y),
         "_frame": frame,
         "_key": ordered,

@@ -12,6 +12,7 @@ from vsd_analytics.warehouse.arrays.columns import (
     distinct,
     grouped_by,
     order_by,
+    picked,
     run_of,
     take,
 )
@@ -60,30 +61,31 @@ def _derived(located: Columns, placed: Ints, site: SiteTables) -> Columns:
         frame, x, y = frame[placed], x[placed], y[placed]
     reach = int(site.params["pair_max_mm"])
     one, other, square = near(frame, x, y, reach)
-    a, b = placed[np.minimum(one, other)], placed[np.maximum(one, other)]
-    hour = located["ts_ms"][a] // HOUR_MS
+    a, b = picked(placed, np.minimum(one, other)), picked(placed, np.maximum(one, other))
+    ts = picked(located["ts_ms"], a)
+    hour = ts // HOUR_MS
     # people of frames without a crowd were compared in order
     order = order_by(hour, a, b) if np.bincount(frame, minlength=1).max() > _CROWD else order_by(hour)
-    a, b, hour, square = a[order], b[order], hour[order], square[order]
-    camera, ts = located["camera_id"][a], located["ts_ms"][a]
-    x_a, y_a, x_b, y_b = (located[c][side] for side in (a, b) for c in ("x_mm", "y_mm"))
+    a, b, hour, square, ts = (picked(of, order) for of in (a, b, hour, square, ts))
+    camera = picked(located["camera_id"], a)
+    x_a, y_a, x_b, y_b = (picked(located[c], side) for side in (a, b) for c in ("x_mm", "y_mm"))
     return {
         "hour": hour,
         "camera_id": camera,
         "ts_ms": ts,
-        "member_a": located["member"][a],
-        "member_b": located["member"][b],
-        "track_a": located["track_id"][a],
-        "track_b": located["track_id"][b],
+        "member_a": picked(located["member"], a),
+        "member_b": picked(located["member"], b),
+        "track_a": picked(located["track_id"], a),
+        "track_b": picked(located["track_id"], b),
         "x_a_mm": x_a,
         "y_a_mm": y_a,
         "x_b_mm": x_b,
         "y_b_mm": y_b,
         "distance_mm": np.sqrt(square).astype(np.int64),
-        "weight_ms": located["weight_ms"][a],
+        "weight_ms": picked(located["weight_ms"], a),
         "is_owned": site.floors.is_owned(camera, ts, x_a + x_b, y_a + y_b, 2),
         "is_derived": np.ones(len(a), dtype=np.bool_),
-        "_frame": located["_frame"][a],
+        "_frame": picked(located["_frame"], a),
         "_a": a,
         "_b": b,
         "_row_a": a,
@@ -203,7 +205,7 @@ def _near_of_few(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints,
         one.append(row + first)
         other.append(row + first + n_on)
     a, b = np.concatenate(one), np.concatenate(other)
-    return a, b, (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
+    return a, b, (picked(x, a) - picked(x, b)) ** 2 + (picked(y, a) - picked(y, b)) ** 2
 
 
 def with_rows(pairs: Columns, instants: Columns, located: Columns) -> Columns:

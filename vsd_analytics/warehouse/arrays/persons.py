@@ -14,6 +14,7 @@ from vsd_analytics.warehouse.arrays.columns import (
     counted,
     grouped_by,
     order_by,
+    picked,
     run_of,
     starts_of,
     summed,
@@ -32,7 +33,7 @@ def in_violation(held: Held, site: SiteTables) -> Columns:
     pairs = held["pairs"]
     close = np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"])
     person, own, other = (
-        np.concatenate([pairs[c][close] for c in sides])
+        np.concatenate([picked(pairs[c], close) for c in sides])
         for sides in (("_a", "_b"), ("track_a", "track_b"), ("track_b", "track_a"))
     )
     n_others = np.bincount(person)
@@ -62,7 +63,7 @@ def _people(held: Held, rows: Ints, numbers: Ints, site: SiteTables) -> Columns:
     pairs = held["pairs"]
     columns = ("camera_id", "ts_ms", "member", "x_mm", "y_mm", "weight_ms", "is_owned")
     if pairs["is_derived"].all():  # then their numbers are those of their records
-        return {c: held["located"][c][numbers] for c in columns}
+        return take(held["located"], numbers, *columns)
     n = int(numbers[-1]) + 1 if len(numbers) else 0
     person = np.concatenate([pairs["_a"][rows], pairs["_b"][rows]])
     of = np.zeros(n, dtype=np.int64)
@@ -182,14 +183,16 @@ def company_times(held: Held, site: SiteTables) -> Columns:
     row_of = np.full(n, -1, dtype=np.int64)
     row_of[persons["_person"][is_known]] = np.flatnonzero(is_known)
     close = np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"])
-    person = np.concatenate([pairs["_a"][close], pairs["_b"][close]])
-    other = np.concatenate([pairs["track_b"][close], pairs["track_a"][close]])
-    is_wanted = person < n
-    is_wanted[is_wanted] = row_of[person[is_wanted]] >= 0
-    row, other = row_of[person[is_wanted]], other[is_wanted]
+    person, other = (
+        np.concatenate([picked(pairs[c], close) for c in sides]) for sides in (("_a", "_b"), ("track_b", "track_a"))
+    )
+    wanted = np.flatnonzero(person < n)
+    row = picked(row_of, picked(person, wanted))
+    is_known = row >= 0
+    row, other = row[is_known], picked(other, wanted[is_known])
     order = order_by(row, other)
-    row, other = row[order], other[order]
-    company = _companies(row, other, len(is_known), site)
+    row, other = picked(row, order), picked(other, order)
+    company = _companies(row, other, len(persons["ts_ms"]))
     track = np.where(persons["track_id"] < 0, site.n_tracks, persons["track_id"])
     bucket = bucket_of(persons["ts_ms"], site)
     keys = (bucket, persons["camera_id"], track, company)
@@ -208,7 +211,7 @@ def company_times(held: Held, site: SiteTables) -> Columns:
     )
 
 
-def _companies(row: Ints, other: Ints, n: int, site: SiteTables) -> Ints:
+def _companies(row: Ints, other: Ints, n: int) -> Ints:
     """Return a number of the company of each of `n` rows, given their others in order; 0 without any."""
     starts = starts_of(row)
     n_others = np.diff(starts, append=len(row))

@@ -6,10 +6,13 @@ import numpy as np
 
 from vsd_analytics.warehouse.arrays.columns import (
     NULL,
+    Bools,
     Columns,
+    Ints,
     ends_of,
     grouped_by,
     order_by,
+    picked,
     run_of,
     starts_of,
     sums,
@@ -28,9 +31,9 @@ def close_records(held: Held, site: SiteTables) -> Columns:
     is_close = (pairs["distance_mm"] < site.params["distance_mm"]) & (pairs["track_a"] >= 0) & (pairs["track_b"] >= 0)
     rows = np.flatnonzero(is_close)
     a, b, camera = pairs["track_a"][rows], pairs["track_b"][rows], pairs["camera_id"][rows]
-    order = order_by(camera, np.minimum(a, b), np.maximum(a, b), pairs["_frame"][rows])
+    order = order_by(camera, np.minimum(a, b), np.maximum(a, b))  # those of a camera are in order of instants
     named = ("hour", "camera_id", "ts_ms", "track_a", "track_b", "distance_mm", "weight_ms", "is_owned", "_frame")
-    pairs = take(pairs, rows[order], *named, "x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm")
+    pairs = take(pairs, picked(rows, order), *named, "x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm")
     camera, ts, hour = pairs["camera_id"], pairs["ts_ms"], pairs["hour"]
     is_turned = pairs["track_a"] > pairs["track_b"]
     a, b = (
@@ -56,14 +59,13 @@ def close_records(held: Held, site: SiteTables) -> Columns:
     is_run_start[1:] |= hour[1:] != hour[:-1]
     run_starts = np.flatnonzero(is_run_start)
     run = run_of(run_starts, n)
-    after = np.minimum(np.arange(1, n + 1), max(0, n - 1))
     return {
         "hour": hour,
         "camera_id": camera,
         "track_a": a,
         "track_b": b,
         "ts_ms": ts,
-        "started_ms": ts[run_starts][run],
+        "started_ms": picked(ts[run_starts], run),
         "weight_ms": pairs["weight_ms"],
         "interval_ms": interval,
         "gap_ms": gap,
@@ -72,12 +74,18 @@ def close_records(held: Held, site: SiteTables) -> Columns:
         "is_owned": pairs["is_owned"],
         "follows": follows,
         "is_followed": ~is_last & (step <= gap),
-        "next_ms": np.where(is_last, NULL, ts[after]),
-        **{f"next_{name}": np.where(is_last, NULL, values[after]) for name, values in places.items()},
+        **{f"next_{name}": _next(values, is_last) for name, values in (("ms", ts), *places.items())},
         "_run": run,
         "_pair": run_of(pair_starts, n),
         "_frame": pairs["_frame"],
     }
+
+
+def _next(values: Ints, is_last: Bools) -> Ints:
+    """Return the value of the row after each, NULL for the last ones of their group."""
+    found = np.append(values[1:], NULL)[: len(values)]
+    found[is_last] = NULL
+    return found
 
 
 def episode_cells(held: Held, site: SiteTables) -> Columns:

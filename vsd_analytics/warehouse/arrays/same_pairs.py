@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,10 @@ from vsd_analytics.warehouse.arrays.columns import (
     Bools,
     Columns,
     Ints,
-    beside,
     grouped_by,
     least,
     order_by,
-    packed_keys,
+    picked,
     run_of,
     starts_of,
     take,
@@ -26,6 +25,10 @@ from vsd_analytics.warehouse.arrays.site_tables import SiteTables
 
 _REACH_MM = 500
 _FARTHEST_MS, _STAY_MS = 4000, 1000
+_HOUR_S = 3600 + _FARTHEST_MS // 1000 + 2
+"""More seconds than records of an hour reach over."""
+_ROWS, _FEW = 16_384, 8
+"""Rows that are compared at once, and the share of them, an eighth, that costs less to pick out."""
 _SPAN_S = 2**33
 """More seconds than any batch has."""
 
@@ -57,7 +60,7 @@ def same_pairs(held: Held, site: SiteTables) -> Columns:
 def _seen(records: Columns, site: SiteTables) -> Columns:
     """Return where pairs were at whole seconds, on floor from which several cameras may report.
 
-    Rows are in order of `_group`, a floor and second of an hour, and of `_x`, the whole millimetres of x2.
+    Rows are in order of records; `_group` numbers the floor and second of an hour.
     """
     x2, y2 = (records[f"{c}_a_mm"] + records[f"{c}_b_mm"] for c in ("x", "y"))
     is_shared = site.floors.owner(records["camera_id"], records["ts_ms"], x2, y2, 2) >= 0
@@ -69,47 +72,44 @@ def _seen(records: Columns, site: SiteTables) -> Columns:
     to_ms = np.where(is_walking, r["next_ms"], ts + np.minimum(r["interval_ms"], _STAY_MS))
     first = -(-ts // 1000)
     n_seconds = np.maximum(0, -(-to_ms // 1000) - first)
-    ends = np.cumsum(n_seconds)
-    step = np.arange(ends[-1] if len(ends) else 0) - np.repeat(ends - n_seconds, n_seconds)
+    n_before = np.cumsum(n_seconds) - n_seconds
+    row = np.repeat(np.arange(len(ts)), n_seconds)
+    step = np.arange(len(row))
 
-    def each(of_record: NDArray[Any]) -> NDArray[Any]:
-        return np.repeat(of_record, n_seconds)
+    def each(at_first: Ints) -> Ints:
+        """Return a number of each second, given that of the first second of each record; it rises with seconds."""
+        found = picked(at_first - n_before, row)
+        found += step
+        return found
 
-    second = each(first) + step
-    share = (1000 * second - each(ts)) / each(to_ms - ts)
-    here = {p: r[p] for p in places}
-    there = {p: np.where(is_walking & (r[f"next_{p}"] != NULL), r[f"next_{p}"], r[p]) for p in places}
-    found = {p: each(here[p]) + share * each(there[p] - here[p]) for p in places}
-    for c in "xy":
-        start, end = here[f"{c}_a_mm"] + here[f"{c}_b_mm"], there[f"{c}_a_mm"] + there[f"{c}_b_mm"]
-        found[f"{c}2_mm"] = each(start) + share * each(end - start)
-    x = np.floor(found["x2_mm"]).astype(np.int64)
-    # records reach at most four seconds beyond their hour, so that seconds of an hour are small numbers
-    floor, of_hour = site.floors.of_camera[r["camera_id"]], first - 3600 * r["hour"]
-    group, _ = packed_keys(each(floor), each(r["hour"]), each(of_hour) + step)
-    assert group is not None
-    order = order_by(group, x)
-    # records of a run are in order of time, and no second lies in two of them
-    run_seconds = each(r["_run"]) * _SPAN_S + (second - int(second.min(initial=2**62)))
+    share = each(first) * 1000
+    share -= picked(ts, row)
+    share = share / picked(to_ms - ts, row)
+    moved = {p: np.where(is_walking & (r[f"next_{p}"] != NULL), r[f"next_{p}"] - r[p], 0) for p in places}
+    start, way = ({**of, **{f"{c}2_mm": of[f"{c}_a_mm"] + of[f"{c}_b_mm"] for c in "xy"}} for of in (r, moved))
+    found = {}
+    for p in ("x2_mm", "y2_mm", *places):
+        found[p] = picked(way[p].astype(np.float64), row)
+        found[p] *= share
+        found[p] += picked(start[p].astype(np.float64), row)
+    hour = r["hour"] - r["hour"].min(initial=2**62)
+    floor = site.floors.of_camera[r["camera_id"]] * (hour.max(initial=0) + 1)
     return {
-        **{name: each(r[name])[order] for name in ("camera_id", "_run")},
-        "_run_seconds": run_seconds,
-        **take(found, order),
-        "_x": x[order],
-        "_group": group[order],
+        "camera_id": picked(r["camera_id"], row),
+        "_run": picked(r["_run"], row),
+        # records of a run are in order of time, and no second lies in two of them
+        "_run_seconds": each(r["_run"] * _SPAN_S + first - first.min(initial=2**62)),
+        **found,
+        "_group": each((floor + hour) * _HOUR_S + first - 3600 * r["hour"]),
     }
 
 
 def _near(seen: Columns) -> Columns:
     """Return the pairs of two cameras in the same place in a second, with the square of how far they are apart."""
     found = []
-    # a little farther than the reach, because halving and adding round: the squares below decide
-    for one, other in beside(seen["_group"], seen["_x"], 2 * _REACH_MM + 2):
-        is_beside = np.abs(seen["y2_mm"][one] - seen["y2_mm"][other]) <= 2 * _REACH_MM + 1
-        camera, other_camera = seen["camera_id"][one], seen["camera_id"][other]
-        rows = np.flatnonzero(is_beside & (camera != other_camera))
-        p, q, is_turned = one[rows], other[rows], camera[rows] > other_camera[rows]
-        p, q = np.where(is_turned, q, p), np.where(is_turned, p, q)
+    for one, other in _beside(seen):
+        is_turned = picked(seen["camera_id"], one) > picked(seen["camera_id"], other)
+        p, q = np.where(is_turned, other, one), np.where(is_turned, one, other)
         a, b, c, d = (_places(seen, row, side) for row in (p, q) for side in "ab")
         square = np.minimum(np.maximum(_square(a, c), _square(b, d)), np.maximum(_square(a, d), _square(b, c)))
         rows = np.flatnonzero(square <= _REACH_MM**2)
@@ -121,8 +121,49 @@ def _near(seen: Columns) -> Columns:
     return {"p": p, "q": q, "square_mm2": square}
 
 
+def _beside(seen: Columns) -> Iterator[tuple[Ints, Ints]]:
+    """Yield the pairs of rows of two cameras in one second that are within reach along both axes, in blocks.
+
+    In order of x, rows of a block are compared with those k rows on, k = 1, 2, ... while any are within reach along x,
+    so that whole stretches of columns are read; only when few rows are left are these picked out.
+    """
+    # a little farther than the reach, because halving and adding round: the squares decide
+    reach = 2 * _REACH_MM + 2
+    x = np.floor(seen["x2_mm"]).astype(np.int64)
+    order = order_by(seen["_group"], x)
+    low = int(x.min(initial=0))
+    key = picked(seen["_group"] * np.int64(int(x.max(initial=0)) - low + reach + 1) + (x - low), order)
+    y, camera = picked(seen["y2_mm"], order), picked(seen["camera_id"], order)
+    n = len(key)
+    for first in range(0, n, _ROWS):
+        left: Ints | slice = slice(first, min(first + _ROWS, n - 1))
+        found: list[tuple[Ints, int]] = []
+        for k in range(1, n - first):
+            if isinstance(left, slice):
+                left = slice(first, min(left.stop, n - k))
+                on: Ints | slice = slice(first + k, left.stop + k)
+            else:
+                left = left[left < n - k]
+                on = left + k
+            is_near = key[on] - key[left] <= reach
+            n_near = np.count_nonzero(is_near)
+            if not n_near:
+                break
+            is_beside = is_near & (np.abs(y[on] - y[left]) < reach) & (camera[on] != camera[left])
+            rows = np.flatnonzero(is_beside)
+            found.append((rows + first if isinstance(left, slice) else left[rows], k))
+            if not isinstance(left, slice):
+                left = left[is_near]
+            elif n_near * _FEW < len(is_near):
+                left = np.flatnonzero(is_near) + first
+        if found:
+            one = np.concatenate([rows for rows, _ in found])
+            other = one + np.repeat([k for _, k in found], [len(rows) for rows, _ in found])
+            yield picked(order, one), picked(order, other)
+
+
 def _places(seen: Columns, rows: Ints, side: str) -> tuple[Floats, Floats]:
-    return seen[f"x_{side}_mm"][rows], seen[f"y_{side}_mm"][rows]
+    return picked(seen[f"x_{side}_mm"], rows), picked(seen[f"y_{side}_mm"], rows)
 
 
 def _square(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> Floats:
@@ -137,7 +178,8 @@ def _is_in_reach(seen: Columns, p: Ints, q: Ints) -> Bools:
     """Return whether the midpoint of p lies in one of the four squares of side 1 m around the midpoint of q."""
     is_in = np.ones(len(p), dtype=np.bool_)
     for c in ("x2_mm", "y2_mm"):
-        square, middle = np.floor(seen[c][p] / 2000), seen[f"{c[0]}_a_mm"][q] + seen[f"{c[0]}_b_mm"][q]
+        a, b = (picked(seen[f"{c[0]}_{side}_mm"], q) for side in "ab")
+        square, middle = np.floor(picked(seen[c], p) / 2000), a + b
         low, high = np.floor((middle - 1000) / 2000), np.floor((middle + 1000) / 2000)
         is_in &= (square == low) | (square == high)
     return is_in
@@ -145,12 +187,13 @@ def _is_in_reach(seen: Columns, p: Ints, q: Ints) -> Bools:
 
 def _agreeing(seen: Columns, near: Columns) -> tuple[Ints, Ints, Ints]:
     """Return the runs of two cameras that fit each other best in some second, and in how many seconds they do."""
-    camera, run = (seen[c][near["p"]] for c in ("camera_id", "_run"))
-    other_camera, other = (seen[c][near["q"]] for c in ("camera_id", "_run"))
+    camera, run = (picked(seen[c], near["p"]) for c in ("camera_id", "_run"))
+    other_camera, other = (picked(seen[c], near["q"]) for c in ("camera_id", "_run"))
     # a pair of tracks is seen once in a second, so that its row says both
     is_best = _is_best(near["square_mm2"], (near["p"], other_camera), (other, run))
     is_best &= _is_best(near["square_mm2"], (near["q"], camera), (run, other))
-    run, other = run[is_best], other[is_best]
+    rows = np.flatnonzero(is_best)
+    run, other = run[rows], other[rows]
     order, starts = grouped_by(run, other)
     first = order[starts]
     return run[first], other[first], np.diff(starts, append=len(run))
@@ -159,11 +202,11 @@ def _agreeing(seen: Columns, near: Columns) -> tuple[Ints, Ints, Ints]:
 def _is_best(square: Floats, groups: tuple[Ints, ...], ties: tuple[Ints, Ints]) -> Bools:
     """Return whether a row is the nearest of its group, among equals the one with the least numbers."""
     order, starts = grouped_by(*groups)
-    group, square = run_of(starts, len(order)), square[order]
-    is_nearest = square == least(square, starts)[group]
-    number = np.where(is_nearest, (ties[0] * np.int64(2**31) + ties[1])[order], 2**62)
+    group, square = run_of(starts, len(order)), picked(square, order)
+    is_nearest = square == picked(least(square, starts), group)
+    number = np.where(is_nearest, picked(ties[0] * np.int64(2**31) + ties[1], order), 2**62)
     found = np.zeros(len(order), dtype=np.bool_)
-    found[order] = number == least(number, starts)[group]
+    found[order] = number == picked(least(number, starts), group)
     return found
 
 

@@ -10,6 +10,7 @@ from vsd_analytics.warehouse.arrays.columns import (
     Ints,
     ends_of,
     order_by,
+    picked,
     starts_of,
     summed,
     sums,
@@ -66,7 +67,8 @@ def track_lives(held: Held, site: SiteTables) -> Columns:
     """Return `facts/track_lives`."""
     located = held["located"]
     rows = np.flatnonzero(located["track_id"] >= 0)
-    rows = rows[order_by(*(located[c][rows] for c in ("camera_id", "track_id")), located["ts_ms"][rows] // _HOUR_MS)]
+    # records of a camera are in order of instants
+    rows = picked(rows, order_by(*(picked(located[c], rows) for c in ("camera_id", "track_id"))))
     located = take(located, rows, "camera_id", "track_id", "ts_ms", "x_mm", "y_mm", "weight_ms")
     hour = located["ts_ms"] // _HOUR_MS
     camera, track, ts = located["camera_id"], located["track_id"], located["ts_ms"]
