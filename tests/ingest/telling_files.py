@@ -133,7 +133,14 @@ TELLING: list[Odd] = [
     # places and ids
     Odd("one place for the lost", lost((99.9, 98.7), 11), (), None, "positions are exactly 99.9, 98.7"),
     Odd("-1 for a few", lost((-1.0, -1.0), 29), (), None, "positions are exactly -1, -1"),
-    Odd("ids that begin again", begun_again(15), (), None, "change their places at once"),
+    Odd(
+        "shares of 1000",
+        box("ts track_id x1 y1 x2 y2", lambda u, v: (u * 0.87 // 1, v // 1, u * 0.87 // 1 + 20, v // 1 + 80)),
+        ("--map", "left=x1,top=y1,right=x2,bottom=y2"),
+        None,
+        "divide by 1000",
+    ),
+    Odd("ids that begin again", begun_again(15), (), None, "most people in view at once"),
     # columns
     Odd("two floors by height", with_column("z", lambda s: 1.2 + 4 * (s.track % 2)), (), None, "two heights"),
     Odd("one floor with heights", with_column("z", lambda s: 1.2 + 0.1 * s.track), (), stored(FEW)),

@@ -11,6 +11,7 @@ from vsd_analytics.ingest.doubts_of_axes import AXIS_LOOKS
 from vsd_analytics.ingest.doubts_of_bodies import BODY_LOOKS
 from vsd_analytics.ingest.doubts_of_calibrated_places import CALIBRATED_LOOKS
 from vsd_analytics.ingest.doubts_of_columns import COLUMN_LOOKS
+from vsd_analytics.ingest.doubts_of_handovers import HANDOVER_LOOKS
 from vsd_analytics.ingest.doubts_of_ids import ID_LOOKS
 from vsd_analytics.ingest.doubts_of_pairs import PAIR_LOOKS
 from vsd_analytics.ingest.doubts_of_pictures import PICTURE_LOOKS
@@ -25,6 +26,7 @@ _LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     *BODY_LOOKS,
     *COLUMN_LOOKS,
     *ID_LOOKS,
+    *HANDOVER_LOOKS,
     *PICTURE_LOOKS,
     *CALIBRATED_LOOKS,
 )

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 import numpy as np
+import pandas as pd
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, picture_px
 from vsd_analytics.ingest.telling_names import letters, side_named
@@ -24,6 +25,12 @@ PICTURE_MAX_PX: Final = 5_120
 
 def _names_centre(name: str) -> bool:
     return "cent" in name.lower() or letters(name.rpartition(".")[2]) in ("cx", "cy", "xc", "yc")
+
+
+def _reaches_1000(places: pd.DataFrame) -> bool:
+    """Return whether places are whole (or the middle of whole ones), and their largest is 850 to 1000."""
+    values = places.to_numpy(dtype=float)
+    return bool((values * 2 % 1 == 0).all()) and 850 <= float(values.max()) <= 1000
 
 
 def _pixels(case: Case) -> Iterator[Doubt]:
@@ -60,6 +67,13 @@ def _pixels(case: Case) -> Iterator[Doubt]:
             f"{case.head.n_wide:,} of {case.head.n_boxes:,} boxes are clearly wider than high",
             "people who stand are higher than wide: the axes, or sides and sizes, may be exchanged",
             "map each side to the column that holds it: --map left=...,top=...,right=...,bottom=...",
+        )
+    if case.head is not None and case.head.n_slim > 0.5 * case.head.n_boxes > 0 and _reaches_1000(places):
+        yield Doubt(
+            "W226",
+            f"no position is beyond 1000, and {case.head.n_slim:,} of {case.head.n_boxes:,} boxes are too slim",
+            "models that give shares of the picture from 0 to 1000 in both directions write such boxes",
+            "divide by 1000, and read them with --size WIDTHxHEIGHT, if they are",
         )
     if case.head is not None and case.head.n_like_corners > max(5 * ROWS_MIN, CORNER_SHARE * case.head.n_boxes):
         yield Doubt(
