@@ -135,7 +135,7 @@ TELLING: list[Odd] = [
     Odd("-1 for a few", lost((-1.0, -1.0), 29), (), None, "positions are exactly -1, -1"),
     Odd(
         "shares of 1000",
-        box("ts track_id x1 y1 x2 y2", lambda u, v: (u * 0.87 // 1, v // 1, u * 0.87 // 1 + 20, v // 1 + 80)),
+        box("x1 y1 x2 y2", lambda u, v: (u * 0.87 // 1, v // 1, u * 0.87 // 1 + 20, v // 1 + 80)),
         ("--map", "left=x1,top=y1,right=x2,bottom=y2"),
         None,
         "divide by 1000",
