@@ -400,7 +400,7 @@ ODDER: list[Odd] = [
                 [{"ts": o["ts"], "track_id": o["track_id"], "pos": [o["x_m"], o["y_m"]]} for o in JSON]
             ).encode(),
         ),
-        says="E203",
+        says="x_m=pos.0",
     ),
     Odd(
         "JSON lines with nested places",

@@ -5,6 +5,7 @@ They are read as those of `oddest_files`, by a site without a plan or pictures.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import timedelta
@@ -12,7 +13,7 @@ from itertools import combinations, groupby
 from math import hypot
 
 from marked_files import marked
-from odd_files import NAMES, STEPS, Odd, plain, rows, stored, text
+from odd_files import NAMES, STEPS, Odd, plain, raw, rows, stored, text
 from oddest_files import FEW, box, table, times, with_column
 from walks import Step, walks
 
@@ -139,6 +140,20 @@ TELLING: list[Odd] = [
         ("--map", "left=x1,top=y1,right=x2,bottom=y2"),
         None,
         "divide by 1000",
+    ),
+    Odd(
+        "metres as pixels",
+        text("a.csv", ("ts", "track_id", "x", "y"), rows(plain)),
+        ("--map", "u_px=x,v_px=y"),
+        None,
+        "hardly any camera has so few pixels",
+    ),
+    Odd(
+        "an array of frames",
+        raw("a.json", json.dumps([{"at": "2025-11-25T09:00:00Z", "people": [{"id": 1, "x": 2, "y": 3}]}] * 9).encode()),
+        (),
+        None,
+        "--persons people --map ts=at,track_id=id,x_m=x,y_m=y",
     ),
     Odd("ids that begin again", begun_again(15), (), None, "most people in view at once"),
     # columns

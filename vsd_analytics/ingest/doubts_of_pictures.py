@@ -20,7 +20,7 @@ HALF_SHARE: Final = 0.55
 
 WIDE_SHARE: Final = 0.8
 CORNER_SHARE: Final = 0.99
-PICTURE_MAX_PX: Final = 5_120
+PICTURE_MIN_PX, PICTURE_MAX_PX = 100, 5_120
 
 
 def _names_centre(name: str) -> bool:
@@ -116,6 +116,17 @@ def _pixels(case: Case) -> Iterator[Doubt]:
         what = f"positions reach to u {u.max():,.0f}, v {v.max():,.0f}"
         why = f"hardly any camera has more than {PICTURE_MAX_PX:,} pixels: engines count to 8191 or 10000 like this"
         yield Doubt("W226", what, why, "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT")
+    if (
+        size is None
+        and len(places) >= 5 * ROWS_MIN
+        and max(np.quantile(u, 0.99), np.quantile(v, 0.99)) <= PICTURE_MIN_PX
+    ):
+        yield Doubt(
+            "W226",
+            f"nobody is beyond u {u.max():,.0f}, v {v.max():,.0f}",
+            "hardly any camera has so few pixels: metres of the floor, or percents of the picture, look like this",
+            "--map x_m=...,y_m=... if they are metres; picture_px of the camera in vsd.toml if it has so few pixels",
+        )
     if size is None or len(places) < ROWS_MIN:
         return
     width, height = size
