@@ -19,6 +19,13 @@ FEW: list[Step] = [s for s in walks(n_people=2, seconds=180, seed=22) if s.track
 """Two people, the second of whom goes for a while in each minute."""
 
 
+STANDING: list[Step] = [
+    replace(s, x_m=2 + 3 * (s.track % 3) + s.at.second % 7 / 100, y_m=2 + s.track + s.at.minute / 50)
+    for s in walks(seconds=180, seed=24)
+]
+"""Six people who hardly move."""
+
+
 def renamed(name: Callable[[Step], object], steps: Sequence[Step] = MINUTES) -> list[str]:
     return [f"{s.at.isoformat()},{name(s)},{s.x_m},{s.y_m}" for s in steps]
 
@@ -78,8 +85,8 @@ def test_what_happens_to_tracks_is_warned_of(
         renamed(lambda s: s.track),
         renamed(lambda s: s.track, FEW),
         renamed(lambda s: s.track, sorted(MINUTES, key=lambda s: s.track)),  # a step back in time for each person
-        renamed(lambda s: s.track) * 2,  # the same people again, in the same places
-        renamed(lambda s: f"{s.track}-{s.at.minute}", [s for s in MINUTES if s.at.second < 50]),
+        renamed(lambda s: s.track, STANDING) * 2,  # the same people again, in the same places
+        renamed(lambda s: f"{s.track}-{s.at.minute}", [s for s in STANDING if s.at.second < 50]),
     ],
     ids=["plain", "few", "by person", "twice", "a pause between ids"],
 )
