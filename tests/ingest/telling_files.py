@@ -139,7 +139,14 @@ TELLING: list[Odd] = [
         box("x1 y1 x2 y2", lambda u, v: (u * 0.87 // 1, v // 1, u * 0.87 // 1 + 20, v // 1 + 80)),
         ("--map", "left=x1,top=y1,right=x2,bottom=y2"),
         None,
-        "divide by 1000",
+        "divide by 1,000",
+    ),
+    Odd(
+        "a picture that was stretched to 640",
+        box("x1 y1 x2 y2", lambda u, v: (u * 0.6, v, u * 0.6 + 20, v + 80)),
+        ("--map", "left=x1,top=y1,right=x2,bottom=y2"),
+        None,
+        "divide by 640",
     ),
     Odd(
         "metres as pixels",

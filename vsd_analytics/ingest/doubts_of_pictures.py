@@ -20,6 +20,8 @@ HALF_SHARE: Final = 0.55
 
 WIDE_SHARE: Final = 0.8
 CORNER_SHARE: Final = 0.99
+SHARES: Final = 1000
+SQUARES: Final = (320, 416, 512, 640, SHARES)
 PICTURE_MIN_PX, PICTURE_MAX_PX = 100, 5_120
 
 
@@ -27,10 +29,12 @@ def _names_centre(name: str) -> bool:
     return "cent" in name.lower() or letters(name.rpartition(".")[2]) in ("cx", "cy", "xc", "yc")
 
 
-def _reaches_1000(places: pd.DataFrame) -> bool:
-    """Return whether places are whole (or the middle of whole ones), and their largest is 850 to 1000."""
+def _square_side(places: pd.DataFrame) -> int | None:
+    """Return the side of the square that places fill to 85 % or more in one direction, of those that detectors use."""
     values = places.to_numpy(dtype=float)
-    return bool((values * 2 % 1 == 0).all()) and 850 <= float(values.max()) <= 1000
+    found = next((side for side in SQUARES if 0.85 * side <= float(values.max()) <= side), None)
+    is_whole = bool((values * 2 % 1 == 0).all())  # the middle of two whole sides
+    return found if found != SHARES or is_whole else None
 
 
 def _pixels(case: Case) -> Iterator[Doubt]:
@@ -68,12 +72,13 @@ def _pixels(case: Case) -> Iterator[Doubt]:
             "people who stand are higher than wide: the axes, or sides and sizes, may be exchanged",
             "map each side to the column that holds it: --map left=...,top=...,right=...,bottom=...",
         )
-    if case.head is not None and case.head.n_slim > 0.5 * case.head.n_boxes > 0 and _reaches_1000(places):
+    is_slim = case.head is not None and case.head.n_slim > 0.5 * case.head.n_boxes > 0
+    if case.head is not None and is_slim and (side := _square_side(places)) is not None:
         yield Doubt(
             "W226",
-            f"no position is beyond 1000, and {case.head.n_slim:,} of {case.head.n_boxes:,} boxes are too slim",
-            "models that give shares of the picture from 0 to 1000 in both directions write such boxes",
-            "divide by 1000, and read them with --size WIDTHxHEIGHT, if they are",
+            f"no position is beyond {side:,}, and {case.head.n_slim:,} of {case.head.n_boxes:,} boxes are too slim",
+            f"pictures that were stretched to a square of {side:,} pixels, or shares of {side:,}, look like this",
+            f"divide by {side:,}, and read them with --size WIDTHxHEIGHT, if they are",
         )
     if case.head is not None and case.head.n_like_corners > max(5 * ROWS_MIN, CORNER_SHARE * case.head.n_boxes):
         yield Doubt(
