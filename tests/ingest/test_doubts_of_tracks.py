@@ -63,13 +63,23 @@ def check(tmp_path: Path, rows: Sequence[str], capsys: pytest.CaptureFixture[str
             "a moment before, in 1 frame most people",
         ),
         (renamed(lambda s: f"{s.track}-{(s.at - START).seconds // 5}"), "ids end where another one begins"),
+        (renamed(lambda s: s.track + 10 * later(s)), "once most of those in view together"),
         (renamed(lambda s: f"0{s.track}" if s.at.second % 2 else s.track), "6 ids are written in two ways"),
         (at(lambda s: timedelta(seconds=-90 * later(s))), "6 people go on in place"),
         (at(lambda s: timedelta(minutes=50 * later(s))), "the clock was set, or the engine paused"),
         (at(lambda s: timedelta(milliseconds=100 * s.track), FEW), "records have a time of their own"),
         (left_behind(), "6 of 6 tracks end at one place, the same to the last digit for 60 s (360 rows)"),
     ],
-    ids=["begun again", "cut in parts", "two spellings", "clock back", "clock forward", "two people", "left behind"],
+    ids=[
+        "begun again",
+        "cut in parts",
+        "begun again without a jump",
+        "two spellings",
+        "clock back",
+        "clock forward",
+        "two people",
+        "left behind",
+    ],
 )
 def test_what_happens_to_tracks_is_warned_of(
     rows: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
