@@ -10,7 +10,7 @@ import numpy.typing as npt
 import pandas as pd
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
-from vsd_analytics.ingest.doubts_of_times import LIFE_STEPS
+from vsd_analytics.ingest.doubts_of_frames import LIFE_STEPS
 from vsd_analytics.ingest.jumps import steps
 from vsd_analytics.ingest.sample import Sample
 
