@@ -20,15 +20,16 @@ FRAMES: Final = 4
 """Frames of one window."""
 SAME_MIN, SAME_SHARE = 5, 0.5
 """Windows that two sources share; a share of those that both could hold."""
-_CHARS: Final = (12, 4, 4)
-"""Hexadecimal digits of the places, the time and the ids of a window."""
+_CHARS: Final = (12, 1, 1)
+"""Hexadecimal digits of the places, the time and the ids of a window. One digit does not say who it was, but of several
+windows it shows whether most have another time or others' ids."""
 _ODD: Final = np.uint64(0x9E3779B97F4A7C15)
 
 Hashes = NDArray[np.uint64]
 
 
 def sketch_of(sample: Sample) -> str:
-    """Return the sketch of the first records of a source: hexadecimal digits, 20 for each window; "" = too few.
+    """Return the sketch of the first records of a source: hexadecimal digits, 14 for each window; "" = too few.
 
     A window is left out whose places come again: a camera that hangs, people who sit, coarse places.
     """
@@ -54,7 +55,7 @@ def sketch_of(sample: Sample) -> str:
     windows = windows[by_camera.cumcount(ascending=False) >= FRAMES - 1].drop_duplicates("places", keep=False)
     least = windows.assign(places=windows["places"].to_numpy() >> np.uint64(16)).sort_values("places")[:SIZE]
     return "".join(
-        f"{place:012x}{time & 0xFFFF:04x}{ids & 0xFFFF:04x}"
+        f"{place:012x}{time & 0xF:x}{ids & 0xF:x}"
         for place, time, ids in least[["places", "ts_ms", "ids"]].astype(object).itertuples(index=False)
     )
 
