@@ -311,6 +311,7 @@ ODDER: list[Odd] = [
         "ids with minus one for nobody",
         text("a.csv", NAMES, rows(lambda s: [s.at.isoformat(), s.track if s.track > 2 else -1, s.x_m, s.y_m])),
         rows=NO_TRACK,
+        says="120 of 360 rows have no track id",
     ),
     Odd(
         "ids with words for nothing",
@@ -320,6 +321,7 @@ ODDER: list[Odd] = [
             rows(lambda s: [s.at.isoformat(), s.track if s.track > 2 else ("None", "NULL")[s.track - 1], s.x_m, s.y_m]),
         ),
         rows=NO_TRACK,
+        says="120 of 360 rows have no track id",
     ),
     Odd("one id for all", text("a.csv", NAMES, rows(lambda s: [s.at.isoformat(), 1, s.x_m, s.y_m])), says="W224"),
     # boxes
@@ -398,7 +400,7 @@ ODDER: list[Odd] = [
                 [{"ts": o["ts"], "track_id": o["track_id"], "pos": [o["x_m"], o["y_m"]]} for o in JSON]
             ).encode(),
         ),
-        says="E203",
+        says="x_m=pos.0",
     ),
     Odd(
         "JSON lines with nested places",

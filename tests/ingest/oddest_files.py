@@ -163,6 +163,13 @@ ODDEST: list[Odd] = [
         says="W226",
     ),
     # columns
+    Odd(
+        "predicted rows",
+        with_column("remark", lambda s: "predicted" if s.track > 4 else "ok"),
+        rows=stored(FEW),
+        says="W222",
+    ),
+    Odd("carts in French", with_column("objet", lambda s: "chariot" if s.track > 4 else "personne"), says="W222"),
     Odd("telecamera", with_column("telecamera", lambda s: f"c{s.track % 3}"), says="W221"),
     Odd("caméra", with_column("caméra", lambda s: f"c{s.track % 3}"), says="W221"),
     Odd("cameras in a topic", with_column("topic", lambda s: f"site/cam{s.track % 3}/people"), says="W221"),

@@ -5,6 +5,7 @@ They are read as those of `oddest_files`, by a site without a plan or pictures.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import timedelta
@@ -12,7 +13,7 @@ from itertools import combinations, groupby
 from math import hypot
 
 from marked_files import marked
-from odd_files import NAMES, STEPS, Odd, plain, rows, stored, text
+from odd_files import NAMES, STEPS, Odd, plain, raw, rows, stored, text
 from oddest_files import FEW, box, table, times, with_column
 from walks import Step, walks
 
@@ -133,7 +134,35 @@ TELLING: list[Odd] = [
     # places and ids
     Odd("one place for the lost", lost((99.9, 98.7), 11), (), None, "positions are exactly 99.9, 98.7"),
     Odd("-1 for a few", lost((-1.0, -1.0), 29), (), None, "positions are exactly -1, -1"),
-    Odd("ids that begin again", begun_again(15), (), None, "change their places at once"),
+    Odd(
+        "shares of 1000",
+        box("x1 y1 x2 y2", lambda u, v: (u * 0.87 // 1, v // 1, u * 0.87 // 1 + 20, v // 1 + 80)),
+        ("--map", "left=x1,top=y1,right=x2,bottom=y2"),
+        None,
+        "divide by 1,000",
+    ),
+    Odd(
+        "a picture that was stretched to 640",
+        box("x1 y1 x2 y2", lambda u, v: (u * 0.6, v, u * 0.6 + 20, v + 80)),
+        ("--map", "left=x1,top=y1,right=x2,bottom=y2"),
+        None,
+        "divide by 640",
+    ),
+    Odd(
+        "metres as pixels",
+        text("a.csv", ("ts", "track_id", "x", "y"), rows(plain)),
+        ("--map", "u_px=x,v_px=y"),
+        None,
+        "hardly any camera has so few pixels",
+    ),
+    Odd(
+        "an array of frames",
+        raw("a.json", json.dumps([{"at": "2025-11-25T09:00:00Z", "people": [{"id": 1, "x": 2, "y": 3}]}] * 9).encode()),
+        (),
+        None,
+        "--persons people --map ts=at,track_id=id,x_m=x,y_m=y",
+    ),
+    Odd("ids that begin again", begun_again(15), (), None, "most people in view at once"),
     # columns
     Odd("two floors by height", with_column("z", lambda s: 1.2 + 4 * (s.track % 2)), (), None, "two heights"),
     Odd("one floor with heights", with_column("z", lambda s: 1.2 + 0.1 * s.track), (), stored(FEW)),

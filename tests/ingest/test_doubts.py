@@ -304,5 +304,6 @@ def test_units_are_found_in_names() -> None:
     named = {
         "x_mm": "mm", "X (cm)": "cm", "posMillimeters": "mm", "xMM": "mm", "y_feet": "ft", "world_x_m": "m",
         "u_px": "px", "x": None, "m": None, "time_ms": None, "gym": None, "room": None,
+        "foot_x": None, "footPointY": None, "feet.x": None, "pos_feet": "ft", "x_foot": "ft",
     }  # fmt: skip
     assert {name: unit_in_name(name) for name in named} == named

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+from walks import Step, walks
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
@@ -98,3 +101,69 @@ def test_other_rows_of_a_file_raise_no_doubt(shop: Path, vsd: Vsd, imported: Vsd
     code, says = imported("--where", "track_id=2")
     assert (code, "W230" in says) == (0, False), says
     assert n_persons(shop) == 2400
+
+
+def exported(shop: Path, name: str, row: Callable[[Step], str], *, seed: int = 15, n_skipped: int = 0) -> str:
+    """Write an export of two minutes of a recording, and return its path."""
+    lines = [row(step) for step in walks(n_people=3, seconds=120, seed=seed)[3 * n_skipped :]]
+    (shop / name).write_text("ts,track_id,x_m,y_m\n" + "\n".join(lines) + "\n")
+    return str(shop / name)
+
+
+def plain(s: Step) -> str:
+    return f"{s.at.isoformat()},{s.track},{s.x_m},{s.y_m}"
+
+
+def an_hour_later(s: Step) -> str:
+    return plain(replace(s, at=s.at + timedelta(hours=1)))
+
+
+@pytest.mark.parametrize(
+    ("row", "n_skipped"),
+    [
+        (an_hour_later, 0),
+        (an_hour_later, 60),
+        (lambda s: f"{s.at.isoformat()},p{s.track},{s.x_m},{s.y_m}", 0),
+        (lambda s: f"{s.at.isoformat()},,{s.x_m},{s.y_m}", 0),
+        (lambda s: f"{(s.at + timedelta(days=1)).isoformat()},{s.track},{s.x_m:.2f},{s.y_m:.2f}", 0),
+    ],
+    ids=["another clock", "a part by another clock", "other ids", "no ids", "two decimals by another clock"],
+)
+def test_another_export_of_a_stored_recording_is_refused(
+    row: Callable[[Step], str], n_skipped: int, shop: Path, vsd: Vsd
+) -> None:
+    assert vsd("ingest", exported(shop, "a.csv", plain))[0] == 0
+    code, says = vsd("ingest", exported(shop, "b.csv", row, n_skipped=n_skipped))
+    assert (code, n_persons(shop)) == (2, 360), says
+    assert "W230]: the same recording is stored already" in says
+    first = says.split("--import ")[1][:16]
+    assert vsd("purge", "--import", first, "--force")[0] == 0
+    assert "W230" not in vsd("ingest", str(shop / "b.csv"))[1]
+    assert n_persons(shop) == 360 - 3 * n_skipped
+
+
+@pytest.mark.parametrize(
+    ("row", "seed"),
+    [
+        (plain, 15),
+        (lambda s: plain(s) + " ", 15),
+        (an_hour_later, 16),
+    ],
+    ids=["the same file", "the same records", "another hour"],
+)
+def test_other_recordings_and_the_same_records_again_are_not(
+    row: Callable[[Step], str], seed: int, shop: Path, vsd: Vsd
+) -> None:
+    vsd("ingest", exported(shop, "a.csv", plain))
+    code, says = vsd("ingest", exported(shop, "b.csv", row, seed=seed))
+    assert (code, "W230" in says) == (0, False), says
+    assert n_persons(shop) == (360 if seed == 15 else 720)
+
+
+def test_people_who_do_the_same_again_and_again_are_no_recording_that_came_before(shop: Path, vsd: Vsd) -> None:
+    def to_and_fro(day: int) -> Callable[[Step], str]:
+        return lambda s: plain(replace(s, at=s.at + timedelta(days=day), x_m=s.at.second % 20 / 4, y_m=float(s.track)))
+
+    vsd("ingest", exported(shop, "a.csv", to_and_fro(0)))
+    assert "W230" not in vsd("ingest", exported(shop, "b.csv", to_and_fro(1)))[1]
+    assert n_persons(shop) == 720

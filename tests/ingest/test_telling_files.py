@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from odd_files import STEPS, Odd
-from telling_files import TELLING, in_frames_of_a_second, numbered, pairs
+from telling_files import PAIRS, TELLING, in_frames_of_a_second, numbered, pairs
 from test_odd_files import by_identity, in_store
 from walks import project
 
@@ -50,6 +50,15 @@ def test_ids_that_number_the_people_of_a_frame_are_warned_of(
 def test_pairs_further_apart_than_is_stored_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, said = check(project(tmp_path / "p"), pairs(lambda d: d)(tmp_path), capsys)
     assert "of the pairs are more than 2.5 m apart" in said
+
+
+@pytest.mark.parametrize(("share", "is_doubted"), [(1.0, False), (None, True)])
+def test_distances_that_are_shares_of_the_largest_are_warned_of(
+    share: float | None, is_doubted: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    largest = share or max(d for _, _, d in PAIRS)
+    _, said = check(project(tmp_path / "p"), pairs(lambda d: d / largest)(tmp_path), capsys)
+    assert ("the largest is exactly 1" in said) == is_doubted, said
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,8 @@ from vsd_analytics.ingest.doubts_of_axes import AXIS_LOOKS
 from vsd_analytics.ingest.doubts_of_bodies import BODY_LOOKS
 from vsd_analytics.ingest.doubts_of_calibrated_places import CALIBRATED_LOOKS
 from vsd_analytics.ingest.doubts_of_columns import COLUMN_LOOKS
+from vsd_analytics.ingest.doubts_of_frames import FRAME_LOOKS
+from vsd_analytics.ingest.doubts_of_handovers import HANDOVER_LOOKS
 from vsd_analytics.ingest.doubts_of_ids import ID_LOOKS
 from vsd_analytics.ingest.doubts_of_pairs import PAIR_LOOKS
 from vsd_analytics.ingest.doubts_of_pictures import PICTURE_LOOKS
@@ -19,12 +21,14 @@ from vsd_analytics.ingest.doubts_of_times import TIME_LOOKS
 
 _LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     *TIME_LOOKS,
+    *FRAME_LOOKS,
     *PLACE_LOOKS,
     *PAIR_LOOKS,
     *AXIS_LOOKS,
     *BODY_LOOKS,
     *COLUMN_LOOKS,
     *ID_LOOKS,
+    *HANDOVER_LOOKS,
     *PICTURE_LOOKS,
     *CALIBRATED_LOOKS,
 )

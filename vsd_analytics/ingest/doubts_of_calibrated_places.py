@@ -11,8 +11,8 @@ import numpy as np
 from vsd_analytics.geometry.homography import to_floor
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
 from vsd_analytics.ingest.doubts_of_axes import AXIS_LOOKS
+from vsd_analytics.ingest.doubts_of_frames import several_frames
 from vsd_analytics.ingest.doubts_of_places import PLACE_LOOKS
-from vsd_analytics.ingest.doubts_of_times import several_frames
 from vsd_analytics.site.model import Camera
 
 SKY_SHARE: Final = 0.1

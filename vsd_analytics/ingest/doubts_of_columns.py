@@ -264,8 +264,7 @@ def _states(case: Case) -> Iterator[Doubt]:
     """W222: rows of tracks that the tracker has lost, or only predicts."""
     if case.head is None or case.sample.is_pairs:
         return
-    for column in named_like(case.head.values, "state"):
-        values = case.head.values[column]
+    for column, values in case.head.values.items():
         gone = [value for value in values if letters(value) in GONE]
         seen = [value for value in values if value not in gone]
         if gone and seen and not case.is_settled_by_where(column):
@@ -276,7 +275,7 @@ def _states(case: Case) -> Iterator[Doubt]:
                 f"{sum(values.values()):,} rows",
                 "people whom the tracker does not see would count where it guesses them",
                 f'--where "{quoted(column)} = {max(seen, key=lambda v: values[v])!r}"',
-                is_sure=True,
+                is_sure=is_named_like(column, "state"),
             )
 
 

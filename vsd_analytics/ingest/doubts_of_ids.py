@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 import numpy as np
+import pandas as pd
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
-from vsd_analytics.ingest.jumps import steps
 from vsd_analytics.ingest.telling_names import ids_like
 
 TWO_PLACES_M: Final = 1.0
@@ -19,12 +19,9 @@ SECOND_SHARE: Final = 0.05
 COUNTED_SHARE: Final = 0.99
 COMINGS_MIN: Final = 10
 """So often somebody must come or go before numbers without a gap show that they number a frame."""
-TOGETHER_MIN: Final = 3
-"""People who are in view in two frames one after the other, from which "most of them" means something."""
-TOGETHER_MAX_M_S: Final = 4.0
-"""Most people in view never run this fast in the same step."""
-RENUMBERED_SHARE: Final = 0.5
-RENUMBERED_MIN: Final = 2
+SPELLED_SHARE: Final = 0.1
+UNKNOWN_SHARE: Final = 0.2
+"""Of rows without an id: violations of such people cannot be counted."""
 
 
 def _ids(case: Case) -> Iterator[Doubt]:
@@ -44,7 +41,7 @@ def _ids(case: Case) -> Iterator[Doubt]:
         return
     if sample.has_ids:
         n_without = int((sample.rows["track_no"] < 0).sum())
-        if n_without > sample.n / 2:
+        if n_without > UNKNOWN_SHARE * sample.n:
             what = f"{n_without:,} of {sample.n:,} rows have no track id"
             yield Doubt("W225", what, why, "export the tracker's ids for everybody in view", is_note=True)
         n_records = sample.rows.loc[sample.rows["track_no"] >= 0, "track_no"].value_counts()
@@ -105,24 +102,28 @@ def _numbers_of_a_frame(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _renumbered(case: Case) -> Iterator[Doubt]:
-    """W225: ids that begin again: from one frame to the next, most people in view change their places."""
+def _spelled_twice(case: Case) -> Iterator[Doubt]:
+    """W225: one id written in two ways, such as 7 and 007."""
     sample = case.sample
-    if sample.is_pairs or not sample.has_ids or case.options.period_s is not None:
+    if sample.is_pairs or not sample.has_ids:
         return
-    axes = ("x", "y") if sample.has_floor else ("u", "v")
-    rows = steps(sample, *axes, fast_m_s=TOGETHER_MAX_M_S)
-    rows = rows[rows["is_step"]]
-    frames = rows.groupby(["camera_no", "ts_ms"])["is_jump"].agg(["size", "sum"])
-    frames = frames[frames["size"] >= TOGETHER_MIN]
-    n_frames = int((frames["sum"] > RENUMBERED_SHARE * frames["size"]).sum())
-    if RENUMBERED_MIN <= n_frames <= len(frames) / 10:  # more often: a wrong unit, or ids of a frame
+    names = pd.Series(sample.rows["track"].dropna().unique(), dtype=str)
+    plain = names.str.strip().str.casefold().str.replace(r"^0+(?=.)", "", regex=True)
+    n_twice = len(names) - plain.nunique()
+    if n_twice >= max(2, SPELLED_SHARE * plain.nunique()):
+        shown = names[plain.duplicated(keep=False)].to_list()
+        first = [name for name, same in zip(names, plain, strict=True) if same == plain[names == shown[0]].iloc[0]]
         yield Doubt(
             "W225",
-            f"{n_frames} times most people in view seem to change their places at once",
-            "the ids begin again there, and those of other people follow: their ways and violations would be joined",
-            "export ids that do not begin again, or a file for each part, with the part in front of its ids",
+            f"{n_twice:,} ids are written in two ways, such as {' and '.join(name[:20] for name in first[:2])}",
+            "each way of writing would count as a person of its own, and nobody would stay for long",
+            "export ids in one way; leave it if small and capital letters, or zeros in front, mean different people",
         )
 
 
-ID_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_ids, _of_several, _numbers_of_a_frame, _renumbered)
+ID_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
+    _ids,
+    _of_several,
+    _numbers_of_a_frame,
+    _spelled_twice,
+)

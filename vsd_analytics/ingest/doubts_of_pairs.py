@@ -39,6 +39,14 @@ def _distances(case: Case) -> Iterator[Doubt]:
             "map the column that holds the measured distance: --map distance_m=...; contacts of worn sensors have none",
             is_sure=bool((apart == 0).any()),  # a mark; one value above 0 may be the limit of a contact
         )
+    elif len(apart) >= 5 * ROWS_MIN and float(apart.max()) == 1 and float(apart.min()) >= 0:
+        yield Doubt(
+            "W220",
+            "all distances are 0 to 1, and the largest is exactly 1",
+            "shares of a largest distance, and risks, look like this; everybody would be within a metre",
+            "map the column that holds metres: --map distance_m=...",
+            is_note=True,
+        )
     elif beyond > 0.5:
         yield Doubt(
             "W220",

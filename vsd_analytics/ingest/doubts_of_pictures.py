@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 import numpy as np
+import pandas as pd
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, picture_px
 from vsd_analytics.ingest.telling_names import letters, side_named
@@ -19,11 +20,21 @@ HALF_SHARE: Final = 0.55
 
 WIDE_SHARE: Final = 0.8
 CORNER_SHARE: Final = 0.99
-PICTURE_MAX_PX: Final = 5_120
+SHARES: Final = 1000
+SQUARES: Final = (320, 416, 512, 640, SHARES)
+PICTURE_MIN_PX, PICTURE_MAX_PX = 100, 5_120
 
 
 def _names_centre(name: str) -> bool:
     return "cent" in name.lower() or letters(name.rpartition(".")[2]) in ("cx", "cy", "xc", "yc")
+
+
+def _square_side(places: pd.DataFrame) -> int | None:
+    """Return the side of the square that places fill to 85 % or more in one direction, of those that detectors use."""
+    values = places.to_numpy(dtype=float)
+    found = next((side for side in SQUARES if 0.85 * side <= float(values.max()) <= side), None)
+    is_whole = bool((values * 2 % 1 == 0).all())  # the middle of two whole sides
+    return found if found != SHARES or is_whole else None
 
 
 def _pixels(case: Case) -> Iterator[Doubt]:
@@ -60,6 +71,14 @@ def _pixels(case: Case) -> Iterator[Doubt]:
             f"{case.head.n_wide:,} of {case.head.n_boxes:,} boxes are clearly wider than high",
             "people who stand are higher than wide: the axes, or sides and sizes, may be exchanged",
             "map each side to the column that holds it: --map left=...,top=...,right=...,bottom=...",
+        )
+    is_slim = case.head is not None and case.head.n_slim > 0.5 * case.head.n_boxes > 0
+    if case.head is not None and is_slim and (side := _square_side(places)) is not None:
+        yield Doubt(
+            "W226",
+            f"no position is beyond {side:,}, and {case.head.n_slim:,} of {case.head.n_boxes:,} boxes are too slim",
+            f"pictures that were stretched to a square of {side:,} pixels, or shares of {side:,}, look like this",
+            f"divide by {side:,}, and read them with --size WIDTHxHEIGHT, if they are",
         )
     if case.head is not None and case.head.n_like_corners > max(5 * ROWS_MIN, CORNER_SHARE * case.head.n_boxes):
         yield Doubt(
@@ -102,6 +121,17 @@ def _pixels(case: Case) -> Iterator[Doubt]:
         what = f"positions reach to u {u.max():,.0f}, v {v.max():,.0f}"
         why = f"hardly any camera has more than {PICTURE_MAX_PX:,} pixels: engines count to 8191 or 10000 like this"
         yield Doubt("W226", what, why, "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT")
+    if (
+        size is None
+        and len(places) >= 5 * ROWS_MIN
+        and max(np.quantile(u, 0.99), np.quantile(v, 0.99)) <= PICTURE_MIN_PX
+    ):
+        yield Doubt(
+            "W226",
+            f"nobody is beyond u {u.max():,.0f}, v {v.max():,.0f}",
+            "hardly any camera has so few pixels: metres of the floor, or percents of the picture, look like this",
+            "--map x_m=...,y_m=... if they are metres; picture_px of the camera in vsd.toml if it has so few pixels",
+        )
     if size is None or len(places) < ROWS_MIN:
         return
     width, height = size

@@ -29,6 +29,11 @@ NEAR_M: Final = 2.0
 FLAT_M, WIDE_M = 0.5, 6.0
 """Positions on one line: within `FLAT_M` on one axis and over `WIDE_M` on the other."""
 SAME_PLACE_SHARE: Final = 0.02
+LEFT_S, LEFT_SHARE = 20.0, 0.3
+"""Nobody's measured place is the same to the last digit for so long; a share of all tracks. None in fifteen real
+recordings ends like this."""
+REPEATED_SHARE: Final = 0.2
+"""Of other steps, from which coarse places repeat themselves: at most .14 in fifteen real recordings."""
 _USUAL_PLACEHOLDERS: Final = (0.0, -1.0, -999.0, -9999.0, 9999.0)
 UNIT: Final = "--unit mm (or cm, ft) if they are lengths; --map u_px=...,v_px=... if they are pixels"
 
@@ -204,6 +209,32 @@ def _placeholders(case: Case) -> Iterator[Doubt]:
             )
 
 
+def _left_standing(case: Case) -> Iterator[Doubt]:
+    """W222: tracks that end with one place again and again: the engine repeats where it saw the person last."""
+    sample = case.sample
+    if sample.is_pairs or not sample.has_ids:
+        return
+    axes = ["x", "y"] if sample.has_floor else ["u", "v"]
+    key = ["camera_no", "track_no"]
+    rows = sample.rows.loc[sample.rows["track_no"] >= 0, [*key, "ts_ms", *axes]].dropna()
+    rows = rows.sort_values([*key, "ts_ms"], kind="stable").reset_index(drop=True)
+    is_new = (rows[[*key, *axes]].diff() != 0).any(axis=1)
+    arrived, last = rows[is_new].drop_duplicates(key, keep="last"), rows.drop_duplicates(key, keep="last")
+    still_s = (last["ts_ms"].to_numpy() - arrived["ts_ms"].to_numpy()) / 1000
+    n_after = last.index.to_numpy() - arrived.index.to_numpy()
+    is_left = (still_s >= LEFT_S) & (n_after >= ROWS_MIN)
+    n_before = len(rows) - int(n_after.sum())
+    n_repeated = int((~is_new).sum()) - int(n_after.sum())
+    if is_left.sum() >= max(ROWS_MIN / 2, LEFT_SHARE * len(last)) and n_repeated < REPEATED_SHARE * n_before:
+        yield Doubt(
+            "W222",
+            f"{is_left.sum():,} of {len(last):,} tracks end at one place, the same to the last digit for "
+            f"{np.median(still_s[is_left]):,.0f} s ({n_after[is_left].sum():,} rows)",
+            "engines repeat the last place of people whom they have lost; others would be close to them there",
+            "leave these rows out of the export, as by how long ago the tracker saw the person",
+        )
+
+
 def _jumped_to(sample: Sample, across: str, up: str) -> list[tuple[float, float]]:
     """Return the places to which the ids of several people jump again and again, and from which they come back."""
     rows = steps(sample, across, up, fast_m_s=SPEED_MAX_M_S)
@@ -212,4 +243,9 @@ def _jumped_to(sample: Sample, across: str, up: str) -> list[tuple[float, float]
     return list(found.index[(found["size"] >= ROWS_MIN) & (found["nunique"] > 2)])
 
 
-PLACE_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_units, _axes, _placeholders)
+PLACE_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
+    _units,
+    _axes,
+    _placeholders,
+    _left_standing,
+)

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from datetime import date, timedelta
-from itertools import islice
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from vsd_analytics.ingest.cell_values import is_number
@@ -25,25 +22,13 @@ _SILENCE_MS: Final = 10 * _MINUTE_MS
 _GPS_MS: Final = 315_964_800_000
 RECENT_DAYS: Final = 60
 """Files are imported within so many days. A wider limit would doubt more recordings of ten years ago."""
-PEOPLE_MIN: Final = 2
-FRAMES_MAX: Final = 5
-STEP_MAX_M_S: Final = 2.4
-REPEATED_SHARE: Final = 0.3
-"""Share of times with the same people again. With one frame a time it is 0 on ATC, ETH, Hotel and Zara; with several a
-second .51 to .54 on ETH and Hotel, .07 on Zara, where somebody comes or goes between most frames."""
-_GROUPS_MAX: Final = 500
-FRAME_MIN_MS: Final = 20
-"""No engine sends frames faster."""
+GOING_ON_MIN: Final = 2
+SET_BACK_MS: Final = 30_000
+ON_M, ON_SHARE = 1.5, 0.8
+"""Nobody walks further from one frame to the next, and no more people come or go."""
+SETS_MAX: Final = 5
+"""Steps back in one file: a file sorted by person has one for each."""
 CLOSED_SHARE: Final = 0.9
-ALONE_SHARE: Final = 0.9
-"""Share of records with a time of their own beyond which no frame has several people."""
-LIFE_STEPS: Final = 10
-"""A track that is not seen for so many of its usual steps has ended."""
-TOGETHER: Final = 1.5
-"""People in view at once, on average while anybody is, from which some of them must share a frame."""
-FRAMES_A_STEP: Final = 1.15
-"""Frames from one record of a person to the next, beyond which each shows a part of the people: 1.0 in seven real
-recordings, 1.24 to 1.38 in the three hours of ATC, whose times scatter."""
 
 
 def _zones(case: Case) -> Iterator[Doubt]:
@@ -136,6 +121,39 @@ def _hour_back(case: Case) -> Iterator[Doubt]:
         )
 
 
+def _clock_set(case: Case) -> Iterator[Doubt]:
+    """W223: a clock that was set while people were in view: they go on where they were, at another time."""
+    sample = case.sample
+    if sample.is_pairs or not sample.has_ids or not sample.has_floor:
+        return
+    rows = sample.rows.loc[sample.rows["track_no"] >= 0, ["camera_no", "track_no", "ts_ms", "x", "y"]]
+    steps_ms = rows["ts_ms"].diff().where(rows["camera_no"].diff() == 0)
+    is_set = (steps_ms < -SET_BACK_MS) & ~steps_ms.between(-_HOUR_MS, _SILENCE_MS - _HOUR_MS)  # that is an hour back
+    is_set |= steps_ms > _SILENCE_MS
+    if not 0 < is_set.sum() <= SETS_MAX:
+        return
+    for i in np.flatnonzero(is_set):
+        camera, before_ms, after_ms = rows["camera_no"].iloc[i], rows["ts_ms"].iloc[i - 1], rows["ts_ms"].iloc[i]
+        before, after, known = (
+            part[(part["camera_no"] == camera) & (part["ts_ms"] == ms)].drop_duplicates("track_no")
+            for part, ms in ((rows[:i], before_ms), (rows[i:], after_ms), (rows[:i], after_ms))
+        )
+        both = before.merge(after, on="track_no", suffixes=("", "_2"))
+        n_on = int((np.hypot(both["x"] - both["x_2"], both["y"] - both["y_2"]) <= ON_M).sum())
+        is_copy = len(known.merge(after, on=["track_no", "x", "y"])) > 0
+        if n_on >= max(GOING_ON_MIN, ON_SHARE * max(len(before), len(after))) and not is_copy:
+            step_ms = int(after_ms - before_ms)
+            yield Doubt(
+                "W223",
+                f"after {_clock(int(before_ms))} (UTC) comes {_clock(int(after_ms))}, and {n_on} people go on in place",
+                "the clock was set: people of two moments would be stored as those of one"
+                if step_ms < 0
+                else "the clock was set, or the engine paused: the records before or after it have a wrong time",
+                "export the records before and after it as two files, the wrong ones with corrected times",
+                is_note=step_ms > 0,
+            )
+
+
 def _named_utc(case: Case) -> Iterator[Doubt]:
     """W223: a column that names UTC, read on another clock."""
     theirs = "" if case.head is None else case.head.plan.names.get("ts", "")
@@ -162,34 +180,6 @@ def _gps(case: Case) -> Iterator[Doubt]:
             "GPS clocks count from 6 January 1980: all records would be stored ten years too early",
             "add 315964800 and take away the leap seconds (18 since 2017), or export ISO times",
         )
-
-
-def several_frames(case: Case) -> Iterator[Doubt]:
-    """W224: several frames with one time and without ids, so that each person stands beside himself."""
-    sample = case.sample
-    if sample.is_pairs or sample.has_ids or not sample.has_floor or case.options.period_s is not None:
-        return
-    frames = islice(sample.rows.groupby(["camera_no", "ts_ms"], sort=False)[["x", "y"]], _GROUPS_MAX)
-    groups = [places.to_numpy() for _, places in frames if len(places) >= 2 * PEOPLE_MIN]
-    n_repeated = sum(map(_is_repeated, groups))
-    if n_repeated >= max(ROWS_MIN, REPEATED_SHARE * len(groups)):
-        yield Doubt(
-            "W224",
-            f"{n_repeated:,} of {len(groups):,} times have several frames: the same people again, a step further",
-            "people without ids would stand beside themselves, and each would be too close to himself",
-            "export times with parts of seconds, or one frame of each second",
-            is_sure=True,
-        )
-
-
-def _is_repeated(places: np.ndarray) -> bool:
-    """Return whether places, in the order of the file, are those of the same people in two to five frames."""
-    for k in range(2, FRAMES_MAX + 1):
-        if len(places) % k == 0 and len(places) >= k * PEOPLE_MIN:
-            across, up = np.diff(places.reshape(k, -1, 2), axis=0).T
-            if np.hypot(across, up).max() <= STEP_MAX_M_S / k:
-                return True
-    return False
 
 
 def _merging(case: Case) -> Iterator[Doubt]:
@@ -342,89 +332,6 @@ def _closed(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _scattered(case: Case) -> Iterator[Doubt]:
-    """W224: people of one frame with times of their own, so that nobody is ever seen together with anybody."""
-    sample = case.sample
-    if sample.is_pairs or not sample.has_ids or sample.n < 5 * ROWS_MIN or case.options.period_s is not None:
-        return
-    rows = sample.rows.loc[sample.rows["track_no"] >= 0, ["camera_no", "track_no", "ts_ms"]]
-    is_alone = ~rows.duplicated(["camera_no", "ts_ms"], keep=False)
-    if (seen := _followed(rows)) is None:
-        return
-    together = seen.lives_ms / max(seen.busy_ms, 1.0)
-    if is_alone.mean() < ALONE_SHARE or together < TOGETHER:
-        return
-    period_s = float(f"{seen.usual_ms / 1000:.1g}")
-    yield Doubt(
-        "W224",
-        f"{is_alone.mean():.0%} of the records have a time of their own, though "
-        f"{together:.0f} people are in view at once",
-        "people are close to each other only in one frame: nobody would ever be too close to anybody",
-        f"--period {period_s:g} makes one frame of each {period_s:g} s; or export the time of the frame",
-        is_sure=True,
-    )
-
-
-def _strays(case: Case) -> Iterator[Doubt]:
-    """W224: frames that show a part of the people each, where the times of one sampling period scatter."""
-    sample = case.sample
-    if sample.is_pairs or not sample.has_ids or sample.n < 5 * ROWS_MIN or case.options.period_s is not None:
-        return
-    rows = sample.rows.loc[sample.rows["track_no"] >= 0, ["camera_no", "track_no", "ts_ms"]]
-    if (seen := _followed(rows)) is None:
-        return
-    n_frames = len(rows[["camera_no", "ts_ms"]].drop_duplicates())
-    a_step = (n_frames - seen.n_stretches) * seen.usual_ms / max(seen.busy_ms, 1.0)
-    if a_step < FRAMES_A_STEP or seen.lives_ms < TOGETHER * seen.busy_ms:
-        return
-    period_s = float(f"{seen.usual_ms / 1000:.1g}")
-    yield Doubt(
-        "W224",
-        f"{a_step:.1f} frames come while a person is seen once: each shows a part of the people",
-        "person-time is counted by frame and would be too low, and people who were close may share no frame",
-        f"--period {period_s:g} makes one frame of each {period_s:g} s; or export the time of the frame",
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class _Followed:
-    """How people with ids are seen.
-
-    Attributes:
-        usual_ms: From one record of a person to the next.
-        lives_ms: In view, summed over people.
-        busy_ms: With anybody in view.
-        n_stretches: Stretches of time with anybody in view.
-    """
-
-    usual_ms: float
-    lives_ms: float
-    busy_ms: float
-    n_stretches: int
-
-
-def _followed(rows: pd.DataFrame) -> _Followed | None:
-    """Return how people are seen, from camera_no, track_no and ts_ms of each record; None for nobody seen twice."""
-    rows = rows.sort_values(["camera_no", "track_no", "ts_ms"], kind="stable")
-    steps_ms = rows.groupby(["camera_no", "track_no"], sort=False)["ts_ms"].diff()
-    if not (usual_ms := float(steps_ms.median())) >= FRAME_MIN_MS:
-        return None
-    # an id that comes again after a long time is somebody else's, or the same person's next visit
-    life = (steps_ms.isna() | (steps_ms > LIFE_STEPS * usual_ms)).cumsum()
-    lives = rows.groupby(["camera_no", life], sort=False)["ts_ms"].agg(["min", "max"]).reset_index(level=1, drop=True)
-    stretches = np.concatenate([_stretches_ms(of_camera) for _, of_camera in lives.groupby("camera_no")])
-    return _Followed(usual_ms, float((lives["max"] - lives["min"]).sum()), float(stretches.sum()), len(stretches))
-
-
-def _stretches_ms(lives: pd.DataFrame) -> npt.NDArray[np.int64]:
-    """Return how long each stretch with somebody in view lasts, from the first and last instants of tracks."""
-    ordered = lives.sort_values("min")
-    starts, latest = ordered["min"].to_numpy(), np.maximum.accumulate(ordered["max"].to_numpy())
-    is_new = np.r_[True, starts[1:] > latest[:-1]]
-    firsts, lasts = starts[is_new], latest[np.r_[is_new[1:], True]]
-    return np.asarray(lasts - firsts, dtype=np.int64)
-
-
 TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     _years,
     _half_days,
@@ -434,9 +341,7 @@ TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     _named_utc,
     _mixed_offsets,
     _hour_back,
+    _clock_set,
     _closed,
     _merging,
-    several_frames,
-    _scattered,
-    _strays,
 )

@@ -8,8 +8,10 @@ from typing import Any
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Source, empty
 from vsd_analytics.ingest.cell_texts import CellTable
+from vsd_analytics.ingest.json_guess import guessed_mapping
 from vsd_analytics.ingest.json_values import json_values
 from vsd_analytics.ingest.table_file import Header
+from vsd_analytics.ingest.telling_names import place_like
 
 HEADER_ROWS = 200
 """Objects whose keys are the columns: engines leave out keys of objects that lack them."""
@@ -24,18 +26,22 @@ class JsonTable(CellTable):
         options: `line_max_bytes` bounds an object.
 
     Raises:
-        InputError: E202 it has no object, E204 it is no array of objects, E205 it is damaged from its beginning.
+        InputError: E202 it has no object, E204 it is no array of flat objects, E205 it is damaged from its beginning.
     """
 
     def __init__(self, source: Source, options: IngestOptions) -> None:
         self._source, self._max = source, options.line_max_bytes
         names: dict[str, None] = {}
+        is_nested = False
         for number, (found, _) in enumerate(self._objects(), start=1):
             names.update(dict.fromkeys(str(key) for key in found))
+            is_nested = is_nested or any(isinstance(value, list | dict) for value in found.values())
             if number >= HEADER_ROWS or len(names) > COLUMNS_MAX:
                 break
         if not names:
             raise empty(source)
+        if is_nested and not place_like(names) and (guess := guessed_mapping(source)) is not None:
+            raise self._deeper(guess)
         self._keys = list(names)[:COLUMNS_MAX]
         super().__init__(Header(self._keys), cell_max_bytes=int(source.settings.cell_max_bytes))
 
@@ -59,6 +65,15 @@ class JsonTable(CellTable):
             where=Where(self._source.name, number + 1, text),
             why=f"it is not JSON: {why[:200]}",
             fix="copy or export the file again; the records before the damage are stored",
+        )
+
+    def _deeper(self, guess: str) -> InputError:
+        return InputError(
+            f"{self._source.file_name} is JSON, but no table",
+            code="E204",
+            where=Where(self._source.name),
+            why="the places of people are inside lists or objects",
+            fix=f"say where its values are, probably: {guess}",
         )
 
     def _no_object(self, number: int, text: str) -> InputError:

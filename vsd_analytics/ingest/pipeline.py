@@ -264,6 +264,7 @@ class _Ingest:
             format=result.format,
             content=content_id(content),
             reading=reading_id(self.options, kind=result.format),
+            sketch="" if result.card is None else result.card.sketch,
         )
         for folder in dict.fromkeys((self.site.root / "store", self.site.acknowledged)):
             note_import(folder, line)
@@ -311,7 +312,9 @@ class _Ingest:
             differing_cameras=differing,
             now=self.now,
         )
-        again = doubt_of_earlier_reading(self.site, self.source, reading_id(self.options, kind=reader.name))
+        again = doubt_of_earlier_reading(
+            self.site, self.source, reading_id(self.options, kind=reader.name), card.sketch
+        )
         card = card if again is None else replace(card, doubts=(*card.doubts, again))
         result.card = card
         result.is_new_shape = bool(card.columns) and card.shape not in known_shapes(self.site.root)

@@ -25,6 +25,8 @@ _CHARS = 80
 _SIDES = ("left", "top", "right", "bottom", "width", "height")
 WIDE = 1.25
 """People who stand are higher than wide; a box is clearly wider from this ratio on."""
+SLIM = 3.5
+"""Height over width. The median of real boxes of people is 2.3 to 3.3, of boxes drawn around bodies of a model 4."""
 LASTING: tuple[Role, ...] = ("camera", "class", "storey", "absent", "present", "state", "unseen", "unit")
 """What is looked at to the end of a file: these columns have few values."""
 _ROLES: tuple[Role, ...] = (*LASTING, "id", "confidence", "time", "date", "file", "third axis")
@@ -44,6 +46,7 @@ class TableHead:
         n_boxes: Boxes with a top and a bottom side.
         n_upside_down: Those whose bottom has the smaller number: y points up.
         n_wide: Boxes that are clearly wider than high.
+        n_slim: Boxes that are slimmer than people are.
         n_like_corners: Boxes whose width and height are larger than their left and top sides, as far corners are.
         parts: Names of the files that are read, of a folder or archive.
         unread: Names of the files of a folder or archive that hold data by their names, and are not read.
@@ -58,6 +61,7 @@ class TableHead:
     n_boxes: int = 0
     n_upside_down: int = 0
     n_wide: int = 0
+    n_slim: int = 0
     n_like_corners: int = 0
     parts: Sequence[str] = ()
     unread: Sequence[str] = ()
@@ -82,7 +86,7 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
     wanted = {**plan.theirs, **{beside(name): i for name, i in (*watched.items(), *plan.compared.items())}}
     values: dict[str, Counter[str]] = {name: Counter() for name in (*watched, *plan.compared)}
     rows: dict[int, dict[str, str]] = {}
-    n_rows = n_boxes = n_upside_down = n_wide = n_like_corners = 0
+    n_rows = n_boxes = n_upside_down = n_wide = n_slim = n_like_corners = 0
     with file.readable():
         for chunk in file.chunks(wanted):
             some = slice(0, SHOWN_ROWS - len(rows))
@@ -101,9 +105,11 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
                 n_boxes += int((heights != 0).sum() - np.isnan(heights).sum())
                 n_upside_down += int((heights < 0).sum())
                 n_wide += int((sides["right"] - sides["left"] > WIDE * np.abs(heights)).sum())
+                n_slim += int((np.abs(heights) > SLIM * np.abs(sides["right"] - sides["left"])).sum())
             elif "height" in sides:
                 n_boxes += int((~np.isnan(sides["height"])).sum())
                 n_wide += int((sides["width"] > WIDE * sides["height"]).sum())
+                n_slim += int((sides["height"] > SLIM * sides["width"]).sum())
                 if "left" in sides:
                     is_beyond = (sides["width"] > sides["left"]) & (sides["height"] > sides["top"])
                     n_like_corners += int(is_beyond.sum())
@@ -119,6 +125,7 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
         n_boxes,
         n_upside_down,
         n_wide,
+        n_slim,
         n_like_corners,
     )
 

@@ -171,7 +171,8 @@ OBJECTS: Final = _words(
     "bicycle bike biker cyclist skater rider "
     "car motorcycle motorbike bus train truck van vehicle dog cat bird cart trolley chair face head "
     "backpack handbag suitcase auto autos macchina camion carro coche voiture velo bici bicicleta bicicletta fahrrad "
-    "hund chien cane perro carrello"
+    "hund chien cane perro carrello chariot caddie poussette stroller kinderwagen passeggino vehicule fahrzeug veicolo "
+    "moto motorrad scooter forklift gabelstapler muletto robot mannequin manichino"
 )
 """Classes of detectors that are no person."""
 

@@ -17,6 +17,7 @@ from vsd_analytics.ingest.columns import TIME_OF_DAY
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, floor_bounds_m, picture_px
 from vsd_analytics.ingest.doubts import doubts_of
 from vsd_analytics.ingest.sample import Sample, sample_of
+from vsd_analytics.ingest.sketch import sketch_of
 from vsd_analytics.ingest.table_head import SHOWN_ROWS, TableHead
 from vsd_analytics.ingest.telling_names import named_like
 from vsd_analytics.ingest.units import LENGTHS
@@ -76,6 +77,7 @@ class SourceCard:
         profile: The `[[source]]` of vsd.toml that says how it is read; None = none.
         doubts: What looks wrong.
         filtered: Values of the columns that `--where` compares, the most frequent first.
+        sketch: `sketch.sketch_of` the records looked at.
     """
 
     format: str
@@ -106,6 +108,7 @@ class SourceCard:
     profile: str | None = None
     doubts: tuple[Doubt, ...] = ()
     filtered: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    sketch: str = ""
 
     @property
     def sure_doubts(self) -> tuple[Doubt, ...]:
@@ -211,6 +214,7 @@ def _card(case: Case, name: str) -> SourceCard:
         rows=_rows(sample, head),
         profile=case.options.profile,
         doubts=doubts_of(case),
+        sketch=sketch_of(sample),
         filtered={} if head is None else {n: [v for v, _ in c.most_common(5)] for n, c in head.filtered.items()},
     )
 

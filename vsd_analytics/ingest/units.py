@@ -12,6 +12,9 @@ LENGTHS: Final = ("x_m", "y_m", "x_a_m", "y_a_m", "x_b_m", "y_b_m", "distance_m"
 
 PIXELS: Final = "px"
 
+_FEET: Final = ("foot", "feet", "piedi", "pies", "pieds")
+"""Before an axis or a point they are those of a person."""
+_POINTS: Final = frozenset({"x", "y", "z", "u", "v", "pos", "position", "point", "location"})
 _WORDS: Final = {
     **{unit: unit for unit in ("mm", "cm", "dm", "m", "km", "ft")},
     **{f"{stem}{end}": "m" for stem in ("meter", "metre") for end in ("", "s")},
@@ -20,7 +23,7 @@ _WORDS: Final = {
                             ("kilo", "km"))
        for stem, ends in (("meter", ("", "s")), ("metre", ("", "s")), ("metr", ("i", "o", "os")))
        for end in ends},
-    **dict.fromkeys(("foot", "feet", "piedi", "pies", "pieds"), "ft"),
+    **dict.fromkeys(_FEET, "ft"),
     **dict.fromkeys(("yd", "yds", "yard", "yards"), "yd"),
     **dict.fromkeys(("inch", "inches", "zoll", "pollici", "pulgadas"), "in"),
     **dict.fromkeys(("px", "pix", "pixel", "pixels"), PIXELS),
@@ -38,7 +41,7 @@ def unit_in_name(name: str) -> str | None:
 
     Returns:
         A key of `file_columns.METRES`, `PIXELS`, or None. A single "m" counts only behind the name, as in `x_m`, and
-        "in" only behind an axis, as in `x_in` or `Y [in]`.
+        "in" only behind an axis, as in `x_in` or `Y [in]`. Feet before an axis, as in `foot_x`, are a person's.
     """
     if joined := _AXIS.fullmatch(name.strip()):
         return _WORDS[joined[1].lower()]
@@ -46,6 +49,7 @@ def unit_in_name(name: str) -> str | None:
         return "in"
     parts = [part.lower() for part in _PART.findall(unaccented(name))]
     for i, part in reversed(list(enumerate(parts))):
-        if part in _WORDS and (part != "m" or (i == len(parts) - 1 and i > 0)):
+        is_body = part in _FEET and parts[i + 1 : i + 2] and parts[i + 1] in _POINTS
+        if part in _WORDS and not is_body and (part != "m" or (i == len(parts) - 1 and i > 0)):
             return _WORDS[part]
     return None
