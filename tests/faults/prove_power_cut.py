@@ -117,7 +117,8 @@ def after_cut(
     for command in built_by:
         vsd(root, *command)
     if not built_by:
-        shutil.rmtree(root / "facts" / "days", ignore_errors=True)  # a build makes no torn day anew
+        for folder in ("days", "weeks"):  # a build makes none of these anew; a report does, and looks at each it reads
+            shutil.rmtree(root / "facts" / folder, ignore_errors=True)
     wrong += [f"built: {w}" for w in glance(root, truth, acked)]
     vsd(root, "verify")
     if built_by:

@@ -46,8 +46,8 @@ def _taken_over(case: Case) -> Iterator[Doubt]:
         yield Doubt(
             "W225",
             f"{n_taken:,} times an id jumps to where another person was a moment before{most if n_at_once else ''}",
-            "the ids begin again there, number the people of a frame, or the tracker takes one person for another: ways "
-            "and violations of people would be joined",
+            "the ids begin again there, number the people of a frame, or the tracker takes one person for another: "
+            "ways and violations of people would be joined",
             "map the id of the track: --map track_id=...; export ids that do not begin again, or a file for each part, "
             "with the part in front of its ids",
             is_note=not n_at_once,  # a tracker that is often wrong does so, too, and its file cannot be corrected
