@@ -12,7 +12,7 @@
 --   recorded_share    recorded over open time, mean over cameras; null when closed
 --   cameras_down      cameras that recorded less than half of the hour
 --   violations        violations that began in it; null where hidden or unknown
---   state             full, partial, low_data, no_data, closed or not_over (to come); masked: a small count is hidden; held_back: it would reveal one
+--   state             full, partial, low_data, no_data, closed or not_over; masked: a small count is hidden; held_back: it would reveal one
 -- assumes: an hour without data has a null count and state no_data: what happened is unknown
 with cells as (
     select
