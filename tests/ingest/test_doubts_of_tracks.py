@@ -97,8 +97,9 @@ def test_what_happens_to_tracks_is_warned_of(
         renamed(lambda s: s.track, sorted(MINUTES, key=lambda s: s.track)),  # a step back in time for each person
         renamed(lambda s: s.track, STANDING) * 2,  # the same people again, in the same places
         renamed(lambda s: f"{s.track}-{s.at.minute}", [s for s in STANDING if s.at.second < 50]),
+        renamed(lambda s: s.track, [replace(s, x_m=2.0 * s.track, y_m=3.0) for s in STANDING]),
     ],
-    ids=["plain", "few", "by person", "twice", "a pause between ids"],
+    ids=["plain", "few", "by person", "twice", "a pause between ids", "never move"],
 )
 def test_tracks_of_people_who_come_and_go_are_not(
     rows: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -219,10 +219,12 @@ def _left_standing(case: Case) -> Iterator[Doubt]:
     rows = sample.rows.loc[sample.rows["track_no"] >= 0, [*key, "ts_ms", *axes]].dropna()
     rows = rows.sort_values([*key, "ts_ms"], kind="stable").reset_index(drop=True)
     is_new = (rows[[*key, *axes]].diff() != 0).any(axis=1)
-    arrived, last = rows[is_new].drop_duplicates(key, keep="last"), rows.drop_duplicates(key, keep="last")
+    arrived = rows[is_new].drop_duplicates(key, keep="last")
+    first, last = (rows.drop_duplicates(key, keep=keep) for keep in ("first", "last"))
+    has_come = arrived.index.to_numpy() > first.index.to_numpy()  # whoever never moves was not lost on the way
     still_s = (last["ts_ms"].to_numpy() - arrived["ts_ms"].to_numpy()) / 1000
     n_after = last.index.to_numpy() - arrived.index.to_numpy()
-    is_left = (still_s >= LEFT_S) & (n_after >= ROWS_MIN)
+    is_left = has_come & (still_s >= LEFT_S) & (n_after >= ROWS_MIN)
     n_before = len(rows) - int(n_after.sum())
     n_repeated = int((~is_new).sum()) - int(n_after.sum())
     if is_left.sum() >= max(ROWS_MIN / 2, LEFT_SHARE * len(last)) and n_repeated < REPEATED_SHARE * n_before:
