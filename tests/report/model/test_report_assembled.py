@@ -126,6 +126,23 @@ def test_hours_to_come_are_neither_recorded_nor_missing(begun_week: Site) -> Non
     assert sum("not_over" in row for row in rows) == 10
 
 
+def test_the_command_and_the_service_know_what_is_over(begun_week: Site, capsys: pytest.CaptureFixture[str]) -> None:
+    from vsd_analytics.cli import cli
+    from vsd_analytics.cli.exit_codes import run
+    from vsd_analytics.service.answers import ReportAnswers
+
+    now, from_ = "2026-11-12T11:20:00+01:00", "2026-11-12T11:00:00+01:00"
+    command = ["--now", now, "--quiet", "report", "--week", "2026-W46", "--format", "json", "--out", "-"]
+    assert run(cli, ["-C", str(begun_week.root), *command]) == 0
+    assert json.loads(capsys.readouterr().out)["coverage"]["not_over_from"] == from_
+    seconds, present = [0.0], [w.rome(3, 11, 20)]
+    answers = ReportAnswers(begun_week.root, clock=lambda: seconds[0], present=lambda: present[0])
+    assert json.loads(answers.report("2026-W46", "ground"))["coverage"]["not_over_from"] == from_
+    seconds[0], present[0] = 10.0, w.rome(3, 12, 1)  # an hour has ended, and no file has changed
+    again = json.loads(answers.report("2026-W46", "ground"))["coverage"]
+    assert again["not_over_from"] == "2026-11-12T12:00:00+01:00"
+
+
 def test_a_week_that_is_nearly_over_is_compared_over_the_hours_that_are(tmp_path: Path) -> None:
     streams = w.messages(busy, monday=w.BEFORE), w.messages(busy, days=range(6))
     site = w.world(tmp_path, w.toml(), *streams)
