@@ -35,7 +35,7 @@ def sql(
     kind: str,
     as_json: bool,
 ) -> None:
-    """Run a query over the facts and marts of a range; nothing can be written.
+    """Run a query over facts, marts, and places of people of a range; nothing can be written.
 
     \b
     Example:
@@ -44,16 +44,16 @@ def sql(
       vsd sql "select local_hour, sum(n_violations) from hours group by all order by 1" --week last
     """
     from vsd_analytics.errors import UsageError
-    from vsd_analytics.warehouse.sqlfiles import relations
+    from vsd_analytics.warehouse.sqlfiles import queried_relations, relations
 
-    known = [*relations("facts").values(), *relations("marts").values()]
+    known = sorted(queried_relations().values(), key=lambda r: ("staging", "facts", "marts").index(r.layer))
     if as_list:
         if as_json:
             rows = [{"name": r.name, "layer": r.layer, "row": r.description, "columns": dict(r.columns)} for r in known]
             emit_json({"relations": rows})
             return
         for r in known:
-            click.echo(f"{r.layer:<6} {r.name:<18} {r.description}")
+            click.echo(f"{r.layer:<7} {r.name:<18} {r.description}")
         return
     if relation is not None:
         found = [r for r in (*known, *relations("staging").values()) if r.name == relation]

@@ -36,9 +36,6 @@ from vsd_analytics.warehouse.sqlfiles import relations
 LARGEST_SHARE = 0.5
 """Share of the stored days or records that a purge may remove without `--force`. More is usually a typing error."""
 
-NOT_SEALED = ("pairs",)
-"""Facts that hold the place of a single person at an instant, as records do: they are removed with the records."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Purged:
@@ -295,7 +292,7 @@ class _Sealer:
     def _facts(self, day: int, hours: Sequence[int], built: BuildResult) -> dict[int, dict[str, str]]:
         """Put the facts of some hours of a UTC day, a file for each hour; return the digests by hour and fact."""
         found: dict[int, dict[str, str]] = {hour: {} for hour in hours}
-        names = [r.name for r in relations("facts").values() if r.unit == "hour" and r.name not in NOT_SEALED]
+        names = [r.name for r in relations("facts").values() if r.unit == "hour"]
         for name in names if hours else ():
             for hour, data in hour_files(built.paths[name][day], day, hours).items():
                 found[hour][name] = self._seals.put(name, hour, data)

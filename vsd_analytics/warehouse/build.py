@@ -24,11 +24,12 @@ from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.warehouse import beside, superseded
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.camera_days import KnownDay, day_bytes, day_path, day_units, hour_units, read_days
-from vsd_analytics.warehouse.compute import PAIRS, day_facts, hour_facts
+from vsd_analytics.warehouse.compute import day_facts, hour_facts
 from vsd_analytics.warehouse.fact_days import DayWriter, FactDays, damaged_facts, is_whole, slices
 from vsd_analytics.warehouse.factfiles import is_undamaged_file
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.spread import Spread, publish_days
+from vsd_analytics.warehouse.sqlfiles import Relation
 from vsd_analytics.warehouse.units import PartIndex, Unit, days_around, merged_parts
 
 BATCH_HOURS, BATCH_ROWS = 24, 2_000_000
@@ -136,7 +137,7 @@ def _build(
         wanted = {day: [files.paths[name][day] for name in names] for day, names in stale.items()}
         publish_days(hour_work, site, wanted, spread, on_day=lambda day: on_hours and on_hours(n_hours[day]))
     else:
-        _write_hours(site, files, stale, computed, days, recorded=index.hours(), check=check, on_hours=on_hours)
+        _write_hours(site, files, stale, computed, days, check=check, on_hours=on_hours)
     for folder in {files.paths[name][day].parent for day in stale for name in files.names}:
         sweep_temporaries(folder)
     unneeded: tuple[Path, ...] = ()
@@ -197,7 +198,7 @@ def hour_work(site: Site, day: int) -> dict[str, bytes]:
     files = FactDays(site, units, write=write)
     stale = _stale(files)
     computed = _computed(units, stale)
-    _write_hours(site, files, stale, computed, days, recorded=index.hours(), check=_Checker(store), on_hours=None)
+    _write_hours(site, files, stale, computed, days, check=_Checker(store), on_hours=None)
     return found
 
 
@@ -236,7 +237,6 @@ def _write_hours(
     computed: Sequence[Unit],
     days: Mapping[int, KnownDay],
     *,
-    recorded: Collection[int],
     check: _Checker,
     on_hours: Callable[[int], None] | None,
 ) -> None:
@@ -247,22 +247,9 @@ def _write_hours(
                 files.writer(name, day).add_reused()
     writers: dict[tuple[str, int], DayWriter] = {}
     for batch in _batches(computed):
-        check(p for parts in merged_parts(batch).values() for p in parts)
         own = [u.number for u in batch]
         wanted = {n: [h for h in own if h in stale[h // 24].get(n, ())] for n in files.names}
-        needed = sorted({d for h in own for d in days_around(h) if d in days})
-        facts = hour_facts(
-            site,
-            facts=[name for name, hours in wanted.items() if hours],
-            parts=merged_parts(batch),
-            camera_days=pa.concat_tables([days[d].rows for d in needed]),
-            first_hour=own[0],
-            last_hour=own[-1],
-            pairs=()
-            if wanted.get(PAIRS)
-            else files.whole(PAIRS, [h for h in recorded if own[0] - 1 <= h <= own[-1] + 1]),
-        )
-        for relation, rows in facts:
+        for relation, rows in _of_batch(site, batch, [n for n, hours in wanted.items() if hours], days, check):
             name = relation.name
             hours_of: dict[int, list[int]] = defaultdict(list)
             for hour in wanted[name]:
@@ -275,6 +262,41 @@ def _write_hours(
                     writers[key] = writer
         if on_hours is not None:
             on_hours(len(batch))
+
+
+def _of_batch(
+    site: Site,
+    batch: Sequence[Unit],
+    names: Collection[str],
+    days: Mapping[int, KnownDay],
+    check: _Checker,
+) -> Iterator[tuple[Relation, pa.Table]]:
+    """Yield the rows of relations of some hours, computed from undamaged parts; see `hour_facts`."""
+    parts, own = merged_parts(batch), [u.number for u in batch]
+    check(p for of_table in parts.values() for p in of_table)
+    needed = sorted({d for h in own for d in days_around(h) if d in days})
+    return hour_facts(
+        site,
+        facts=names,
+        parts=parts,
+        camera_days=pa.concat_tables([days[d].rows for d in needed]),
+        first_hour=own[0],
+        last_hour=own[-1],
+    )
+
+
+def record_rows(site: Site, name: str, *, first_hour: int, last_hour: int) -> Iterator[pa.Table]:
+    """Yield the rows of one of `RECORD_RELATIONS` in a range of hours, a batch of hours at a time.
+
+    The fact `camera_days` of the range must be fresh. Purged hours have no rows.
+    """
+    store = Store(site.root / "store", site_id=site.site_id)
+    index, hours, sealed = _range(site, store, *_days(first_hour, last_hour))
+    days = read_days(site, day_units(index, [*hours, *sealed.hours], site=site))
+    units = hour_units(site, index, [h for h in hours if first_hour <= h <= last_hour], days)
+    check = _Checker(store)
+    for batch in _batches(units):
+        yield from (rows for _, rows in _of_batch(site, batch, [name], days, check))
 
 
 def _days(first_hour: int | None, last_hour: int | None) -> tuple[int | None, int | None]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pyarrow as pa
@@ -27,9 +26,6 @@ if TYPE_CHECKING:
     import duckdb
 
 Parts = Mapping[TableName, Sequence[Part]]
-
-PAIRS = "pairs"
-"""The fact with a row for almost every record, which most others are computed from."""
 
 
 def day_facts(site: Site, parts: Parts, *, by_queries: bool = False) -> pa.Table:
@@ -60,24 +56,23 @@ def hour_facts(
     camera_days: pa.Table,
     first_hour: int,
     last_hour: int,
-    pairs: Sequence[Path] = (),
     by_queries: bool = False,
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield hourly facts with their rows of the hours from `first_hour` to `last_hour`, by hour and grain.
 
-    Ids are texts, or dictionaries that have other names, too.
+    Ids are texts, or dictionaries that have other names, too. Relations of `sql/staging` with an instant can be asked
+    for as well; their rows come in any order.
 
     The rows of an hour depend only on the records of that hour and of its two neighbours at most `reach_ms` away, not
     on the other hours that are computed with it.
 
     Args:
         site: The project.
-        facts: Names of the facts to yield. Relations that these read are computed too, but not yielded.
+        facts: Names of the relations to yield. Others that these read are computed too, but not yielded.
         parts: Stored parts of the hours, and of their neighbours those that lie near enough.
         camera_days: The fact of all UTC days these lie in.
         first_hour: First UTC hour number.
         last_hour: Last one, inclusive.
-        pairs: Files of the fact `pairs` of these hours and their neighbours, to read it; none = compute it.
         by_queries: Run every query in `sql/`, also of relations that `arrays` computes; else only after DuckDB failed.
 
     Raises:
@@ -98,17 +93,15 @@ def hour_facts(
                 order = [r for r in relations("staging", "facts").values() if r.name in computed]
                 for number, relation in enumerate(order):
                     name = relation.name
-                    is_array = False
-                    if name == PAIRS and pairs:
-                        _read_fact(held.con, relation, pairs, *spans)
-                    elif batch is None or not (is_array := batch.computes(relation)):
+                    is_array = batch is not None and batch.computes(relation)
+                    if not is_array:
                         held.publish(relation.reads)
                         create(held.con, relation)
                     if name in facts and name not in yielded:
                         hours = (first_hour, last_hour)
                         yield relation, held.table(relation, *hours) if is_array else _rows(held.con, relation, *hours)
                         yielded.add(name)
-                    if relation.layer == "facts" and name != PAIRS:
+                    if relation.layer == "facts":
                         held.forget(name)
                     for table in {n for n in relation.reads if n.startswith("stored_")}:
                         if not any(table in later.reads for later in order[number + 1 :]):
@@ -134,17 +127,6 @@ def create(con: duckdb.DuckDBPyConnection, relation: Relation) -> None:
     con.unregister(f"_{relation.name}")
 
 
-def _read_fact(
-    con: duckdb.DuckDBPyConnection, relation: Relation, files: Sequence[Path], first_ms: int, after_ms: int
-) -> None:
-    """Create a fact of the records in [first_ms, after_ms) from its files, as `create` does from stored records."""
-    columns = (f"cast({c} as {ENUMS[c]}) as {c}" if c in ENUMS else c for c in relation.columns)
-    con.execute(
-        f"create temp table {relation.name} as select {', '.join(columns)} from read_parquet({literal_list(files)}, "
-        f"hive_partitioning = false) where ts_ms >= {first_ms:d} and ts_ms < {after_ms:d}"
-    )
-
-
 def _load(
     small: Mapping[str, pa.Table],
     tables: Sequence[TableName],
@@ -166,7 +148,8 @@ def _load(
 def _rows(con: duckdb.DuckDBPyConnection, relation: Relation, first_hour: int, last_hour: int) -> pa.Table:
     """Return the rows of a fact in a range of hours, with texts for enums: a file holds no names of other hours."""
     columns = (f"cast({c} as varchar) as {c}" if c in ENUMS else c for c in relation.columns)
-    inside = f"hour between {first_hour:d} and {last_hour:d}"
+    hour = "hour" if "hour" in relation.columns else f"ts_ms // {HOUR_MS:d}"
+    inside = f"{hour} between {first_hour:d} and {last_hour:d}"
     return con.sql(f"select {', '.join(columns)} from {relation.name} where {inside}").to_arrow_table()
 
 

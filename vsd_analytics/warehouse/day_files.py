@@ -209,7 +209,7 @@ def superseded_anywhere(site: Site, built: BuildResult) -> list[Path]:
             several.append((relation, days))
     dates = [_EPOCH + timedelta(days=d) for d in sorted({d for _, days in several for d in days})]
     of_days = DayFiles(site, built, extents=[Extent(d, d) for d in dates])
-    found = _no_longer_stored(site)
+    found = no_longer_stored(site)
     for relation, days in several:
         hours = {"first_hour": days[0] * 24, "last_hour": days[-1] * 24 + 23}
         files = of_days.sealed_files(relation, **hours) if relation.layer == "facts" else of_days.files(relation)
@@ -217,11 +217,25 @@ def superseded_anywhere(site: Site, built: BuildResult) -> list[Path]:
     return found
 
 
-def _no_longer_stored(site: Site) -> list[Path]:
-    """Return the day and week files of marts that an older version stored by day."""
-    others = [r.name for r in relations("marts").values() if not r.stored_by]
-    folders = (days_folder(site), days_folder(site).parent / WEEKS)
-    return [p.path for root in folders for name in others for p in list_parts(root, name, site.site_id)]
+def no_longer_stored(site: Site) -> list[Path]:
+    """Return the files of facts, days and weeks of relations that an older version stored and this one does not."""
+    facts, by_day = relations("facts"), {r.name for r in relations_stored_by_day()}
+    stored: dict[Path, Collection[str]] = {}
+    for root in (site.root / "facts", *beside.folders(site)):
+        stored |= {root: facts, root / FOLDER.name: by_day, root / WEEKS: {*facts, *by_day}}
+    return [
+        p.path
+        for root, names in stored.items()
+        for name in _names_in(root)
+        if name not in names
+        for p in list_parts(root, name, site.site_id)
+    ]
+
+
+def _names_in(root: Path) -> list[str]:
+    """Return the relations with a folder in one of the folders of facts, those of older versions among them."""
+    others = {FOLDER.name, WEEKS, beside.FOLDER.name}
+    return sorted(p.name for p in root.iterdir() if p.name not in others) if root.is_dir() else []
 
 
 def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
@@ -236,14 +250,14 @@ def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
     within = {"first_hour": min(near) * 24, "last_hour": max(near) * 24 + 23}
     found: list[Path] = []
     for root in (site.root / "facts", *beside.folders(site)):
-        for name in relations("facts"):
+        for name in _names_in(root):
             parts = list_parts(root, name, site.site_id, **within)
             found += [p.path for p in parts if p.hour // 24 in own]
-        for name in relations("facts", "marts"):  # an older version may have stored others by day
+        for name in _names_in(root / FOLDER.name):
             parts = list_parts(root / FOLDER.name, name, site.site_id, **within)
             found += [p.path for p in parts if p.hour // 24 in near]
         within["first_hour"] -= (DAYS - 1) * 24
-        for name in relations("facts", "marts"):
+        for name in _names_in(root / WEEKS):
             weeks = list_parts(root / WEEKS, name, site.site_id, **within)
             found += [p.path for p in weeks if near & set(range(p.hour // 24, p.hour // 24 + DAYS))]
     return found

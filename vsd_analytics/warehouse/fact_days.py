@@ -32,7 +32,6 @@ from vsd_analytics.warehouse.factfiles import (
     by_kind,
     fact_bytes,
     is_undamaged,
-    is_undamaged_file,
     noted_inputs,
 )
 from vsd_analytics.warehouse.input_fingerprint import InputHashes, fact_inputs, stale_reason, text_hash
@@ -90,14 +89,6 @@ class FactDays:
             if day not in trusted
         }
         return {day: names for day, names in found.items() if names}
-
-    def whole(self, name: str, hours: Iterable[int]) -> list[Path]:
-        """Return the files of a fact that hold some hours; none where one of these is not fresh and undamaged."""
-        wanted = set(hours)
-        days = sorted({h // 24 for h in wanted})
-        known = {u.number for day in days for u in self.units.get(day, ())}
-        paths = [self.paths[name][day] for day in days if day in self.units]
-        return paths if wanted <= known and all(map(is_undamaged_file, paths)) else []
 
     def stale(self, name: str, day: int) -> list[Unit]:
         """Return the hours of a missing file that no older file of the fact and day holds."""

@@ -11,13 +11,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from vsd_analytics.warehouse.arrays.held import ENUMS
@@ -29,6 +27,9 @@ ROW_GROUP = 250_000
 """A row group ends with the first hour that brings it to this many rows. So the writer of a day holds few rows, and
 where row groups end depends on the rows alone."""
 _INSTANTS = ("ts_ms", "started_ms", "ended_ms", "first_ms", "last_ms", "_from_ms", "_to_ms")
+_NAMES = frozenset(["company", *(name for name, kind in ENUMS.items() if kind == "track_name")])
+_SPREAD = frozenset(["cx", "before_ms", "after_ms"])
+"""Numbers that hardly repeat, or rise from row to row; so do all lengths and places (`_mm`)."""
 _BYTES = 16
 _ZEROS = b"0" * 2 * _BYTES
 
@@ -72,9 +73,10 @@ class FactWriter:
         return blank[:place] + _digest(blank) + blank[place + len(_ZEROS) :]
 
     def _flush(self) -> None:
-        rows = _with_own_names(self._pieces)
+        rows = pa.concat_tables(map(_with_texts, self._pieces))
         self._pieces, self._n_rows = [], 0
         if self._writer is None:
+            encoded = {field.name: encoding for field in rows.schema if (encoding := _encoding(field))}
             self._writer = pq.ParquetWriter(
                 self._sink,
                 rows.schema.remove_metadata(),
@@ -82,47 +84,34 @@ class FactWriter:
                 write_page_checksum=True,
                 # Arrow's own schema would say what Parquet's says.
                 store_schema=False,
-                # Instants rise from row to row, so their differences are small; all else repeats within a day, and
-                # where it does not, Parquet gives the dictionary up by itself.
-                use_dictionary=[name for name in rows.column_names if not name.endswith(_INSTANTS)],
+                use_dictionary=[name for name in rows.column_names if name not in encoded],
                 # Every row group has ids from end to end of their order: comparing each for that finds nothing to skip.
                 write_statistics=[name for name in rows.column_names if name not in ENUMS],
-                column_encoding={n: "DELTA_BINARY_PACKED" for n in rows.column_names if n.endswith(_INSTANTS)},
+                column_encoding=encoded,
             )
         self._writer.write_table(rows.replace_schema_metadata(), row_group_size=max(1, rows.num_rows))
 
 
-def _with_own_names(pieces: Sequence[pa.Table]) -> pa.Table:
-    """Return pieces as one table, with ids as dictionaries of the names that occur, in order.
+def _with_texts(rows: pa.Table) -> pa.Table:
+    """Return rows with texts for dictionaries: these may have names that no row of the file has."""
+    return rows.cast(
+        pa.schema([(f.name, pa.string() if pa.types.is_dictionary(f.type) else f.type) for f in rows.schema])
+    )
 
-    So the writer need not look up the text of each row, and a file holds no names of other days.
+
+def _encoding(column: pa.Field) -> str | None:
+    """Return how Parquet writes a column; None = by its dictionary, because most columns repeat within a day.
+
+    Rows are by hour, camera and ids. So ids and instants repeat from row to row, which zstd sees in plain values, and
+    dictionaries would only add the number of each name.
     """
-    rows = pa.concat_tables(map(_with_dictionaries, pieces))
-    if any(column.num_chunks != 1 for column in rows.columns):  # else these steps would only copy
-        rows = rows.unify_dictionaries().combine_chunks()
-    columns = (_own_names(rows[name]) if name in ENUMS else rows[name] for name in rows.column_names)
-    return pa.table(list(columns), rows.column_names)
-
-
-def _with_dictionaries(rows: pa.Table) -> pa.Table:
-    for name in (c for c in rows.column_names if c in ENUMS and pa.types.is_string(rows[c].type)):
-        rows = rows.set_column(rows.column_names.index(name), name, rows[name].dictionary_encode())
-    return rows
-
-
-def _own_names(column: pa.ChunkedArray) -> pa.DictionaryArray:
-    ids = column.chunk(0) if column.num_chunks else pa.array([], column.type)
-    n = len(ids.dictionary)
-    codes = (ids.indices.fill_null(n) if ids.null_count else ids.indices).to_numpy()
-    used = np.flatnonzero(np.bincount(codes, minlength=n)[:n])
-    names = ids.dictionary.take(pa.array(used))
-    if not pc.all(pc.less(names[:-1], names[1:])).as_py():  # those of a batch are in order
-        order = pc.sort_indices(names)
-        names, used = names.take(order), used[order.to_numpy()]
-    number = np.zeros(n + 1, dtype=np.int32)
-    number[used] = np.arange(len(used))
-    own = pa.array(number.take(codes), mask=codes == n if ids.null_count else None)
-    return pa.DictionaryArray.from_arrays(own, names, safe=False)
+    if column.name in _NAMES:
+        return "DELTA_LENGTH_BYTE_ARRAY"  # lengths and characters apart: all ids are of one length
+    if not pa.types.is_integer(column.type):
+        return None
+    if column.name.endswith(_INSTANTS):
+        return "PLAIN"
+    return "DELTA_BINARY_PACKED" if column.name in _SPREAD or column.name.endswith("_mm") else None
 
 
 def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, Any], noted: Mapping[bytes, bytes] | None = None) -> bytes:

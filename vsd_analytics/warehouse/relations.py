@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from vsd_analytics.store.duck import one_thread
-from vsd_analytics.warehouse.sqlfiles import Relation, relations
+from vsd_analytics.warehouse.sqlfiles import RECORD_RELATIONS, Relation, queried_relations, relations
 
 if TYPE_CHECKING:
     import duckdb
 
 _WORD = re.compile(r"[a-z_][a-z0-9_]*")
+_RECORDS = re.compile(rf'(?:\b(?:from|join)|,)\s*"?({"|".join(RECORD_RELATIONS)})\b')
 SECOND_READ = 2
 
 
@@ -43,12 +44,13 @@ class RelationSource:
 
 
 def named_relations(query: str) -> list[str]:
-    """Return the facts and marts whose names occur in a query, in its order.
+    """Return the relations that a query names, in order.
 
-    A name in a text literal counts too: one view too many costs nothing.
+    A fact or mart counts wherever its name occurs, in a text literal too: one view too many costs nothing. One of
+    `RECORD_RELATIONS` would cost a computation, so it counts only where a table can be named.
     """
-    known = relations("facts", "marts")
-    return list(dict.fromkeys(w for w in _WORD.findall(query.lower()) if w in known))
+    text, known = query.lower(), relations("facts", "marts")
+    return list(dict.fromkeys([*(w for w in _WORD.findall(text) if w in known), *_RECORDS.findall(text)]))
 
 
 class Catalog:
@@ -67,7 +69,7 @@ class Catalog:
         ahead: Callable[[Iterable[str]], None],
     ) -> None:
         self._con, self._source, self._ahead = con, source, ahead
-        self._known = relations("facts", "marts")
+        self._known = queried_relations()
         self._sources: dict[str, RelationSource] = {}
         self._views, self._tables = set[str](), set[str]()
         self._n_reads: Counter[str] = Counter()

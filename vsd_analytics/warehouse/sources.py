@@ -19,6 +19,7 @@ from vsd_analytics.store.durable import publish, sweep_temporaries
 from vsd_analytics.store.seals import FOLDER as SEALED
 from vsd_analytics.store.seals import Seals
 from vsd_analytics.warehouse import beside
+from vsd_analytics.warehouse.build import record_rows
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.day_files import DayFile, DayFiles, superseded
 from vsd_analytics.warehouse.day_pieces import PIECE_BYTES, fact_sizes, pieces
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 Day = TypeVar("Day", int, date)
 
 _EPOCH = date(1970, 1, 1)
-_FACTS_IN_FILES = ("pairs", "distance_times", "company_times")
+_FACTS_IN_FILES = ("distance_times", "company_times")
 """Facts with a row for almost every record. They stay views, so that a query reads only the columns it needs."""
 _MARTS_IN_FILES = ("episodes", "cell_days", "cell_hours", "planner_cells", "distances", "pair_days", "track_days")
 """Marts with a row for every episode, cell, track or millimetre. Of most of them a report needs one week of ten, so
@@ -139,6 +140,8 @@ class RelationSources:
             return self._mart_by_days(relation)
         if relation.layer == "marts":
             return RelationSource(relation.sql, relation.reads)
+        if relation.layer == "staging":
+            return RelationSource(self._of_records(relation), materialise_at=None, is_large=True)
         return RelationSource(
             self._of_hours(relation, *self._hours),
             materialise_at=None if relation.name in _FACTS_IN_FILES else _MATERIALISE_AT.get(relation.name, 1),
@@ -189,6 +192,17 @@ class RelationSources:
         every = f"read_parquet({literal_list(paths)}, union_by_name = true, hive_partitioning = false)"
         columns = ", ".join(relation.columns)
         return f"select {columns} from ({_empty(relation)} union all by name select * from {every}){within}"
+
+    def _of_records(self, relation: Relation) -> str:
+        """Return a query of the rows of one of `RECORD_RELATIONS`, after computing them into a table of their own."""
+        first, last = self._hours
+        name = f"_of_records_{relation.name}"
+        self._con.execute(f"create temp table {name} as {_empty(relation)}")
+        for rows in record_rows(self._site, relation.name, first_hour=first, last_hour=last):
+            self._con.register("_computed", rows)
+            self._con.execute(f"insert into {name} select * from _computed")
+            self._con.unregister("_computed")
+        return f"select * from {name}"
 
     def _fact_by_days(self, relation: Relation, days: DayFiles) -> str:
         """Return a query of the rows of a fact: UTC days with sealed hours from day files, the others as they are."""
@@ -295,8 +309,8 @@ _TYPED = {
     "other_track_b company",
     "boolean": "is_inferred is_owned is_entry_owned is_exit_owned is_derived open_left open_right has_heartbeat "
     "has_persons has_tracks sends_pairs",
-    "integer": "cx cy n_ends x_a_mm y_a_mm x_b_mm y_b_mm distance_mm min_distance_mm first_x_mm first_y_mm last_x_mm "
-    "last_y_mm",
+    "integer": "cx cy n_ends x_mm y_mm x_a_mm y_a_mm x_b_mm y_b_mm distance_mm min_distance_mm first_x_mm first_y_mm "
+    "last_x_mm last_y_mm",
 }
 _EMPTY_TYPES = {column: f"null::{kind}" for kind, columns in _TYPED.items() for column in columns.split()}
 """Columns of facts that are no bigint. Rows of days without facts have the types of all others: day files are read

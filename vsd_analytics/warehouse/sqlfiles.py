@@ -144,6 +144,18 @@ def relations(*layers: str) -> Mapping[str, Relation]:
     return ordered
 
 
+RECORD_RELATIONS = ("located", "pairs")
+"""Relations of `sql/staging` that a query may name: where people were, and who was near whom. They have a row for each
+record, so they are not stored: they are computed from the records of the range when a query names them."""
+
+
+@cache
+def queried_relations() -> Mapping[str, Relation]:
+    """Return the relations that a query may name, by name: `RECORD_RELATIONS`, facts and marts."""
+    of_records = relations("staging", "facts")
+    return {**{name: of_records[name] for name in RECORD_RELATIONS}, **relations("facts", "marts")}
+
+
 def facts_behind(names: Iterable[str]) -> frozenset[str]:
     """Return the hourly facts whose files are read for some relations: facts among these, and those that marts read.
 

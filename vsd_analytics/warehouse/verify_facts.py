@@ -29,7 +29,7 @@ from vsd_analytics.warehouse import beside
 from vsd_analytics.warehouse.audits import audit_rows
 from vsd_analytics.warehouse.build import BuildPlan, build_plan
 from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
-from vsd_analytics.warehouse.day_files import day_fingerprint, relations_stored_by_day
+from vsd_analytics.warehouse.day_files import day_fingerprint, no_longer_stored, relations_stored_by_day
 from vsd_analytics.warehouse.factfiles import is_undamaged, is_undamaged_file, noted_inputs
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.week_files import DAYS, MEMBERS, week_fingerprint
@@ -198,12 +198,16 @@ def check_facts(
             elif part.hour // 24 not in wanted.days or _is_superseded(part, fresh):
                 orphans.append(_orphan(part.path))
 
+    former = {path.relative_to(site.root / "facts").as_posix(): path for path in no_longer_stored(site)}
+    orphans += map(_orphan, former.values())
     by_day = {r.name for r in relations_stored_by_day()}
     n_day_files, day_findings = _check_days(site, by_day, first_hour=first_hour, last_hour=last_hour)
 
     n_beside, beside_findings = _check_beside(site)
 
     def is_known(name: str) -> bool:
+        if name in former:
+            return True
         for other in beside.folders(site):
             name = name.removeprefix(f"{other.relative_to(site.root / 'facts').as_posix()}/")
         relation, _, rest = name.partition("/")
@@ -283,6 +287,6 @@ def _other_fact(path: Path) -> StoreFault:
 
 
 def _orphan(path: Path) -> StoreFault:
-    why = "the store has no record of its hour, or a fresh file replaces this one; no query reads it"
+    why = "the store has no record of its hour, a fresh file replaces it, or this version stores no such files"
     fix = "nothing: a build removes it when nobody reads facts"
     return StoreFault("E307", path, "a fact file that belongs to no records of today", why, fix, is_note=True)

@@ -13,6 +13,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from vsd_analytics.store.duck import connect
+from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.warehouse.arrays.columns import NULL, Columns
 from vsd_analytics.warehouse.dimensions import create_tables
 from vsd_analytics.warehouse.sqlfiles import Relation
@@ -124,12 +125,16 @@ class Held:
             self._create(name, pa.table({c: _array(c, rows[c]) for c in columns}), _named)
 
     def table(self, relation: Relation, first_hour: int, last_hour: int) -> pa.Table:
-        """Return the rows of a held fact in a range of hours, in order of hours; ids are dictionaries."""
+        """Return the rows of a held relation in a range of hours; ids are dictionaries. Those of facts are by hour."""
         rows = self._columns[relation.name]
-        first, after = np.searchsorted(rows["hour"], [first_hour, last_hour + 1])
+        if "hour" in relation.columns:
+            inside: slice | NDArray[np.bool_] = slice(*np.searchsorted(rows["hour"], [first_hour, last_hour + 1]))
+        else:
+            hour = rows["ts_ms"] // HOUR_MS
+            inside = (hour >= first_hour) & (hour <= last_hour)
         found = {}
         for column in relation.columns:
-            values = rows[column][first:after]
+            values = rows[column][inside]
             enum = ENUMS.get(column)
             if values.dtype == object or enum is None:
                 found[column] = pa.array(values, pa.string()) if values.dtype == object else _array(column, values)

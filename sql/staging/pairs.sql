@@ -1,4 +1,4 @@
--- name: facts/pairs
+-- name: staging/pairs
 -- One row per unordered pair of persons within pair_max_m of each other in one frame: as the engine sent it, else derived from positions.
 -- grain: camera_id, ts_ms, member_a, member_b
 -- reads: located, instants, stored_frames, stored_pairs, cameras, owner_cells
