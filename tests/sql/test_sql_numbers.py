@@ -43,7 +43,7 @@ REASONS: Final[Mapping[str, Mapping[str, str]]] = {
         "5": "half frame intervals in which a frame beside the end is looked for, so that one may be lost",
         "8": "the cubic through four points at its middle",
     },
-    "facts/pairs": {"40": CROWD},
+    "staging/pairs": {"40": CROWD},
     "facts/same_pairs": {
         "3": "a stretch of at most 4 s holds at most four whole seconds",
         "4000": "how far a place may be carried on without a record: after 4 s people may be anywhere",

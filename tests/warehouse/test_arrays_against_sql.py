@@ -20,12 +20,13 @@ from vsd_analytics.store import Store
 from vsd_analytics.warehouse.arrays import held
 from vsd_analytics.warehouse.arrays.columns import NULL, beside, grouped_by, order_by, rounded
 from vsd_analytics.warehouse.compute import day_facts, hour_facts
-from vsd_analytics.warehouse.sqlfiles import relations
+from vsd_analytics.warehouse.sqlfiles import RECORD_RELATIONS, relations
 from vsd_analytics.warehouse.units import PartIndex
 
 START = T0 + HOUR - 90_000  # an hour ends in the middle
 VIEWS = {"cam": (0.0, 12.0), "cam-2": (8.0, 20.0), "up": (0.0, 20.0)}
 HOURLY = [r.name for r in relations("facts").values() if r.unit == "hour"]
+MEMBERS = {"located": ["member"], "pairs": ["member_a", "member_b", "distance_mm"]}
 
 
 @dataclass(frozen=True)
@@ -105,21 +106,24 @@ def records_of(scene: Scene) -> Iterator[Person | Pair | Frame]:
 
 
 def facts_of(site: Site, *, by_queries: bool) -> dict[str, pa.Table]:
-    """Return every fact of the two hours."""
+    """Return every fact of the two hours, and the relations with a row for each record, in order."""
     index = PartIndex(Store(site.root / "store", site_id=site.site_id), first_hour=None, last_hour=None)
     first, last = index.hours()[0], index.hours()[-1]
     parts = index.between(first, last)
     days = day_facts(site, parts, by_queries=by_queries)
     hourly = hour_facts(
         site,
-        facts=HOURLY,
+        facts=[*HOURLY, *RECORD_RELATIONS],
         parts=parts,
         camera_days=days,
         first_hour=first,
         last_hour=last,
         by_queries=by_queries,
     )
-    return {"camera_days": days, **{relation.name: with_texts(rows) for relation, rows in hourly}}
+    found = {"camera_days": days, **{relation.name: with_texts(rows) for relation, rows in hourly}}
+    for name in RECORD_RELATIONS:
+        found[name] = found[name].sort_by([(c, "ascending") for c in ("camera_id", "ts_ms", *MEMBERS[name])])
+    return found
 
 
 def with_texts(rows: pa.Table) -> pa.Table:
@@ -160,7 +164,7 @@ def both(scene: Scene) -> tuple[dict[str, pa.Table], dict[str, pa.Table]]:
 @settings(max_examples=3, deadline=None)
 def test_arrays_give_the_rows_of_the_queries(scene: Scene) -> None:
     expected, found = both(scene)
-    assert found.keys() == expected.keys() == {"camera_days", *HOURLY}
+    assert found.keys() == expected.keys() == {"camera_days", *HOURLY, *RECORD_RELATIONS}
     for name, rows in expected.items():
         assert found[name].schema.types == rows.schema.types, name
         assert found[name].equals(rows) or found[name].to_pylist() == rows.to_pylist(), name
@@ -178,7 +182,7 @@ def test_facts_of_people_and_pairs_with_ids_need_no_query(tmp_path: Path, monkey
     site = site_of(scene, tmp_path)
     put(site, records_of(scene))
     monkeypatch.setattr(held, "connect", lambda **_: pytest.fail("a query runs"))
-    assert facts_of(site, by_queries=False)["pairs"].num_rows > 0
+    assert facts_of(site, by_queries=False)["track_pairs"].num_rows > 0
 
 
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-(2**40), 2**40), st.booleans())))

@@ -166,9 +166,9 @@ def test_a_removed_fact_file_is_rebuilt(project: Path) -> None:
 
 
 def test_the_hours_of_a_removed_fact_file_are_called_incomplete(project: Path) -> None:
-    next(iter((project / "facts" / "pairs").rglob("*.parquet"))).unlink()
+    next(iter((project / "facts" / "distance_times").rglob("*.parquet"))).unlink()
     result = build(make_site(project))
-    assert (dict(result.reasons), dict(result.facts)) == ({"incomplete": 3}, {"pairs": 3})
+    assert (dict(result.reasons), dict(result.facts)) == ({"incomplete": 3}, {"distance_times": 3})
 
 
 def test_late_data_computes_no_other_hour_again(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -215,7 +215,7 @@ def test_row_groups_end_where_the_hours_do_whatever_was_computed_at_once(
     for site in sites:
         build(site)
     assert fact_files(sites[0]) == fact_files(sites[1])
-    (path,) = (sites[0].root / "facts" / "pairs").rglob("*.parquet")
+    (path,) = (sites[0].root / "facts" / "distance_times").rglob("*.parquet")
     assert pq.read_metadata(path).num_row_groups == 3
 
 
@@ -245,11 +245,13 @@ def test_a_day_that_does_not_fit_whole_is_computed_with_the_next_ones(
 
 
 def test_a_fact_file_has_the_names_of_its_rows_only() -> None:
-    ids = pa.DictionaryArray.from_arrays(pa.array([2, None, 0], pa.int32()), pa.array(["c", "other", "b"]))
-    data = factfiles.fact_bytes(pa.table({"hour": [1, 1, 2], "track_id": ids}), inputs={})
-    found = pq.ParquetFile(pa.BufferReader(data), read_dictionary=["track_id"]).read()["track_id"]
-    assert found.to_pylist() == ["b", None, "c"]
-    assert found.chunk(0).dictionary.to_pylist() == ["b", "c"]
+    ids = pa.DictionaryArray.from_arrays(pa.array([2, None, 0], pa.int32()), pa.array(["name-c", "other", "name-b"]))
+    data = factfiles.fact_bytes(pa.table({"hour": [1, 1, 2], "camera_id": ids, "track_id": ids}), inputs={})
+    found = pq.read_table(pa.BufferReader(data))
+    assert found["camera_id"].to_pylist() == found["track_id"].to_pylist() == ["name-b", None, "name-c"]
+    assert pa.types.is_string(found["track_id"].type)
+    plain = factfiles.fact_bytes(found, inputs={})
+    assert plain == data, "texts and dictionaries of more names give the same bytes"
 
 
 def test_files_of_hours_of_an_older_version_give_way_to_those_of_days(project: Path) -> None:
@@ -258,7 +260,7 @@ def test_files_of_hours_of_an_older_version_give_way_to_those_of_days(project: P
     for name in files:
         path = project / "facts" / name
         shutil.copy(path, path.with_name("09-0123456789abcdef.parquet"))
-    shutil.rmtree(project / "facts" / "pairs")
+    shutil.rmtree(project / "facts" / "distance_times")
     build(site)
     assert fact_files(site) == files
 
@@ -271,8 +273,9 @@ def test_older_facts_are_removed_and_other_hours_left(project: Path) -> None:
     assert len(second) == len(first)
     renamed = {f.split("/")[0] for f in second.keys() - first.keys()}
     assert "episode_segments" in renamed
-    assert not renamed & {"pairs", "coverage", "exposure"}, "what does not read the distance keeps its file"
-    causes = json.loads(pq.read_metadata(next((site.root / "facts/pairs").rglob("*.parquet"))).metadata[b"vsd.causes"])
+    assert not renamed & {"distance_times", "coverage", "exposure"}, "what does not read the distance keeps its file"
+    path = next((site.root / "facts" / "distance_times").rglob("*.parquet"))
+    causes = json.loads(pq.read_metadata(path).metadata[b"vsd.causes"])
     assert causes.keys() == {"records", "sql", "settings", "cameras", "calibration", "views", "frame interval"}
 
 
@@ -366,7 +369,7 @@ def test_an_engine_with_a_frame_an_hour_gives_the_same_bytes_in_any_range(tmp_pa
 
 
 def test_a_build_leaves_no_temporary_files_and_sweeps_those_of_the_dead(project: Path) -> None:
-    folder = next(iter((project / "facts" / "pairs").rglob("*.parquet"))).parent
+    folder = next(iter((project / "facts" / "distance_times").rglob("*.parquet"))).parent
     dead = folder / ".08-0123456789abcdef.parquet.4194999.tmp"
     dead.write_bytes(b"torn")
     build(make_site(project, distance_m=1.5))
@@ -380,7 +383,7 @@ def test_a_day_file_left_by_a_crash_is_not_read_twice(project: Path) -> None:
         assert warehouse.rows("select count(*) as n from camera_days")[0]["n"] == 1
 
 
-@pytest.mark.parametrize("relation", ["exposure", "pairs", "coverage", "camera_days"])
+@pytest.mark.parametrize("relation", ["exposure", "distance_times", "coverage", "camera_days"])
 @pytest.mark.parametrize("n_bytes", [0, 7, 200])
 def test_fact_file_that_breaks_off_is_computed_again(project: Path, relation: str, n_bytes: int) -> None:
     site = make_site(project)

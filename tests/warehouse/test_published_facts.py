@@ -43,7 +43,7 @@ for n in range(1000):
 
 
 def shop(root: Path, pair_max_m: float = NEAR) -> Site:
-    """Return a shop; another `pair_max_m` makes the pairs of all days stale, and gives each another number of rows."""
+    """Return a shop; another `pair_max_m` makes the distances of all days stale, and gives each other rows."""
     return make_site(root, pair_max_m=pair_max_m)
 
 
@@ -66,14 +66,14 @@ def root(built: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(built, tmp_path / "shop", symlinks=True))
 
 
-def by_day(folder: Path, fact: str = "pairs") -> dict[int, int]:
+def by_day(folder: Path, fact: str = "distance_times") -> dict[int, int]:
     """Return the rows of a fact by UTC day, as any program reads them: by a glob."""
     query = f"select hour // 24, count(*) from read_parquet('{folder}/{fact}/*.parquet') group by 1"
     return dict(duckdb.connect().execute(query).fetchall())
 
 
 def states(root: Path) -> list[dict[int, int]]:
-    """Return what a reader may see: the pairs of either setting."""
+    """Return what a reader may see: the distances of either setting."""
     found = []
     for most in (FAR, NEAR):
         build(shop(root, most), is_published=True)
@@ -197,7 +197,7 @@ def test_a_report_removes_no_file_that_is_published(root: Path) -> None:
         warehouse.materialise("episodes")
     assert by_day(root / "published" / "current") == before
     build(shop(root, FAR), is_published=True)
-    assert len(list((root / "facts" / "pairs").rglob("*.parquet"))) == N_DAYS
+    assert len(list((root / "facts" / "distance_times").rglob("*.parquet"))) == N_DAYS
 
 
 def test_a_full_disk_leaves_the_old_generation(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -237,7 +237,7 @@ def test_a_purge_withdraws_what_is_published_and_the_next_build_publishes_what_r
     purge_older(site, before=date(2026, 11, 11), terms=terms)
     build(site, is_published=True)
     assert by_day(current, "exposure") == sealed  # of days whose records are gone
-    assert by_day(current) == {max(remaining): remaining[max(remaining)]}  # positions of pairs are not sealed
+    assert by_day(current) == remaining
 
 
 def test_a_build_takes_the_place_of_a_copy_that_has_files_for_links(root: Path) -> None:

@@ -12,10 +12,8 @@ from warehouse.small_projects import HOUR, T0, Person, beats, fact_files, make_s
 
 from vsd_analytics.retention.purge import Terms, purge_older, purge_range
 from vsd_analytics.site.model import Site
-from vsd_analytics.warehouse import build as build_module
 from vsd_analytics.warehouse.beside import FOLDER, MOST, folder, folders
 from vsd_analytics.warehouse.build import build
-from vsd_analytics.warehouse.compute import PAIRS, hour_facts
 from vsd_analytics.warehouse.verify_facts import verify
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -76,33 +74,8 @@ def test_facts_that_do_not_read_the_setting_are_shared(site: Site) -> None:
     path = folder(other)
     assert path is not None
     assert {p.name for p in path.iterdir()} == set(result.facts)
-    assert not set(result.facts) & {"pairs", "coverage", "exposure", "camera_days", "distance_times"}
+    assert not set(result.facts) & {"coverage", "exposure", "camera_days", "distance_times"}
     assert build(other).n_built == 0
-
-
-def test_pairs_are_read_and_not_computed_again(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    given: list[object] = []
-
-    def noting(*args: object, **options: object) -> object:
-        given.append(options["pairs"])
-        return hour_facts(*args, **options)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(build_module, "hour_facts", noting)
-    build(site.with_settings(distance_m=1.0))
-    assert given == [list((site.root / "facts" / PAIRS).rglob("*.parquet"))]
-
-
-def test_damaged_pairs_are_computed_again(site: Site, tmp_path: Path) -> None:
-    path = next((site.root / "facts" / PAIRS).rglob("*.parquet"))
-    data = path.read_bytes()
-    path.write_bytes(data[:100] + bytes([data[100] ^ 1]) + data[101:])
-    other = site.with_settings(distance_m=1.0)
-    build(other)
-    shutil.copytree(site.root / "store", tmp_path / "other" / "store")
-    again = make_site(tmp_path / "other").with_settings(distance_m=1.0)
-    build(again)
-    names = {n: b for n, b in fact_files(other).items() if n.startswith("beside")}
-    assert names == {n: b for n, b in fact_files(again).items() if n.startswith("beside")}
 
 
 def test_late_records_renew_the_facts_of_all_settings_each_when_asked(site: Site, tmp_path: Path) -> None:

@@ -93,7 +93,7 @@ def test_calibration_from_now_on_leaves_history_as_it_is(root: Path, tmp_path: P
     assert dict(result.reasons) == {"calibration changed": len(hours)}
     assert result.facts == facts
     assert facts.keys() == {
-        *("exposure", "pairs", "floor_cells", "violation_time", "episode_segments", "calibrations_used"),
+        *("exposure", "floor_cells", "violation_time", "episode_segments", "calibrations_used"),
         *("track_lives", "track_pairs", "crowding", "area_stays", "area_counts", "walk_cells", "track_ends"),
         *OF_PAIRS,
     }, "recorded time and running numbers do not depend on where people stood"
@@ -252,10 +252,10 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
     [
         ("facts/exposure.sql", "count(*) filter (where x_mm", "0 + count(*) filter (where x_mm", {"exposure"}),
         (
-            "facts/pairs.sql",
+            "staging/pairs.sql",
             "having count(*) > 40",
             "having count(*) > 41",
-            {"pairs", "violation_time", "episode_segments", "floor_cells", "track_pairs", "crowding", *OF_PAIRS},
+            {"violation_time", "episode_segments", "floor_cells", "track_pairs", "crowding", *OF_PAIRS},
         ),
         (
             "staging/located.sql",
@@ -263,7 +263,6 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
             "left join cameras on cameras.camera_id = p.camera_id",
             {
                 "exposure",
-                "pairs",
                 "violation_time",
                 "episode_segments",
                 "floor_cells",
@@ -278,7 +277,7 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
             },
         ),
     ],
-    ids=["a fact nothing reads", "a fact others read", "staging"],
+    ids=["a fact nothing reads", "what is near", "where people are"],
 )
 def test_changed_sql_file_recomputes_what_reads_it(
     root: Path, tmp_path: Path, sql: Callable[[str, str, str], None], name: str, old: str, new: str, expected: set[str]
@@ -292,7 +291,7 @@ def test_changed_sql_file_recomputes_what_reads_it(
 
 
 def test_comment_in_an_sql_file_changes_nothing(root: Path, sql: Callable[[str, str, str], None]) -> None:
-    sql("facts/pairs.sql", "-- One row per unordered pair", "-- One row for each unordered pair")
+    sql("staging/pairs.sql", "-- One row per unordered pair", "-- One row for each unordered pair")
     assert build(project(root)).n_built == 0
 
 

@@ -29,7 +29,8 @@ where row groups end depends on the rows alone."""
 _INSTANTS = ("ts_ms", "started_ms", "ended_ms", "first_ms", "last_ms", "_from_ms", "_to_ms")
 _NAMES = frozenset(["company", *(name for name, kind in ENUMS.items() if kind == "track_name")])
 _SPREAD = frozenset(["cx", "before_ms", "after_ms"])
-"""Numbers that hardly repeat, or rise from row to row; so do all lengths and places (`_mm`)."""
+"""Numbers that hardly repeat, or rise from row to row, as lengths do (`_mm`)."""
+_KEYS = frozenset(["hour", "quarter", "bucket_quarter", "cx", "cy", "local_date", "site_day", "utc_day", "distance_mm"])
 _BYTES = 16
 _ZEROS = b"0" * 2 * _BYTES
 
@@ -43,7 +44,7 @@ class FactWriter:
     """
 
     def __init__(self, inputs: Mapping[str, Any], noted: Mapping[bytes, bytes] | None = None) -> None:
-        own = {INPUTS: json.dumps(dict(inputs), sort_keys=True).encode(), DIGEST: _ZEROS}
+        own = {INPUTS: json.dumps(dict(inputs), sort_keys=True, separators=(",", ":")).encode(), DIGEST: _ZEROS}
         self._noted = {**(noted or {}), **own}
         self._sink = pa.BufferOutputStream()
         self._writer: pq.ParquetWriter | None = None
@@ -85,8 +86,9 @@ class FactWriter:
                 # Arrow's own schema would say what Parquet's says.
                 store_schema=False,
                 use_dictionary=[name for name in rows.column_names if name not in encoded],
-                # Every row group has ids from end to end of their order: comparing each for that finds nothing to skip.
-                write_statistics=[name for name in rows.column_names if name not in ENUMS],
+                # Ids are in every row group from end to end of their order, and no query compares a sum with a number:
+                # ends of these would help to skip nothing.
+                write_statistics=[name for name in rows.column_names if name in _KEYS or name.endswith(_INSTANTS)],
                 column_encoding=encoded,
             )
         self._writer.write_table(rows.replace_schema_metadata(), row_group_size=max(1, rows.num_rows))
@@ -109,9 +111,10 @@ def _encoding(column: pa.Field) -> str | None:
         return "DELTA_LENGTH_BYTE_ARRAY"  # lengths and characters apart: all ids are of one length
     if not pa.types.is_integer(column.type):
         return None
-    if column.name.endswith(_INSTANTS):
+    is_length = column.name.endswith("_mm")
+    if column.name.endswith(_INSTANTS) or (is_length and column.type == pa.int64()):  # a sum of lengths
         return "PLAIN"
-    return "DELTA_BINARY_PACKED" if column.name in _SPREAD or column.name.endswith("_mm") else None
+    return "DELTA_BINARY_PACKED" if is_length or column.name in _SPREAD else None
 
 
 def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, Any], noted: Mapping[bytes, bytes] | None = None) -> bytes:
