@@ -260,12 +260,8 @@ def test_facts_sealed_before_a_column_was_known_are_read_with_nulls(
 
     known = dict(sqlfiles.relations("facts"))
     wider = replace(known["coverage"], columns={**dict.fromkeys(known["coverage"].columns, ""), "n_dropped": ""})
-    real = sqlfiles.relations
-
-    def relations(*layers: str) -> dict[str, sqlfiles.Relation]:
-        return {**real(*layers), **({"coverage": wider} if "facts" in layers else {})}
-
-    monkeypatch.setattr(warehouse_relations, "relations", relations)
+    queried = {**sqlfiles.queried_relations(), "coverage": wider}
+    monkeypatch.setattr(warehouse_relations, "queried_relations", lambda: queried)
     with warehouse.Warehouse(load_site(purged), day(DAYS[0]), day(DAYS[0])) as opened:
         (row,) = opened.rows("select count(*) as n, count(n_dropped) as n_known from coverage")
     assert row["n"] > 0

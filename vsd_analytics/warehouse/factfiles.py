@@ -86,9 +86,9 @@ class FactWriter:
                 # Arrow's own schema would say what Parquet's says.
                 store_schema=False,
                 use_dictionary=[name for name in rows.column_names if name not in encoded],
-                # Ids are in every row group from end to end of their order, and no query compares a sum with a number:
-                # ends of these would help to skip nothing.
-                write_statistics=[name for name in rows.column_names if name in _KEYS or name.endswith(_INSTANTS)],
+                # Ids are in every row group from end to end of their order, and no query compares a sum or an instant with a
+                # number: their least and greatest values would help to skip nothing.
+                write_statistics=[name for name in rows.column_names if name in _KEYS],
                 column_encoding=encoded,
             )
         self._writer.write_table(rows.replace_schema_metadata(), row_group_size=max(1, rows.num_rows))
