@@ -207,7 +207,12 @@ site day of each quarter-hour, for the site days that touch the range; a site da
             "Computed from the store hour by hour and stored in `facts/`, a file for each fact and UTC day. While the\n"
             "records are stored, facts can be computed again at any time.",
         ),
-        ("staging", "Staging", "Steps between the store and the facts; they exist while facts are computed only."),
+        (
+            "staging",
+            "Staging",
+            "Steps between the store and the facts; they are in no file. A query can name `located` and `pairs`,\n"
+            "which are computed from the records then; the others exist while facts are computed only.",
+        ),
     ):
         found = relations(layer)
         parts += [f"## {title}", said]

@@ -76,7 +76,7 @@ class Settings:
     # fmt: off
     distance_m: float = _setting("site", 2.0, "metres", 0.1, 10.0, "Two people closer than this are in violation (strictly closer).", "facts", "sql")
     distance_unit: Literal["m", "ft"] = _setting("rule", "m", "", None, None, "Unit in which reports write distances: m or ft; settings stay in metres.")
-    pair_max_m: float = _setting("rule", 2.5, "metres", 0.1, 20.0, "Pairs farther apart than this are not stored.", "facts", "sql")
+    pair_max_m: float = _setting("rule", 2.5, "metres", 0.1, 20.0, "Pairs farther apart than this are left out.", "facts", "sql")
     episode_gap_s: float = _setting("rule", 3.0, "seconds", 0.0, 600.0, "Violation records of one pair at most this far apart are one episode; never less than 2.5 frame intervals.", "facts", "sql")
     episode_min_s: float = _setting("rule", 3.0, "seconds", 0.0, 600.0, "Episodes at least this long count as a violation.", "sql")
     coverage_gap_s: float = _setting("rule", 600.0, "seconds", 1.0, 3600.0, "Without a heartbeat, a silence longer than this counts as not recorded.", "facts", "sql")

@@ -1,6 +1,6 @@
 """Situations of one instant: where people are, who is close to whom, and which of them form a gathering or a contact.
 
-Places and distances follow the rules of the reports (`sql/staging/located.sql`, `sql/facts/pairs.sql`). Floor
+Places and distances follow the rules of the reports (`sql/staging/located.sql`, `sql/staging/pairs.sql`). Floor
 millimetres win over pixels. Pixels go through the calibration in force. An engine that sends pairs for a frame sends
 all of them. Close means strictly closer than `distance_m`.
 """

@@ -86,8 +86,8 @@ class FactWriter:
                 # Arrow's own schema would say what Parquet's says.
                 store_schema=False,
                 use_dictionary=[name for name in rows.column_names if name not in encoded],
-                # Ids are in every row group from end to end of their order, and no query compares a sum or an instant with a
-                # number: their least and greatest values would help to skip nothing.
+                # Ids are in every row group from end to end of their order, and no query compares a sum or an instant
+                # with a number: their least and greatest values would help to skip nothing.
                 write_statistics=[name for name in rows.column_names if name in _KEYS],
                 column_encoding=encoded,
             )

@@ -48,8 +48,8 @@ class Warehouse:
     """Facts and marts of a range of local days.
 
     Use it as a context manager: no record is removed while it is open. Query every relation of `sql/facts` and
-    `sql/marts`, and `calendar`, `site_days`, `cameras`, `areas`, `area_cells`, `owner_cells`, `calibrations` and
-    `params`, by name.
+    `sql/marts`, `located` and `pairs`, and `calendar`, `site_days`, `cameras`, `areas`, `area_cells`, `owner_cells`,
+    `calibrations` and `params`, by name.
 
     Args:
         site: The project.

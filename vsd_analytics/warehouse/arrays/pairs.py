@@ -26,7 +26,7 @@ _ROWS = 32_768
 
 
 def pairs(held: Held, site: SiteTables) -> Columns | None:
-    """Return `facts/pairs`, in order of hour, camera, instant and members.
+    """Return `staging/pairs`, in order of hour, camera, instant and members.
 
     `_frame` is the row of `instants`; `_a` and `_b` number the persons, `_row_a` and `_row_b` are rows of `located`.
     None where a pair was sent without track ids: only the query says who is who then.
