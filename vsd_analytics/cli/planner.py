@@ -75,7 +75,14 @@ def planner(
         from vsd_analytics.planner.planner_data import planner_pages
 
         made = planner_pages(
-            project.site, monday, before=earlier, weeks=weeks, floor_id=floor_id, on_plan=on_plan, on_hours=on_hours
+            project.site,
+            monday,
+            before=earlier,
+            weeks=weeks,
+            floor_id=floor_id,
+            clock=project.now,
+            on_plan=on_plan,
+            on_hours=on_hours,
         )
     folder = Path(out) if out not in (None, "-") else project.root / "reports"
     printed = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import date, timedelta
+from datetime import date, datetime, timedelta
 
 import numpy as np
 
@@ -24,10 +24,13 @@ class TwoWeeks(WeekData):
         floor: The floor.
         monday: First day of the week.
         before: First day of the other.
+        clock: The present; None = the week is over.
     """
 
-    def __init__(self, warehouse: Warehouse, *, floor: Floor, monday: date, before: date) -> None:
-        super().__init__(warehouse, floor=floor, monday=monday)
+    def __init__(
+        self, warehouse: Warehouse, *, floor: Floor, monday: date, before: date, clock: datetime | None = None
+    ) -> None:
+        super().__init__(warehouse, floor=floor, monday=monday, clock=clock)
         self.pair = TwoPeriods(Period(self, before, before + timedelta(days=6)), self.this)
 
 
@@ -59,9 +62,12 @@ class HourPanel:
 
 
 def open_slots(data: TwoWeeks, days: Sequence[date]) -> Ints:
-    """Return which hours of the floor are open, in some days."""
+    """Return which hours of the floor are open, in some days; hours that are not over yet are none of them."""
     ordinals = [d.toordinal() for d in days]
-    return np.flatnonzero(np.isin(data.hours.day, ordinals) & (data.hours.open_s > 0))
+    is_open = np.isin(data.hours.day, ordinals) & (data.hours.open_s > 0)
+    if data.not_over_ms is not None:
+        is_open &= data.hours.start_ms < data.not_over_ms
+    return np.flatnonzero(is_open)
 
 
 def panel_of(

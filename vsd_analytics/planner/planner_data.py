@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import date, timedelta
+from datetime import date, datetime, timedelta
 from typing import Final
 
 import numpy as np
@@ -182,6 +182,7 @@ def planner_pages(
     before: date | None = None,
     floor_id: str | None = None,
     weeks: int | None = None,
+    clock: datetime | None = None,
     on_plan: Callable[[int], None] | None = None,
     on_hours: Callable[[int], None] | None = None,
 ) -> list[PlannerData]:
@@ -193,6 +194,7 @@ def planner_pages(
         before: First day of the week it is compared with; None = the one before.
         floor_id: Only this floor.
         weeks: Weeks of the log, up to this one, from 2 to 12; None = `weeks_needed`.
+        clock: The present: the page has no hours that are not over at it; None = all are over.
         on_plan: Called with the number of fact hours to compute first; see `build`.
         on_hours: Called after computed hours.
 
@@ -209,11 +211,19 @@ def planner_pages(
     first = first_day(site, monday, other, weeks=n_weeks)
     with open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours) as warehouse:
         warehouse.materialise("violations", "camera_hours", "area_hours")
-        return [planner_data(warehouse, floor=f, monday=monday, before=other, weeks=n_weeks) for f in floors]
+        return [
+            planner_data(warehouse, floor=f, monday=monday, before=other, weeks=n_weeks, clock=clock) for f in floors
+        ]
 
 
 def planner_data(
-    warehouse: Warehouse, *, floor: Floor, monday: date, before: date, weeks: int = LEAST_WEEKS
+    warehouse: Warehouse,
+    *,
+    floor: Floor,
+    monday: date,
+    before: date,
+    weeks: int = LEAST_WEEKS,
+    clock: datetime | None = None,
 ) -> PlannerData:
     """Return what the page of a floor knows of a week and another.
 
@@ -223,8 +233,9 @@ def planner_data(
         monday: First day of the week.
         before: First day of the other week.
         weeks: Weeks of the log, up to this one.
+        clock: The present, as for `planner_pages`.
     """
-    data = TwoWeeks(warehouse, floor=floor, monday=monday, before=before)
+    data = TwoWeeks(warehouse, floor=floor, monday=monday, before=before, clock=clock)
     has_before = bool(data.hours.recorded_s[:, data.week(before)].any())
     why = why_not(data.pair)[1] if has_before else Reason("compare.no_other_week")
     is_compared = why is None

@@ -128,7 +128,7 @@ class ReportAnswers:
         from vsd_analytics.planner.planner_data import planner_pages
 
         def make(site: Site, monday: date) -> bytes:
-            [data] = planner_pages(site, monday, floor_id=floor_id)
+            [data] = planner_pages(site, monday, floor_id=floor_id, clock=self._present())
             return render_planner(data).encode()
 
         return self._cached("planner", week, floor_id, make)

@@ -15,6 +15,8 @@ import pytest
 from report import ingested_worlds as w
 
 from vsd_analytics.config import load_site
+from vsd_analytics.planner.page import render_planner
+from vsd_analytics.planner.planner_data import PlannerData, planner_pages
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.week import render_html
@@ -126,6 +128,23 @@ def test_hours_to_come_are_neither_recorded_nor_missing(begun_week: Site) -> Non
     assert sum("not_over" in row for row in rows) == 10
 
 
+def test_the_planner_has_no_hours_to_come(begun_week: Site) -> None:
+    """An hour that is not over would else be one that nobody recorded."""
+    monday, clock = w.MONDAY, w.rome(3, 11, 20)
+    [now], [over] = planner_pages(begun_week, monday, clock=clock), planner_pages(begun_week, monday)
+
+    def recorded(page: PlannerData) -> dict[tuple[int, int], bool]:
+        panel = page.week.panel
+        found = zip(panel.day, panel.hour, panel.recorded_ms.any(axis=0), strict=True)
+        return {(int(day), int(hour)): bool(is_recorded) for day, hour, is_recorded in found}
+
+    to_come = {(3, 11), *((day, hour) for day in (4, 5, 6) for hour in (9, 10, 11))}
+    assert recorded(over).keys() - recorded(now).keys() == to_come
+    assert not any(recorded(over)[at] for at in to_come)
+    assert [at for at, is_recorded in recorded(now).items() if not is_recorded] == [(1, 10)], "what was lost"
+    assert now.week.is_ranked is over.week.is_ranked is False
+
+
 def test_the_command_and_the_service_know_what_is_over(begun_week: Site, capsys: pytest.CaptureFixture[str]) -> None:
     from vsd_analytics.cli import cli
     from vsd_analytics.cli.exit_codes import run
@@ -137,6 +156,8 @@ def test_the_command_and_the_service_know_what_is_over(begun_week: Site, capsys:
     assert json.loads(capsys.readouterr().out)["coverage"]["not_over_from"] == from_
     seconds, present = [0.0], [w.rome(3, 11, 20)]
     answers = ReportAnswers(begun_week.root, clock=lambda: seconds[0], present=lambda: present[0])
+    [planned] = planner_pages(begun_week, w.MONDAY, clock=w.rome(3, 11, 20))
+    assert answers.planner("2026-W46", "ground") == render_planner(planned).encode()
     assert json.loads(answers.report("2026-W46", "ground"))["coverage"]["not_over_from"] == from_
     seconds[0], present[0] = 10.0, w.rome(3, 12, 1)  # an hour has ended, and no file has changed
     again = json.loads(answers.report("2026-W46", "ground"))["coverage"]
