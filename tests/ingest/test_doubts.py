@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
+from zoneinfo import ZoneInfo
 
 import pytest
 from walks import Step, project, walks
@@ -188,6 +189,34 @@ def test_the_share_in_opening_hours_follows_the_site(tmp_path: Path) -> None:
     local_h = np.array([7.9, 8.0, 19.9, 20.0]) + 24 * 20_417  # a Tuesday
     assert open_share((local_h * 3_600_000).astype(np.int64), site) == 0.5
     assert open_share(((local_h + 5 * 24) * 3_600_000).astype(np.int64), site) == 0.0  # a Sunday
+
+
+@pytest.mark.parametrize(
+    ("n_offsets", "first_h", "last_h", "said"),
+    [
+        (0, 8, 20, None),
+        (1, 8, 20, "counted local time as UTC"),
+        (2, 8, 20, "subtract"),
+        (1, 10, 17, None),  # no hour that it reaches is closed
+        (0, 10, 20.4, None),  # staff who stay on
+        (0, 6, 20, None),  # before opening: no offset of this zone brings them inside
+    ],
+)
+def test_an_offset_that_would_bring_all_records_into_opening_hours_is_doubted(
+    tmp_path: Path, n_offsets: int, first_h: float, last_h: float, said: str | None
+) -> None:
+    """The site opens from 8 to 20 o'clock, and is an hour ahead of UTC."""
+    midnight = datetime(2025, 11, 25, tzinfo=ZoneInfo("Europe/Berlin"))
+    instants = [midnight + timedelta(minutes=m) for m in range(int(first_h * 60), int(last_h * 60))]
+    rows = [
+        f"{int(at.timestamp()) + n_offsets * 3600},{who},{3 + who + k % 7 / 10:.1f},{4 + k % 5 / 10:.1f}"
+        for k, at in enumerate(instants)
+        for who in range(3)
+    ]
+    taken = take(tmp_path, "ts,track_id,x_m,y_m", rows)
+    assert taken.result.card is not None
+    doubts = [d for d in taken.result.card.doubts if "opening hours" in d.what]
+    assert [said in d.why for d in doubts] == [True] if said else doubts == []
 
 
 def test_dates_without_times_are_refused_and_joined_with_their_times(tmp_path: Path) -> None:

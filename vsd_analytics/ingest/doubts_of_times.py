@@ -29,6 +29,13 @@ ON_M, ON_SHARE = 1.5, 0.8
 SETS_MAX: Final = 5
 """Steps back in one file: a file sorted by person has one for each."""
 CLOSED_SHARE: Final = 0.9
+OUTSIDE_SHARE, INSIDE_SHARE = 0.05, 0.01
+"""Of the records: staff come before the first visitor and leave after the last one, so a few are always outside."""
+_OFFSET_MISTAKES: Final = {
+    1: "a program may have counted local time as UTC",
+    2: "a program may have added the offset from UTC where it had to subtract it",
+}
+"""By how many offsets the times are wrong."""
 
 
 def _zones(case: Case) -> Iterator[Doubt]:
@@ -313,23 +320,36 @@ def _midnights(case: Case) -> Iterator[Doubt]:
 
 
 def _closed(case: Case) -> Iterator[Doubt]:
-    """W223: times of which hardly any is in opening hours."""
+    """W223: times outside opening hours: nearly all, or some that another offset from UTC would bring inside."""
     site, sample = case.site, case.sample
     # who states another zone knows the hours
     is_stated = case.options.start is not None or case.options.zone not in (None, site.timezone)
     if site.opening is None or is_stated or sample.rows["ts_ms"].nunique() < ROWS_MIN:
         return
-    local = utc_to_local(sample.rows["ts_ms"].to_numpy().astype(np.int64), site.timezone)
+    utc = sample.rows["ts_ms"].to_numpy().astype(np.int64)
+    local = utc_to_local(utc, site.timezone)
     share = 1 - open_share(local, site)
+    outside = f"{share:.0%} of the records are outside opening hours: {_clock(int(local.min()))} to "
+    outside += f"{_clock(int(local.max()))} in {site.timezone}"
     if share > CLOSED_SHARE:
         yield Doubt(
             "W223",
-            f"{share:.0%} of the records are outside opening hours: {_clock(int(local.min()))} to "
-            f"{_clock(int(local.max()))} in {site.timezone}",
+            outside,
             "the engine's clock may be that of another zone, or of twelve hours; hours outside opening enter no figure",
             "check the first time on the card against the clock on the wall, and opening in vsd.toml",
             is_note=True,
         )
+    elif share >= OUTSIDE_SHARE:
+        for n_offsets, mistake in _OFFSET_MISTAKES.items():
+            right = local - n_offsets * (local - utc)
+            if 1 - open_share(right, site) <= INSIDE_SHARE:
+                yield Doubt(
+                    "W223",
+                    f"{outside}; from {_clock(int(right.min()))} to {_clock(int(right.max()))} all would be inside",
+                    mistake,
+                    "check the first time on the card against the clock on the wall; export times in UTC",
+                )
+                return
 
 
 TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
