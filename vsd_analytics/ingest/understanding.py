@@ -208,7 +208,7 @@ def _card(case: Case, name: str) -> SourceCard:
         time_format=None if plan is None else plan.time_format,
         first_ms=None if ts_ms.empty else int(ts_ms.min()),
         last_ms=None if ts_ms.empty else int(ts_ms.max()),
-        n_second=sample.n_second(),
+        n_second=sample.n_second,
         n_rejected=sample.n_rejected,
         n_dropped=dict(sample.n_dropped),
         rows=_rows(sample, head),
@@ -220,7 +220,7 @@ def _card(case: Case, name: str) -> SourceCard:
 
 
 def _speed_m_s(sample: Sample) -> float | None:
-    speeds = sample.speeds_m_s(step_min_s=1.0) if sample.has_floor and not sample.is_pairs else np.array([])
+    speeds = sample.walked_m_s if sample.has_floor and not sample.is_pairs else np.array([])
     return float(np.median(speeds)) if len(speeds) >= ROWS_MIN else None
 
 
