@@ -26,12 +26,12 @@ class Blocked(importlib.abc.MetaPathFinder):
 sys.meta_path.insert(0, Blocked())
 from vsd_analytics.cli import main
 def run(command):
-    sys.argv, out, err, code = ["vsd", *command], io.TextIOWrapper(io.BytesIO()), io.StringIO(), 0
+    out, err = io.TextIOWrapper(io.BytesIO()), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
-            main()
+            main(command)
         except SystemExit as ended:
-            code = ended.code or 0
+            code = ended.code
     out.flush()
     return code, out.buffer.getvalue().decode(), err.getvalue()
 done = [run(command) for command in json.loads(sys.argv[2])]
