@@ -81,11 +81,14 @@ def _units(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if not sample.has_floor or sample.is_pairs:
         return
-    speeds, walked = sample.speeds_m_s(), sample.walked_m_s
+    speeds = sample.speeds_m_s()
     if len(speeds) >= ROWS_MIN and (median := float(np.median(speeds))) > SPEED_MAX_M_S:
         what = f"people would move at {median:,.0f} m/s: half of the steps are faster"
         yield Doubt("W220", what, "positions are hardly in metres, or ids change people", UNIT, is_sure=True)
-    elif len(walked) >= ROWS_MIN and (median := float(np.median(walked))) > WALK_MAX_M_S:
+    elif (
+        len(walked := sample.speeds_m_s(step_min_s=1.0)) >= ROWS_MIN
+        and (median := float(np.median(walked))) > WALK_MAX_M_S
+    ):
         what = f"people would walk at {median:.1f} m/s: half of the steps of a second or longer are faster"
         fix = "--unit ft (or yd, dm) if they are; check --fps where times come from frame numbers"
         why = "most people walk at 0.5 to 1.6 m/s; feet read as metres look like this"

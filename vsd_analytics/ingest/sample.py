@@ -104,6 +104,16 @@ class Sample:
         Returns:
             Speeds of steps of at most `STEP_MAX_S`.
         """
+        if step_min_s not in self._speeds_m_s:
+            self._speeds_m_s[step_min_s] = self._speeds(step_min_s)
+        return self._speeds_m_s[step_min_s]
+
+    @cached_property
+    def _speeds_m_s(self) -> dict[float, np.ndarray]:
+        """Return the speeds that were asked for, by `step_min_s`."""
+        return {}
+
+    def _speeds(self, step_min_s: float) -> np.ndarray:
         rows = self.placed("x", "y")
         rows = rows[rows["camera_no"] >= 0]
         key = ["camera_no", "track_no"]
@@ -115,11 +125,6 @@ class Sample:
         way_m = np.hypot(*np.diff(rows[["x", "y"]].to_numpy(), axis=0).T)
         is_step = is_same & (step_s > step_min_s / 2) & (step_s <= STEP_MAX_S)
         return np.asarray(way_m[is_step] / step_s[is_step])
-
-    @cached_property
-    def walked_m_s(self) -> np.ndarray:
-        """Return the speeds of steps of a second or longer, in metres a second."""
-        return self.speeds_m_s(step_min_s=1.0)
 
     @cached_property
     def n_second(self) -> int:

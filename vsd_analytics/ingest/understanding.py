@@ -220,7 +220,7 @@ def _card(case: Case, name: str) -> SourceCard:
 
 
 def _speed_m_s(sample: Sample) -> float | None:
-    speeds = sample.walked_m_s if sample.has_floor and not sample.is_pairs else np.array([])
+    speeds = sample.speeds_m_s(step_min_s=1.0) if sample.has_floor and not sample.is_pairs else np.array([])
     return float(np.median(speeds)) if len(speeds) >= ROWS_MIN else None
 
 
