@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
-from engine.simulated_people import SIZE, SimulatedCamera, boxes_only, simulate
+from engine.simulated_people import SIZE, Scene, SimulatedCamera, boxes_only, simulate
 
 from vsd_analytics.engine.people import N_JOINTS, People
 from vsd_analytics.engine.sightings import BOX, JOINTS, PARTS_OF_TRACK, sightings, steps, thinned, tracklets
 
-WALK = simulate(SimulatedCamera(height_m=5, tilt_deg=25, f_widths=0.8), seed=4, n_tracks=15, seconds=20, hz=5)
+
+@cache
+def walk() -> Scene:
+    """Return fifteen people who walk for twenty seconds, simulated when a test first asks."""
+    return simulate(SimulatedCamera(height_m=5, tilt_deg=25, f_widths=0.8), seed=4, n_tracks=15, seconds=20, hz=5)
 
 
 def boxes(rows: list[tuple[float, float, float, float]]) -> People:
@@ -27,13 +32,13 @@ def test_boxes_that_the_edge_cuts_off_do_not_measure() -> None:
 
 
 def test_joints_measure_where_there_are_any() -> None:
-    seen = sightings(WALK.people, size_px=SIZE)
+    seen = sightings(walk().people, size_px=SIZE)
     assert (seen.body, seen.has_lean) == (JOINTS, True)
-    assert sightings(boxes_only(WALK), size_px=SIZE).body == BOX
+    assert sightings(boxes_only(walk()), size_px=SIZE).body == BOX
 
 
 def test_nine_rows_of_ten_are_linked_to_the_same_person_where_people_cross() -> None:
-    people = boxes_only(WALK)
+    people = boxes_only(walk())
     seen = sightings(people, size_px=SIZE)
     linked = tracklets(seen.low, seen.length_px, seen.frame)
     owners = [np.bincount(seen.who[linked == part]) for part in range(linked.max() + 1)]
@@ -48,7 +53,7 @@ def test_body_of_another_length_is_not_linked() -> None:
 
 
 def test_long_tracks_become_medians_of_their_parts_and_short_ones_stay_whole() -> None:
-    seen = sightings(WALK.people, size_px=SIZE)
+    seen = sightings(walk().people, size_px=SIZE)
     few = seen.rows(np.flatnonzero((seen.frame < 20) | (seen.who < 3)))
     size, some = np.bincount(few.who), thinned(few)
     left = np.bincount(some.who)
@@ -70,7 +75,7 @@ def test_long_tracks_become_medians_of_their_parts_and_short_ones_stay_whole() -
 
 
 def test_stretches_are_of_one_person_of_equal_time_and_do_not_overlap() -> None:
-    seen = sightings(WALK.people, size_px=SIZE)
+    seen = sightings(walk().people, size_px=SIZE)
     walks = steps(seen, n_frames=5)
     assert len(walks.begin) > 50
     assert (seen.who[walks.begin] == seen.who[walks.end]).all()

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 from zoneinfo import ZoneInfo
 
+import numpy as np
 import pytest
 from walks import Step, project, walks
 
@@ -61,6 +62,16 @@ def test_an_honest_table_is_stored_without_a_doubt(tmp_path: Path) -> None:
     card = taken.result.card
     assert card is not None
     assert (card.n_ids, card.life_s, card.interval_s, card.floor_bounds_m) == (6, 59.0, 1.0, (0.0, 20.0, 0.0, 12.0))
+
+
+def test_errors_of_positions_many_times_a_second_are_no_speed(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    noisy = [(s, *rng.normal((s.x_m, s.y_m), 0.15).round(3)) for s in walks(seconds=20, hz=10)]
+    rows = [f"{s.at.isoformat(timespec='milliseconds')},{s.track},{x},{y}" for s, x, y in noisy]
+    taken = take(tmp_path, "ts,track_id,x_m,y_m", rows)
+    assert taken.codes == []
+    assert taken.result.card is not None
+    assert taken.result.card.speed_m_s == pytest.approx(1.0, abs=0.2)
 
 
 @pytest.mark.parametrize(("unit", "metres"), [("mm", 0.001), ("cm", 0.01), ("ft", 0.3048)])

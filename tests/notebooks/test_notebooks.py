@@ -12,6 +12,7 @@ import pytest
 from notebooks.executed import NOTEBOOKS, execute, figures
 
 from vsd_analytics import load_site, open_warehouse
+from vsd_analytics.ingest import pipeline
 from vsd_analytics.simulate import write_canteen_project, write_demo_project
 from vsd_analytics.simulate.demo import ingest_demo
 
@@ -20,6 +21,10 @@ ON_ONE_WEEK = {"bring-your-own-engine": 1, "first-look": 3, "how-is-this-space-u
 """Notebooks that one week of the demo is enough for, with the number of their figures."""
 CANTEEN = ["did-the-redesign-work", "plan-an-experiment"]
 """Notebooks on ten weeks of the canteen."""
+
+
+def no_card(*given: object) -> None:
+    """Make no card of a source: nobody reads it here."""
 
 
 def test_each_question_has_its_notebook() -> None:
@@ -40,6 +45,7 @@ def test_a_hotspot_is_found_in_two_weeks_of_the_demo(
 ) -> None:
     """The shared week, and before it a week of the camera that sees the planted spot: 14 recorded days."""
     root = Path(shutil.copytree(demo_project, tmp_path / "vsd-demo"))
+    monkeypatch.setattr(pipeline._Ingest, "understand", no_card)
     write_demo_project(tmp_path / "before", seed=4, weeks=1, last_week="2026-W45")
     ingest_demo(load_site(root), sorted((tmp_path / "before" / "engine").glob("cam-2_*")), seed=4)
     done = execute("find-a-hotspot", tmp_path, monkeypatch, VSD_PROJECT=str(root))
@@ -49,6 +55,7 @@ def test_a_hotspot_is_found_in_two_weeks_of_the_demo(
 @pytest.mark.simulation
 def test_notebooks_of_the_canteen_run_on_one_canteen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The second finds the facts that the first computed. It is what their command makes, without its report."""
+    monkeypatch.setattr(pipeline._Ingest, "understand", no_card)
     root = tmp_path / "canteen"
     write_canteen_project(root, seed=4, weeks=10)
     ingest_demo(load_site(root), sorted((root / "engine").iterdir()), seed=4)
@@ -56,6 +63,8 @@ def test_notebooks_of_the_canteen_run_on_one_canteen(tmp_path: Path, monkeypatch
         text = NOTEBOOKS[name].read_text(encoding="utf-8").replace('\\"', '"')
         assert '"demo", folder, "--place", "canteen", "--weeks", "10"' in text
         execute(name, tmp_path, monkeypatch, VSD_CANTEEN=str(root))
+    done = execute("find-a-hotspot", tmp_path, monkeypatch, VSD_PROJECT=str(root))  # of which nothing was planted here
+    assert figures(done) >= 2
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS.values(), ids=NOTEBOOKS.keys())

@@ -143,7 +143,7 @@ rows_of_two_hours = st.lists(
 )
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(rows=rows_of_two_hours, seed=st.integers(0, 99))
 def test_order_and_batches_do_not_change_a_byte(
     rows: list[dict[str, Any]], seed: int, tmp_path_factory: pytest.TempPathFactory
@@ -156,7 +156,7 @@ def test_order_and_batches_do_not_change_a_byte(
     assert part_names(one) == part_names(other)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(batches=st.lists(rows_of_two_hours, max_size=4))
 def test_every_key_is_stored_exactly_once_however_it_is_delivered(
     batches: list[list[dict[str, Any]]], tmp_path_factory: pytest.TempPathFactory

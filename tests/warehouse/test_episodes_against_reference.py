@@ -102,7 +102,7 @@ def found_episodes(folder: Path, first: str, last: str) -> list[Episode]:
     start=st.sampled_from(["2026-11-09 10:58:30", "2026-11-09 23:58:10", "2026-11-10 00:00", "2026-11-09 22:59:59"]),
     n_files=st.integers(1, 4),
 )
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 def test_episodes_equal_the_reference_however_records_are_split(seed: int, start: str, n_files: int) -> None:
     rng = np.random.default_rng(seed)
     people = walk(rng, start=at(start), seconds=240)

@@ -91,7 +91,7 @@ def con() -> Any:
         yield connection
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(logs())
 def test_gaps_are_what_was_sent_and_is_not_stored(
     con: duckdb.DuckDBPyConnection, log: tuple[list[Sent], list[Sent]]

@@ -73,7 +73,7 @@ def crowds(draw: st.DrawFn) -> list[Person]:
 
 
 @given(people=crowds())
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_pairs_equal_brute_force(people: list[Person]) -> None:
     with TemporaryDirectory() as folder:
         put(make_site(Path(folder), cameras=CAMERAS), people)

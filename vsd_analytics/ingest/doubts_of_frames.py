@@ -62,16 +62,26 @@ def _is_repeated(places: np.ndarray) -> bool:
     return False
 
 
-def _scattered(case: Case) -> Iterator[Doubt]:
-    """W224: people of one frame with times of their own, so that nobody is ever seen together with anybody."""
+def _parts_of_frames(case: Case) -> Iterator[Doubt]:
+    """W224: times that scatter, so that each frame shows a part of the people, or one of them alone."""
     sample = case.sample
     if sample.is_pairs or not sample.has_ids or sample.n < 5 * ROWS_MIN or case.options.period_s is not None:
         return
     rows = sample.rows.loc[sample.rows["track_no"] >= 0, ["camera_no", "track_no", "ts_ms"]]
-    if (seen := _followed(rows)) is None or int(seen.is_in_company.sum()) < 5 * ROWS_MIN:
+    seen = _followed(rows, sample.tracked)
+    if seen is None:
+        return
+    yield from _scattered(rows, seen)
+    yield from _strays(rows, seen)
+
+
+def _scattered(rows: pd.DataFrame, seen: _Followed) -> Iterator[Doubt]:
+    """W224: people of one frame with times of their own, so that nobody is ever seen together with anybody."""
+    n_in_company = int(seen.is_in_company.sum())
+    if n_in_company < 5 * ROWS_MIN:
         return
     is_alone = ~rows.duplicated(["camera_no", "ts_ms"], keep=False).to_numpy()
-    n_alone, n_in_company = int((is_alone & seen.is_in_company).sum()), int(seen.is_in_company.sum())
+    n_alone = int((is_alone & seen.is_in_company).sum())
     if n_alone < APART_SHARE * n_in_company:
         return
     period_s = float(f"{seen.usual_ms / 1000:.1g}")
@@ -84,14 +94,8 @@ def _scattered(case: Case) -> Iterator[Doubt]:
     )
 
 
-def _strays(case: Case) -> Iterator[Doubt]:
+def _strays(rows: pd.DataFrame, seen: _Followed) -> Iterator[Doubt]:
     """W224: frames that show a part of the people each, where the times of one sampling period scatter."""
-    sample = case.sample
-    if sample.is_pairs or not sample.has_ids or sample.n < 5 * ROWS_MIN or case.options.period_s is not None:
-        return
-    rows = sample.rows.loc[sample.rows["track_no"] >= 0, ["camera_no", "track_no", "ts_ms"]]
-    if (seen := _followed(rows)) is None:
-        return
     n_frames = len(rows[["camera_no", "ts_ms"]].drop_duplicates())
     a_step = (n_frames - seen.n_stretches) * seen.usual_ms / max(seen.busy_ms, 1.0)
     if a_step < FRAMES_A_STEP or seen.lives_ms < TOGETHER * seen.busy_ms:
@@ -124,9 +128,13 @@ class _Followed:
     is_in_company: npt.NDArray[np.bool_]
 
 
-def _followed(records: pd.DataFrame) -> _Followed | None:
-    """Return how people are seen, from camera_no, track_no and ts_ms of each record; None for nobody seen twice."""
-    rows = records.sort_values(["camera_no", "track_no", "ts_ms"], kind="stable")
+def _followed(records: pd.DataFrame, rows: pd.DataFrame) -> _Followed | None:
+    """Return how people are seen; None for nobody seen twice.
+
+    Args:
+        records: camera_no, track_no and ts_ms of each record with an id.
+        rows: The same records by camera, track and time.
+    """
     steps_ms = rows.groupby(["camera_no", "track_no"], sort=False)["ts_ms"].diff()
     if not (usual_ms := float(steps_ms.median())) >= FRAME_MIN_MS:
         return None
@@ -159,4 +167,4 @@ def _stretches_ms(lives: pd.DataFrame) -> npt.NDArray[np.int64]:
     return np.asarray(lasts - firsts, dtype=np.int64)
 
 
-FRAME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (several_frames, _scattered, _strays)
+FRAME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (several_frames, _parts_of_frames)

@@ -35,6 +35,8 @@ def _taken_over(case: Case) -> Iterator[Doubt]:
         return
     axes, near = _reach(sample)
     rows = steps(sample, *axes, fast_m_s=JUMP_M_S)
+    if not rows["is_jump"].any():
+        return
     is_taken = _is_taken_over(rows, axes, near)
     n_steps, n_taken = int(rows["is_step"].sum()), int(is_taken.sum())
     if n_taken == 0 or n_taken > n_steps / 10:  # more often: a wrong unit, or no ids at all
@@ -84,8 +86,7 @@ def _handed_on(case: Case) -> Iterator[Doubt]:
         return
     axes, near = _reach(sample)
     key = ["camera_no", "track_no"]
-    rows = sample.rows.loc[sample.rows["track_no"] >= 0, [*key, "ts_ms", *axes]].dropna()
-    rows = rows.sort_values([*key, "ts_ms"], kind="stable")
+    rows = sample.placed(*axes)
     steps_ms = rows.groupby(key)["ts_ms"].diff()
     usual_ms = steps_ms.median()
     rows["life"] = (steps_ms.isna() | (steps_ms > LIFE_STEPS * usual_ms)).cumsum()

@@ -60,7 +60,7 @@ def _of_several(case: Case) -> Iterator[Doubt]:
     key = ["camera_no", "ts_ms", "track_no"]
     rows = sample.rows.loc[sample.rows["track_no"] >= 0, [*key, "track", across, up]].dropna()
     rows = rows[rows.duplicated(key, keep=False)]
-    if rows.empty or sample.n_second() > SECOND_SHARE * sample.n:  # so many have times that are too coarse: W224
+    if rows.empty or sample.n_second > SECOND_SHARE * sample.n:  # so many have times that are too coarse: W224
         return
     spread = rows.groupby(key)[[across, up]].agg(np.ptp)
     n_far = int((np.hypot(spread[across], spread[up]) > far).sum())

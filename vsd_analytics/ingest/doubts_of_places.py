@@ -191,12 +191,15 @@ def _placeholders(case: Case) -> Iterator[Doubt]:
     if sample.is_pairs or sample.n < 5 * ROWS_MIN:
         return
     for across, up in (("x", "y"), ("u", "v")):
-        places = sample.rows[[across, up, "track"]].dropna(subset=[across, up])
-        usual = places.loc[(places[across] == places[up]) & places[across].isin(_USUAL_PLACEHOLDERS), [across, up]]
+        places = sample.rows[[across, up]].dropna()
+        if places.empty:
+            continue
+        usual = places.loc[(places[across] == places[up]) & places[across].isin(_USUAL_PLACEHOLDERS), across]
         counts = usual.value_counts()
         counts = counts[(counts >= SAME_PLACE_SHARE * len(places)) & (counts < len(places))]
-        jumped_to = {place for place in _jumped_to(sample, across, up) if place not in counts.index}
-        for x, y in [*counts.index, *sorted(jumped_to)]:
+        written = [(float(value), float(value)) for value in counts.index]
+        jumped_to = set(_jumped_to(sample, across, up)) - set(written)
+        for x, y in [*written, *sorted(jumped_to)]:
             n_there = int(((places[across] == x) & (places[up] == y)).sum())
             names = {} if case.head is None else case.head.plan.names
             column = next((names[ours] for ours in ("x_m", "u_px") if ours in names), None)
@@ -214,10 +217,9 @@ def _left_standing(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.is_pairs or not sample.has_ids:
         return
-    axes = ["x", "y"] if sample.has_floor else ["u", "v"]
+    axes = ("x", "y") if sample.has_floor else ("u", "v")
     key = ["camera_no", "track_no"]
-    rows = sample.rows.loc[sample.rows["track_no"] >= 0, [*key, "ts_ms", *axes]].dropna()
-    rows = rows.sort_values([*key, "ts_ms"], kind="stable").reset_index(drop=True)
+    rows = sample.placed(*axes).reset_index(drop=True)
     is_new = (rows[[*key, *axes]].diff() != 0).any(axis=1)
     arrived = rows[is_new].drop_duplicates(key, keep="last")
     first, last = (rows.drop_duplicates(key, keep=keep) for keep in ("first", "last"))
@@ -241,6 +243,8 @@ def _jumped_to(sample: Sample, across: str, up: str) -> list[tuple[float, float]
     """Return the places to which the ids of several people jump again and again, and from which they come back."""
     rows = steps(sample, across, up, fast_m_s=SPEED_MAX_M_S)
     is_there_and_back = rows["is_jump"] & rows["is_jump"].shift(-1, fill_value=False)
+    if not is_there_and_back.any():
+        return []
     found = rows[is_there_and_back].groupby([across, up])["track_no"].agg(["size", "nunique"])
     return list(found.index[(found["size"] >= ROWS_MIN) & (found["nunique"] > 2)])
 

@@ -197,7 +197,7 @@ def _merging(case: Case) -> Iterator[Doubt]:
     ts_ms = sample.rows["ts_ms"].to_numpy().astype(np.int64)
     zones = [zone for zone in sample.zone_names if zone]
     local = utc_to_local(ts_ms, zones[0]) if len(zones) == 1 and (sample.zones != "").all() else ts_ms
-    n_second, n_instants = sample.n_second(), len(np.unique(ts_ms))
+    n_second, n_instants = sample.n_second, len(np.unique(ts_ms))
     share = n_second / sample.n
     if case.head is not None and "ts" in case.head.plan.theirs and not (local % _DAY_MS).any():
         times = named_like(case.head.ignored, "time")

@@ -28,12 +28,12 @@ def steps(sample: Sample, across: str, up: str, *, fast_m_s: float) -> pd.DataFr
         Columns `camera_no track_no ts_ms`, both axes, `is_step` (the record before it is of the same track, and at most
         `STEP_MAX_S` older) and `is_jump` (the step is far, and on the floor also faster than `fast_m_s`).
     """
-    key = ["camera_no", "track_no"]
-    rows = sample.rows.loc[sample.rows["track_no"] >= 0, [*key, "ts_ms", across, up]].dropna()
-    rows = rows.sort_values([*key, "ts_ms"], kind="stable").reset_index(drop=True)
-    change = rows.diff()
-    way, step_s = np.hypot(change[across], change[up]), change["ts_ms"] / 1000
-    is_step = (change[key] == 0).all(axis=1) & (step_s > 0) & (step_s <= STEP_MAX_S)
+    rows = sample.placed(across, up).reset_index(drop=True)
+    before = rows.shift()
+    step_s = (rows["ts_ms"] - before["ts_ms"]) / 1000
+    way = np.hypot(rows[across] - before[across], rows[up] - before[up])
+    is_same = (rows["camera_no"] == before["camera_no"]) & (rows["track_no"] == before["track_no"])
+    is_step = is_same & (step_s > 0) & (step_s <= STEP_MAX_S)
     if across == "x":
         is_far = (way > FAR_M) & (way > fast_m_s * step_s)
     else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -17,9 +18,11 @@ STEP_MAX_S = 60.0
 """Longest time between two records of a track from which a speed is taken."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Sample:
     """Records of the head of one source; person records, or pair records where there are no others.
+
+    What several looks ask for is computed once: looking at a short file takes longer than reading it.
 
     Attributes:
         rows: Columns `camera ts_ms track x y u v` of person records, with `line`: metres, pixels, NaN = missing. Pair
@@ -45,22 +48,22 @@ class Sample:
         """Return the number of records."""
         return len(self.rows)
 
-    @property
+    @cached_property
     def has_floor(self) -> bool:
         """Return whether records have floor metres."""
         return bool(self.rows["x"].notna().any())
 
-    @property
+    @cached_property
     def has_ids(self) -> bool:
         """Return whether records have ids of people."""
         return bool((self.rows["track_no"] >= 0).any())
 
-    @property
+    @cached_property
     def n_tracks(self) -> int:
         """Return the number of different track ids."""
         return int(self.rows.loc[self.rows["track_no"] >= 0, "track_no"].nunique())
 
-    @property
+    @cached_property
     def zone_names(self) -> list[str]:
         """Return the different texts of `zones`."""
         return sorted(map(str, pd.unique(self.zones)))
@@ -70,12 +73,27 @@ class Sample:
 
         Between two records the inner one is taken, so that a single wild position of a small file does not show.
         """
-        values = self.rows[[across, up]].dropna()
-        if values.empty:
+        values = self.rows[[across, up]].to_numpy(dtype=float)
+        values = values[~np.isnan(values).any(axis=1)]
+        if not len(values):
             return None
-        low, high = values.quantile(tail, interpolation="higher"), values.quantile(1 - tail, interpolation="lower")
-        (left, right), (bottom, top) = (sorted((float(low[c]), float(high[c]))) for c in (across, up))  # of two records
+        low = np.quantile(values, tail, axis=0, method="higher")
+        high = np.quantile(values, 1 - tail, axis=0, method="lower")
+        ends = np.sort([low, high], axis=0)  # of two records the low end is the larger
+        (left, bottom), (right, top) = ends.tolist()
         return left, right, bottom, top
+
+    @cached_property
+    def tracked(self) -> pd.DataFrame:
+        """Return the records with a track id by camera, track and time."""
+        key = ["camera_no", "track_no", "ts_ms"]
+        rows = self.rows.loc[self.rows["track_no"] >= 0, [*key, "x", "y", "u", "v"]]
+        return rows.sort_values(key, kind="stable")
+
+    def placed(self, across: str, up: str) -> pd.DataFrame:
+        """Return `camera_no track_no ts_ms` and two axes of `tracked`, without the records that lack a place."""
+        rows = self.tracked[["camera_no", "track_no", "ts_ms", across, up]]
+        return rows[rows[across].notna() & rows[up].notna()]
 
     def speeds_m_s(self, *, step_min_s: float = 0.0) -> np.ndarray:
         """Return the speeds between successive records of one track, in metres a second.
@@ -86,18 +104,29 @@ class Sample:
         Returns:
             Speeds of steps of at most `STEP_MAX_S`.
         """
-        is_known = (self.rows["track_no"] >= 0) & (self.rows["camera_no"] >= 0)
-        rows = self.rows.loc[is_known, ["camera_no", "track_no", "ts_ms", "x", "y"]].dropna()
+        if step_min_s not in self._speeds_m_s:
+            self._speeds_m_s[step_min_s] = self._speeds(step_min_s)
+        return self._speeds_m_s[step_min_s]
+
+    @cached_property
+    def _speeds_m_s(self) -> dict[float, np.ndarray]:
+        """Return the speeds that were asked for, by `step_min_s`."""
+        return {}
+
+    def _speeds(self, step_min_s: float) -> np.ndarray:
+        rows = self.placed("x", "y")
+        rows = rows[rows["camera_no"] >= 0]
+        key = ["camera_no", "track_no"]
         if step_min_s:
-            slot = rows["ts_ms"] // (step_min_s * 1000)
-            rows = rows[~rows.assign(ts_ms=slot).duplicated(["camera_no", "track_no", "ts_ms"])]
-        rows = rows.sort_values(["camera_no", "track_no", "ts_ms"], kind="stable")
-        is_same = (rows[["camera_no", "track_no"]].diff() == 0).all(axis=1).to_numpy()
-        step_s = rows["ts_ms"].diff().to_numpy() / 1000
-        way_m = np.hypot(rows["x"].diff().to_numpy(), rows["y"].diff().to_numpy())
+            slots = rows[key].assign(slot=rows["ts_ms"] // (step_min_s * 1000)).sort_index()
+            rows = rows[~slots.duplicated().reindex(rows.index)]  # of each slot the first in the file
+        is_same = (np.diff(rows[key].to_numpy(), axis=0) == 0).all(axis=1)
+        step_s = np.diff(rows["ts_ms"].to_numpy()) / 1000
+        way_m = np.hypot(*np.diff(rows[["x", "y"]].to_numpy(), axis=0).T)
         is_step = is_same & (step_s > step_min_s / 2) & (step_s <= STEP_MAX_S)
         return np.asarray(way_m[is_step] / step_s[is_step])
 
+    @cached_property
     def n_second(self) -> int:
         """Return how many records a fold would leave out: their camera, time and track, and another place."""
         place = ["distance_m"] if self.is_pairs else ["x", "y", "u", "v"]

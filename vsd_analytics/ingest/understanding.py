@@ -208,7 +208,7 @@ def _card(case: Case, name: str) -> SourceCard:
         time_format=None if plan is None else plan.time_format,
         first_ms=None if ts_ms.empty else int(ts_ms.min()),
         last_ms=None if ts_ms.empty else int(ts_ms.max()),
-        n_second=sample.n_second(),
+        n_second=sample.n_second,
         n_rejected=sample.n_rejected,
         n_dropped=dict(sample.n_dropped),
         rows=_rows(sample, head),
