@@ -26,6 +26,13 @@ HOUR = 3_600_000
 DAY = 24 * HOUR
 
 
+FACTS_OF_AREAS = ["area_counts", "area_stays", "track_ends", "walk_cells"]
+FACTS_WITHOUT_AREAS = [
+    r.name for r in relations("facts").values() if r.unit == "hour" and r.name not in FACTS_OF_AREAS
+]
+"""Hourly facts that have files where vsd.toml asks nothing of areas."""
+
+
 def at(text: str) -> int:
     """Return the UTC milliseconds of "2026-11-09 08:00:00"."""
     return round(datetime.fromisoformat(text).replace(tzinfo=UTC).timestamp() * 1000)

@@ -37,7 +37,7 @@ from vsd_analytics.warehouse.compute import hour_facts
 from vsd_analytics.warehouse.sqlfiles import relations
 
 HOUR0 = T0 // HOUR
-FACTS = [r.name for r in relations("facts").values() if r.unit == "hour"]
+FACTS = FACTS_WITHOUT_AREAS
 N_FACTS = len(FACTS)
 
 

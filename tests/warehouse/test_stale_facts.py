@@ -23,7 +23,7 @@ HOURS = range(T0 // HOUR - 4, T0 // HOUR + 6)
 CHANGE_MS = T0 + HOUR // 2
 CLUSTERS = {"cluster_times", "gathering_parts", "gathering_joins", "company_times", "neighbour_times", "episode_cells"}
 OF_PAIRS = {*CLUSTERS, "distance_times", "same_pairs"}
-FACTS = [r.name for r in relations("facts").values() if r.unit == "hour"]
+FACTS = FACTS_WITHOUT_AREAS
 
 
 def scaled(metres_per_px: float, *, since_ms: int | None = None, shift_m: float = 0.0) -> Calibration:
@@ -94,7 +94,7 @@ def test_calibration_from_now_on_leaves_history_as_it_is(root: Path, tmp_path: P
     assert result.facts == facts
     assert facts.keys() == {
         *("exposure", "floor_cells", "violation_time", "episode_segments", "calibrations_used"),
-        *("track_lives", "track_pairs", "crowding", "area_stays", "area_counts", "walk_cells", "track_ends"),
+        *("track_lives", "track_pairs", "crowding"),
         *OF_PAIRS,
     }, "recorded time and running numbers do not depend on where people stood"
 
@@ -269,10 +269,6 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
                 "track_lives",
                 "track_pairs",
                 "crowding",
-                "area_stays",
-                "track_ends",
-                "walk_cells",
-                "area_counts",
                 *OF_PAIRS,
             },
         ),

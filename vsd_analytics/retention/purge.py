@@ -292,7 +292,7 @@ class _Sealer:
     def _facts(self, day: int, hours: Sequence[int], built: BuildResult) -> dict[int, dict[str, str]]:
         """Put the facts of some hours of a UTC day, a file for each hour; return the digests by hour and fact."""
         found: dict[int, dict[str, str]] = {hour: {} for hour in hours}
-        names = [r.name for r in relations("facts").values() if r.unit == "hour"]
+        names = [r.name for r in relations("facts").values() if r.unit == "hour" and r.name in built.paths]
         for name in names if hours else ():
             for hour, data in hour_files(built.paths[name][day], day, hours).items():
                 found[hour][name] = self._seals.put(name, hour, data)

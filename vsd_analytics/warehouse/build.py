@@ -29,7 +29,7 @@ from vsd_analytics.warehouse.fact_days import DayWriter, FactDays, damaged_facts
 from vsd_analytics.warehouse.factfiles import is_undamaged_file
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.spread import Spread, publish_days
-from vsd_analytics.warehouse.sqlfiles import Relation
+from vsd_analytics.warehouse.sqlfiles import Relation, relations
 from vsd_analytics.warehouse.units import PartIndex, Unit, days_around, merged_parts
 
 BATCH_HOURS, BATCH_ROWS = 24, 2_000_000
@@ -145,7 +145,7 @@ def _build(
     paths = {**files.paths, DAY_FACT: of_days}
     if files.missing or not is_trusting or files.has_others():
         # Of facts that nobody asked for, older files stay: rows of the hours that did not change are taken from them.
-        asked = {DAY_FACT, *files.names}
+        asked = {DAY_FACT, *files.names, *(relations("facts").keys() - files.paths.keys())}
         unneeded = superseded.find(
             {name: root for name, root in beside.roots(site).items() if name in asked},
             site_id=site.site_id,
@@ -226,8 +226,9 @@ def _publish(site: Site, result: BuildResult) -> bool:
 
 def current_files(site: Site, result: BuildResult) -> dict[str, list[Path]]:
     """Return the fresh and sealed files of each fact, given the build of everything stored."""
-    sealed = {name: [path for _, path in result.sealed.fact_paths(site, name)] for name in result.paths}
-    return {name: [*of_day.values(), *sealed[name]] for name, of_day in result.paths.items()}
+    sealed = {name: [path for _, path in result.sealed.fact_paths(site, name)] for name in relations("facts")}
+    found = {name: [*result.paths.get(name, {}).values(), *paths] for name, paths in sealed.items()}
+    return {name: paths for name, paths in found.items() if paths}
 
 
 def _write_hours(

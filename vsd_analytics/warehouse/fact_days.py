@@ -26,6 +26,7 @@ from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import publish
 from vsd_analytics.store.layout import unit_folder
 from vsd_analytics.warehouse import beside
+from vsd_analytics.warehouse.dimensions import ASKED_TABLES, asked_tables
 from vsd_analytics.warehouse.factfiles import (
     FactWriter,
     by_hour,
@@ -34,11 +35,24 @@ from vsd_analytics.warehouse.factfiles import (
     is_undamaged,
     noted_inputs,
 )
-from vsd_analytics.warehouse.input_fingerprint import InputHashes, fact_inputs, stale_reason, text_hash
+from vsd_analytics.warehouse.input_fingerprint import (
+    InputHashes,
+    fact_inputs,
+    kinds_of_places,
+    stale_reason,
+    text_hash,
+)
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import Unit
 
 Write = Callable[[Path, bytes], object]
+
+
+def stored_facts(site: Site) -> list[str]:
+    """Return the hourly facts with files: all but those of areas and floors of which vsd.toml asks nothing."""
+    asked = asked_tables(site)
+    hourly = [r for r in relations("facts").values() if r.unit == "hour"]
+    return [r.name for r in hourly if asked & set(r.reads) or not set(ASKED_TABLES) & set(r.reads)]
 
 
 class FactDays:
@@ -62,9 +76,10 @@ class FactDays:
         write: Write | None = None,
     ) -> None:
         self._roots, self._site_id = beside.roots(site), site.site_id
-        every = [r.name for r in relations("facts").values() if r.unit == "hour"]
+        every = stored_facts(site)
         self.names = every if facts is None else [name for name in every if name in facts]
         self._inputs_of = {name: fact_inputs(site, [name]) for name in every}
+        self._of_places = {name: kinds for name in every if (kinds := kinds_of_places(name))}
         self.units: dict[int, list[Unit]] = defaultdict(list)
         for unit in units:
             self.units[unit.number // 24].append(unit)
@@ -115,6 +130,8 @@ class FactDays:
             has_any |= is_fresh or bool(noted)
             if not is_fresh and not noted and beside.is_beside(self._roots[name]):
                 has_any, changed = True, changed | {"settings"}
+            if not is_fresh and not noted and name in self._of_places and name not in self._torn(day):
+                changed |= self._of_places[name]
             for inputs in noted:
                 changed |= {kind for kind, value in self.inputs(name, unit).items() if inputs.get(kind) != value}
         if not has_any:

@@ -18,6 +18,7 @@ from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.warehouse.dimensions import (
+    ASKED_TABLES,
     FOREVER_MS,
     areas_with_counts,
     areas_with_stays,
@@ -129,6 +130,15 @@ def fact_inputs(site: Site, facts: Iterable[str]) -> FactInputs:
         tables=tuple(t for t in TABLES if f"stored_{t}" in read),
         kinds=tuple(sorted(_KIND_OF_RELATION[r] for r in read if r in _KIND_OF_RELATION)),
     )
+
+
+def kinds_of_places(fact: str) -> frozenset[str]:
+    """Return the kinds of input that say what vsd.toml asks of areas and floors, of those that a fact itself reads.
+
+    Such a fact has no files until something is asked.
+    """
+    reads = relations("facts")[fact].reads
+    return frozenset(_KIND_OF_RELATION[name] for name in ASKED_TABLES if name in reads)
 
 
 class SiteInputs:

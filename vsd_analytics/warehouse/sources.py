@@ -171,7 +171,7 @@ class RelationSources:
         ]
 
         def fresh_files(built: BuildResult) -> dict[int, Path]:
-            return {d: path for d, path in built.paths[relation.name].items() if first <= d * 24 <= last}
+            return {d: path for d, path in built.paths.get(relation.name, {}).items() if first <= d * 24 <= last}
 
         fresh = fresh_files(self._built)
         sealed_days = {h // 24 for h, _ in sealed}

@@ -31,6 +31,7 @@ from vsd_analytics.warehouse.arrays.runs import close_records, episode_cells, tr
 from vsd_analytics.warehouse.arrays.same_pairs import same_pairs
 from vsd_analytics.warehouse.arrays.site_tables import DayIntervals, Floors, SiteTables
 from vsd_analytics.warehouse.arrays.standing import crowding, exposure, track_lives
+from vsd_analytics.warehouse.dimensions import ASKED_TABLES
 from vsd_analytics.warehouse.sqlfiles import Relation
 
 COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {
@@ -69,9 +70,6 @@ COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {
     )
 }
 
-_ASKED = ("visit_cells", "count_cells", "count_floors")
-"""Tables of the places that vsd.toml asks something about. Facts that read them have no rows where they have none."""
-
 
 class Batch:
     """Computes relations of one batch as arrays where that is quicker.
@@ -92,7 +90,7 @@ class Batch:
 
     def computes(self, relation: Relation) -> bool:
         """Compute a relation as arrays; False where its query has to run. All that it reads was computed."""
-        asked = [name for name in relation.reads if name in _ASKED]
+        asked = [name for name in relation.reads if name in ASKED_TABLES]
         if asked and not any(self._held.small[name].num_rows for name in asked):
             self._held.add(relation.name, relation.columns, none_of(relation))
             return True
