@@ -7,7 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from warehouse.small_projects import HOUR, T0, Frame, Person, beats, fact_files, make_site, open_days, put
+from warehouse.small_projects import (
+    FACTS_OF_AREAS,
+    FACTS_WITHOUT_AREAS,
+    HOUR,
+    T0,
+    Frame,
+    Person,
+    beats,
+    fact_files,
+    make_site,
+    open_days,
+    put,
+)
 
 from vsd_analytics.bench.made_up_site import write_site
 from vsd_analytics.cli import cli
