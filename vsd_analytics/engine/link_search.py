@@ -135,7 +135,7 @@ class LinkSearch:
         return self._chosen(np.where(np.isfinite(gain), gain, 0.0))
 
     def _exchange(self, rows: Rows, open_rows: Rows, past: Walks, futures: Walks) -> None:
-        """Give the sightings of a frame anew to the walks that are before or after it.
+        """Choose again which sighting of a frame belongs to which walk before and after it.
 
         A walk has a past (an open track), a future, or both. A sighting may be in none, and a walk may miss the frame.
         """
