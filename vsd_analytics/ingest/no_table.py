@@ -95,10 +95,12 @@ def _numbers_fix(source: Source) -> str | None:
 
 
 def _json_fix(source: Source) -> str | None:
-    head = source.head(4096).removeprefix(b"\xef\xbb\xbf").lstrip() if source.path.is_file() else b""
-    if not head.startswith((b"{", b"[")):
-        return None
     from vsd_analytics.ingest.json_guess import guessed_mapping
+    from vsd_analytics.ingest.json_messages import json_head
+
+    head = json_head(source)
+    if not head:
+        return None
 
     one_a_line = f"jq -c '.{{}}[]' {source.file_name} > lines.jsonl"
     if b'"FeatureCollection"' in head:
