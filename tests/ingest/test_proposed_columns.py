@@ -26,6 +26,12 @@ def said_of(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> st
         ("ts,dossard,x_m,y_m", "columns that are not read holds them: dossard"),
         ("frame,timestamp,id,x_m,y_m", "ts=timestamp,track_id=id"),
         ("time,id1,id2,distance", "ts=time,track_a=id1,track_b=id2,distance_m=distance"),
+        ("result,table,_time,person,x,y", "ts=_time,track_id=person,x_m=x,y_m=y"),
+        ("Datum,Zeit,Person,X,Y", "ts=Datum+Zeit,track_id=Person"),
+        ("trackId,time,width,length,xCenter,yCenter", "track_id=trackId,x_m=xCenter,y_m=yCenter"),
+        ("ts,x1,y1,x2,y2,x3,y3", "a row seems to hold several people"),
+        ("ts,id,bbox", "'bbox' seems to hold a whole box"),
+        ("token,size,person,x,y", "ts=THEIR_NAME,track_id=person"),
         ("Zeit,Person A,Person B,Abstand [m]", "ts=Zeit,track_a=Person A,track_b=Person B,distance_m=Abstand [m]"),
     ],
 )

@@ -36,7 +36,9 @@ _UNITS: Final = {"m": "m", "in": "in"}
 """Units that a column's name says only behind an axis."""
 _TOPICS: Final = frozenset({"topic", "mqtttopic"})
 TOPICS_MAX: Final = 50
-_YES, _NO = frozenset({"1", "1.0", "true", "yes"}), frozenset({"0", "0.0", "false", "no"})
+_YES: Final = frozenset({"1", "1.0", "true", "t", "yes", "y", "wahr", "ja", "vero", "vrai", "oui", "verdadero"})
+_NO: Final = frozenset({"0", "0.0", "false", "f", "no", "n", "falsch", "nein", "falso", "faux", "non"})
+"""How programs and databases write them."""
 
 
 def _cameras_of_files(case: Case) -> Iterator[Doubt]:

@@ -13,8 +13,15 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-_ENVELOPES: Final = (("topic", "payload"), ("topic", "value"), ("_index", "_source"))
+_ENVELOPES: Final = (
+    ("topic", "payload"),
+    ("topic", "value"),
+    ("_index", "_source"),
+    ("stream", "log"),  # Docker
+    ("__REALTIME_TIMESTAMP", "MESSAGE"),  # journald
+)
 """Key of what names the stream, and key of the message."""
+_BODIES: Final = tuple({body.encode() for _, body in _ENVELOPES})
 _TEXT: Final = rb'[^{}\[\]"\x00-\x08\x0e-\x1f]*'
 _BEFORE: Final = re.compile(_TEXT + rb"(?:\[" + _TEXT + rb"\]" + _TEXT + rb')*(?<=[\s:=|>,-])(?=\{\s*")')
 """Text before an object; brackets, such as those of a process number, are closed again."""
@@ -51,17 +58,21 @@ def unwrapped(message: Mapping[str, Any]) -> tuple[str | None, Mapping[str, Any]
 
     The topic is None where there is no envelope, and where a log's line is before the message: that differs each time.
     """
-    for name, body in _ENVELOPES:
-        found = message.get(body)
-        if name in message and isinstance(found, dict):
-            topic = str(message[name])
-            return (None if " " in topic else topic), found
-    return None, message
+    body = body_of(message)
+    if body is None:
+        return None, message
+    topic = str(message.get("topic", " "))
+    return (None if " " in topic else topic), message[body]
+
+
+def body_of(message: Mapping[str, Any]) -> str | None:
+    """Return the key under which an envelope has the message; None where there is no envelope."""
+    return next((b for name, b in _ENVELOPES if name in message and isinstance(message.get(b), dict)), None)
 
 
 def bare(line: bytes) -> bytes:
     """Return the JSON of a message without what is around it; a line that has nothing around it as it is."""
-    if line[:1] == b"{" and b'"topic"' not in line and b'"_source"' not in line:
+    if line[:1] == b"{" and not any(b'"%s"' % body in line for body in _BODIES):
         return line
     found = as_object(line)
     message = found if found is None else unwrapped(found)[1]

@@ -16,6 +16,7 @@ from vsd_analytics.ingest.json_values import json_values
 from vsd_analytics.ingest.raw import BadRowError
 from vsd_analytics.ingest.text_lines import line_blocks
 
+_LINES_BEFORE = 20
 _ARRAY = re.compile(rb"\s*\[")
 
 
@@ -93,8 +94,10 @@ def json_head(source: Source, n_bytes: int = 65536) -> bytes:
     head = source.head(n_bytes).removeprefix(b"\xef\xbb\xbf").lstrip() if source.path.is_file() else b""
     if head.startswith((b"{", b"[")):
         return head
-    first = head.partition(b"\n")[0]
-    return head[len(text_before(first)) :] if as_object(first) is not None else b""
+    for line in head.split(b"\n", _LINES_BEFORE)[:_LINES_BEFORE]:  # a log begins with other lines
+        if as_object(line) is not None:
+            return head[head.index(line) + len(text_before(line)) :]
+    return b""
 
 
 def inner(message: Mapping[str, Any], key: str) -> dict[str, Any]:
