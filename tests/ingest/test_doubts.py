@@ -307,3 +307,17 @@ def test_units_are_found_in_names() -> None:
         "foot_x": None, "footPointY": None, "feet.x": None, "pos_feet": "ft", "x_foot": "ft",
     }  # fmt: skip
     assert {name: unit_in_name(name) for name in named} == named
+
+
+@pytest.mark.parametrize(("per_metre", "unit"), [(1000, "mm"), (100, "cm")])
+def test_the_unit_in_which_people_walk_is_proposed_first(tmp_path: Path, per_metre: int, unit: str) -> None:
+    rows = rows_of(lambda s: f"{s.at.isoformat()},{s.track},{s.x_m * per_metre:.1f},{s.y_m * per_metre:.1f}")
+    taken = take(tmp_path, "ts,track_id,x,y", rows, map={"x_m": "x", "y_m": "y"})
+    assert taken.codes[0] == "W220"
+    assert taken.fix.startswith(f"--unit {unit} (or ")
+
+
+def test_ids_that_name_several_cameras_are_doubted(tmp_path: Path) -> None:
+    rows = rows_of(lambda s: f"{s.at.isoformat()},cam-{1 + s.track % 2}_{s.track},{s.x_m},{s.y_m}")
+    taken = take(tmp_path, "ts,track_id,x_m,y_m", rows)
+    assert (taken.codes, taken.n_new) == (["W221"], 0)

@@ -26,6 +26,8 @@ def said_of(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> st
         ("ts,dossard,x_m,y_m", "columns that are not read holds them: dossard"),
         ("frame,timestamp,id,x_m,y_m", "ts=timestamp,track_id=id"),
         ("time,id1,id2,distance", "ts=time,track_a=id1,track_b=id2,distance_m=distance"),
+        ("时间,目标编号,x,y", "ts=时间,track_id=目标编号,x_m=x,y_m=y"),
+        ("czas,osoba,x,y", "ts=czas,track_id=osoba,x_m=x,y_m=y"),
         ("result,table,_time,person,x,y", "ts=_time,track_id=person,x_m=x,y_m=y"),
         ("Datum,Zeit,Person,X,Y", "ts=Datum+Zeit,track_id=Person"),
         ("trackId,time,width,length,xCenter,yCenter", "track_id=trackId,x_m=xCenter,y_m=yCenter"),

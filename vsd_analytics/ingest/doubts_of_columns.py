@@ -80,6 +80,10 @@ def _cameras(case: Case) -> Iterator[Doubt]:
     """W221: a column of cameras that is not read."""
     if case.head is None or "camera_id" in case.head.plan.theirs:
         return
+    if len(found := cameras_in(str(track) for track in case.sample.rows["track"].dropna().unique())) > 1:
+        yield _merged_cameras(
+            case, f"the ids of people name {len(found)} cameras", found, "export the camera in a column of its own"
+        )
     if len(parts := cameras_in(case.head.parts)) > 1:
         yield _merged_cameras(
             case,

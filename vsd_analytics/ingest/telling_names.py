@@ -44,7 +44,7 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
         "pedid target targetid tag tagid "
         "agent agentid actor actorid player playerid visitor visitorid occupant occupantid bodyid entityid "
         "identity globalid persona idpersona personaid personne idpersonne traccia idtraccia "
-        "soggetto piste spur spurid sujet"
+        "soggetto piste spur spurid sujet pessoa idpessoa osoba idosoby persoon kisi henkilo 人物id 目标编号 行人id"
     ),
     "class": _words(
         "class classname classid classlabel cls clsname clsid label labelname category categoryid categoryname "
@@ -148,6 +148,7 @@ _INSTANTS: Final = (
     ),
     *("when", "at", "t", "zeit", "zeitpunkt", "ora", "orario", "hora", "heure"),
     *("frametime", "eventtime", "detectedat", "recordedat", "capturedat"),
+    *("czas", "tijd", "zaman", "aika", "tempo", "время", "时间", "時刻", "日時", "시간"),
 )
 """Names of instants, the surest first."""
 
@@ -221,7 +222,8 @@ def _faintness(name: str) -> int:
 
 def time_like(names: Iterable[str]) -> str | None:
     """Return the name that says most surely that its column holds an instant, or None."""
-    by_letters = {letters(name.rpartition(".")[2]): name for name in reversed(list(names))}
+    last = {name: name.rpartition(".")[2] for name in reversed(list(names))}
+    by_letters = {word: name for name, part in last.items() for word in (part.strip().lower(), letters(part))}
     by_letters = {_CLOCK_ENDS.sub("", word): name for word, name in by_letters.items()} | by_letters
     return next((by_letters[name] for name in _INSTANTS if name in by_letters), None)
 
