@@ -67,3 +67,12 @@ def test_a_box_that_may_be_given_by_its_centre_is_proposed_in_both_ways(
     message = '{"timestamp": 1764061200, "objects": [{"id": 7, "x": 10, "y": 20, "w": 5, "h": 9}]}\n'
     (tmp_path / "a.jsonl").write_text(message)
     assert "if it is the centre: center_x=x,center_y=y" in said_of(tmp_path / "a.jsonl", capsys)
+
+
+def test_names_of_columns_in_windows_encoding_are_as_they_are_typed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"2025-11-25T09:00:{k:02d}Z;7;{k},5;2,5\n" for k in range(5))
+    (tmp_path / "a.csv").write_bytes(f"Zeit;Kunden-Nr;Länge (m);Breite (m)\n{rows}".encode("cp1252"))
+    mapping = "ts=Zeit,track_id=Kunden-Nr,x_m=Länge (m),y_m=Breite (m)"
+    assert "[table]  5 person records" in said_of(tmp_path / "a.csv", capsys, "--map", mapping)

@@ -44,7 +44,8 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
         "pedid target targetid tag tagid "
         "agent agentid actor actorid player playerid visitor visitorid occupant occupantid bodyid entityid "
         "identity globalid persona idpersona personaid personne idpersonne traccia idtraccia "
-        "soggetto piste spur spurid sujet pessoa idpessoa osoba idosoby persoon kisi henkilo 人物id 目标编号 行人id"
+        "soggetto piste spur spurid sujet pessoa idpessoa osoba idosoby persoon kisi henkilo 人物id 目标编号 行人id "
+        "customer customerid kunde kunden besucher gast cliente idcliente client visiteur visitante visitatore"
     ),
     "class": _words(
         "class classname classid classlabel cls clsname clsid label labelname category categoryid categoryname "
