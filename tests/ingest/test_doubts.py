@@ -321,3 +321,19 @@ def test_ids_that_name_several_cameras_are_doubted(tmp_path: Path) -> None:
     rows = rows_of(lambda s: f"{s.at.isoformat()},cam-{1 + s.track % 2}_{s.track},{s.x_m},{s.y_m}")
     taken = take(tmp_path, "ts,track_id,x_m,y_m", rows)
     assert (taken.codes, taken.n_new) == (["W221"], 0)
+
+
+@pytest.mark.parametrize(("ours", "is_doubted"), [(("left", "top"), True), (("center_x", "center_y"), False)])
+def test_a_list_xywh_that_is_read_from_its_corner_may_be_the_centre(
+    tmp_path: Path, ours: tuple[str, str], is_doubted: bool
+) -> None:
+    root = project(tmp_path / "p")
+    message = '{{"ts": "{}", "id": {}, "xywh": [{}, {}, 40, 110]}}\n'
+    text = "".join(message.format(s.at.isoformat(), s.track, s.x_m * 50, s.y_m * 50) for s in walks())
+    (root / "a.jsonl").write_text(text)
+    given = {"ts": "ts", "track_id": "id", "width": "xywh.2", "height": "xywh.3"}
+    given |= dict(zip(ours, ("xywh.0", "xywh.1"), strict=True))
+    options = IngestOptions(format="json", map=given)
+    (source,) = ingest(load_site(root), [root / "a.jsonl"], options, now=NOW).sources
+    assert source.card is not None
+    assert any("write its centre under this name" in d.what for d in source.card.doubts) == is_doubted

@@ -372,7 +372,7 @@ def test_one_list_that_cannot_be_corners_decides_for_all(tmp_path: Path) -> None
     boxes = [[10, 20, 60, 180], [10, 20, 60, 180], [300, 20, 60, 180]]
     messages = [{"ts": 1762761600 + k, "objs": [{"bbox": box}]} for k, box in enumerate(boxes)]
     (tmp_path / "a.json").write_text(json.dumps(messages))
-    assert "width=bbox.2,height=bbox.3" in str(guessed_mapping(Source(tmp_path / "a.json")))
+    assert "top=bbox.1,width=bbox.2,height=bbox.3" in str(guessed_mapping(Source(tmp_path / "a.json")))
 
 
 @pytest.mark.parametrize(

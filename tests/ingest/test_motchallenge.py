@@ -308,8 +308,9 @@ def test_objects_of_visdrone_are_no_pedestrians(tmp_path: Path) -> None:
     assert frames(tables) == [(0, 3)]
 
 
-@pytest.mark.parametrize("rest", ["0,0,0", "-1,-1,-1", "4,1.5,0", "4,1,3", "4,2,0"])
+@pytest.mark.parametrize("rest", ["0,0,0", "-1,-1,-1", "{},1.5,0", "{},1,3", "{},2,0", "{}.5,1,0", "{}0,1,0"])
 def test_other_lines_of_ten_columns_have_no_category(rest: str, tmp_path: Path) -> None:
-    lines = [f"1,{k},{100 + 50 * k},200,40,80,0.9,{rest}" for k in range(3)]
+    lines = [f"1,{k},{100 + 50 * k},200,40,80,0.9,{rest.format(kind)}" for k, kind in enumerate((1, 4, 2))]
+    lines.append(f"1,9,600,200,40,80,0.9,{'1,1,0' if rest == '{}0,1,0' else rest.format(1)}")
     tables, _ = read(sequence(tmp_path, "Hall", lines))
-    assert tables["observations"].num_rows == 3
+    assert tables["observations"].num_rows == 4
