@@ -19,7 +19,7 @@ from vsd_analytics.ingest.telling_names import are_columns
 COLUMNS_MAX = 500
 LOOKED_AT_ROWS = 50
 NOTES_WIDTH = 2
-"""Rows of titles and notes have no more values: a word and what it stands for."""
+"""Rows of titles and notes have no more values: a word and its value."""
 
 
 class Workbook(CellTable):
