@@ -90,11 +90,15 @@ def _likely_kind(source: Source) -> tuple[str, str] | None:
 def not_recognised(source: Source, formats: Sequence[str]) -> InputError:
     """Return the error of a source of which no format takes itself to be: E204, with what it is or how to read it."""
     where = Where(source.name)
-    known = kind_of_no_table(source) or _likely_kind(source)
+    known = kind_of_no_table(source)
     if known is not None:
         return InputError(f"{source.file_name} is {known[0]}, no table", code="E204", where=where, fix=known[1])
+    what = f"the format of {source.file_name} is not recognised"
+    likely = _likely_kind(source)
+    if likely is not None:
+        return InputError(what, code="E204", where=where, why=f"it seems to be {likely[0]}", fix=likely[1])
     return InputError(
-        f"the format of {source.file_name} is not recognised",
+        what,
         code="E204",
         where=where,
         why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
