@@ -32,6 +32,7 @@ ENVELOPES: dict[str, Callable[[str], str]] = {
     ),
     "Kafka": lambda text: json.dumps({"topic": "mdx-raw", "partition": 0, "offset": 7, "value": text}),
     "Elasticsearch": lambda text: json.dumps({"_index": "mdx-raw", "_id": "x", "_source": json.loads(text)}),
+    "log in brackets": lambda text: f"[2025-11-10 10:00:00,123] [INFO] {text}",
     "syslog": lambda text: f"Nov 10 09:00:00 camera reader[3844]: Data - {text}",
 }
 """How each recorder writes a message."""
@@ -67,6 +68,12 @@ def test_what_is_around_a_message_changes_nothing(tmp_path: Path, name: str, env
     assert wrapped.sources[0].n_records == plain.sources[0].n_records
     assert wrapped.fold.n_new == plain.fold.n_new > len(texts)
     assert not sum(wrapped.sources[0].n_rejected.values())
+
+
+def test_an_array_of_envelopes_is_read_as_well(tmp_path: Path) -> None:
+    texts = [json.dumps(m) for m in MESSAGES["nvidia"]]
+    found = read(project(tmp_path / "p"), json.dumps([{"topic": "mdx-raw", "payload": text} for text in texts]))
+    assert (found.sources[0].format, found.sources[0].n_records["frames"]) == ("nvidia", len(texts))
 
 
 def test_a_mapping_can_name_the_topic_and_values_of_the_message(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def as_object(line: bytes) -> dict[str, Any] | None:
         return None
     if before.strip():
         return {"topic": before.strip().decode("utf-8", "replace"), "payload": found}
-    return _parsed(found)
+    return with_body(found)
 
 
 def text_before(line: bytes) -> bytes:
@@ -79,7 +79,8 @@ def bare(line: bytes) -> bytes:
     return line if message is None or message is found else json.dumps(message).encode()
 
 
-def _parsed(message: dict[str, Any]) -> dict[str, Any]:
+def with_body(message: dict[str, Any]) -> dict[str, Any]:
+    """Return an envelope with its message as an object where it is a text; other messages as they are."""
     for name, body in _ENVELOPES:
         text = message.get(body)
         if name in message and isinstance(text, str) and text.lstrip().startswith("{"):

@@ -10,14 +10,15 @@ from typing import Any, ClassVar
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Source, bytes_read
-from vsd_analytics.ingest.envelopes import as_object, text_before
+from vsd_analytics.ingest.envelopes import as_object, text_before, with_body
 from vsd_analytics.ingest.frame_rows import FrameRows
 from vsd_analytics.ingest.json_values import json_values
 from vsd_analytics.ingest.raw import BadRowError
 from vsd_analytics.ingest.text_lines import line_blocks
 
 _LINES_BEFORE = 20
-_ARRAY = re.compile(rb"\s*\[")
+_ARRAY = re.compile(rb"\s*\[\s*(?:[\[{\]]|$)")
+"""Beginning of an array of messages, and not of a log's line such as `[INFO] ...`."""
 
 
 class JsonMessages(ABC):
@@ -89,10 +90,10 @@ def has_marks(source: Source, marks: Sequence[str]) -> bool:
     return all(re.search(rf'"{m}\\?"\s*:'.encode(), head) for m in marks) if head else False
 
 
-def json_head(source: Source, n_bytes: int = 65536) -> bytes:
+def json_head(source: Source) -> bytes:
     """Return the first bytes of a file that begins as JSON, or with text before an object; b"" for other files."""
-    head = source.head(n_bytes).removeprefix(b"\xef\xbb\xbf").lstrip() if source.path.is_file() else b""
-    if head.startswith((b"{", b"[")):
+    head = source.head().removeprefix(b"\xef\xbb\xbf").lstrip() if source.path.is_file() else b""
+    if head.startswith(b"{") or _ARRAY.match(head):
         return head
     for line in head.split(b"\n", _LINES_BEFORE)[:_LINES_BEFORE]:  # a log begins with other lines
         if as_object(line) is not None:
@@ -154,7 +155,7 @@ def _one_after_the_other(
 
     for number, found, text, done in json_values(source, value_max_bytes=options.line_max_bytes, damaged=damaged):
         if isinstance(found, dict):
-            yield number, found, json.dumps(found).encode(), done
+            yield number, with_body(found), json.dumps(found).encode(), done
         else:
             yield number, None, text.encode("utf-8", "replace"), done
 
