@@ -21,7 +21,7 @@ _ENVELOPES: Final = (
     ("__REALTIME_TIMESTAMP", "MESSAGE"),  # journald
 )
 """Key of what names the stream, and key of the message."""
-_BODIES: Final = tuple({body.encode() for _, body in _ENVELOPES})
+_BODY: Final = re.compile(b"|".join(b'"%s"' % body.encode() for _, body in _ENVELOPES))
 _TEXT: Final = rb'[^{}\[\]"\x00-\x08\x0e-\x1f]*'
 _BEFORE: Final = re.compile(_TEXT + rb"(?:\[" + _TEXT + rb"\]" + _TEXT + rb')*(?<=[\s:=|>,-])(?=\{\s*")')
 """Text before an object; brackets, such as those of a process number, are closed again."""
@@ -72,7 +72,7 @@ def body_of(message: Mapping[str, Any]) -> str | None:
 
 def bare(line: bytes) -> bytes:
     """Return the JSON of a message without what is around it; a line that has nothing around it as it is."""
-    if line[:1] == b"{" and not any(b'"%s"' % body in line for body in _BODIES):
+    if line[:1] == b"{" and _BODY.search(line) is None:
         return line
     found = as_object(line)
     message = found if found is None else unwrapped(found)[1]

@@ -137,7 +137,7 @@ class Frames:
                         if line is None:
                             builder.reject(number, "line-too-long", too_long, b"")
                         elif line:
-                            builder.add(number, bare(line))
+                            builder.add(number, line)
                         if builder.n_rows >= BATCH_ROWS:
                             yield builder.batch(bytes_read(stream))
             except InputError as error:
@@ -197,12 +197,13 @@ class MessageRows:
         self.reject(number, TOO_MANY, f"{found} in one frame; at most {most:,} are read", line)
 
     def _second_look(self, number: int, line: bytes) -> FrameMessage | None:
-        """Decode a message that is wrong or has unknown fields, and count these."""
+        """Decode a message that is wrong, has something around it, or has unknown fields, and count these."""
         if not line.strip():
             return None
+        own = bare(line)
         try:
-            message = _typed.decode(line)
-            loose: dict[str, Any] = _loose.decode(line)
+            message = _typed.decode(own)
+            loose: dict[str, Any] = _loose.decode(own)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             reason = "bad-message" if isinstance(error, msgspec.ValidationError) else "bad-json"
             self.reject(number, reason, f"not a VSD frame message: {error}", line)
