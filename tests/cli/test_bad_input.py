@@ -66,7 +66,7 @@ REFUSED: dict[str, tuple[str, str | bytes | None, str, str, str]] = {
     "empty gzip": ("a.jsonl.gz", gzip.compress(b"", mtime=0), "E202", "a.jsonl.gz is empty", "export it again"),
     "missing column": ("a.csv", HEADER.replace("x_m", "px") + GOOD, "E203", "no column 'x_m'", "--map x_m="),
     "pair without distance": ("a.csv", "ts,track_a,track_b\n1,2,3\n", "E203", "'distance_m'", "distance_m=THEIR_NAME"),
-    "bytes with a quote": ("a.zip", b'PK\x03\x04"\r"\x00\xff\n', "E204", "not recognised", "--format"),
+    "bytes with a quote": ("a.zip", b'PK\x03\x04"\r"\x00\xff\n', "E204", "not recognised", "export the table"),
     "headerless": ("a.csv", "1794214800,1,2,3\n", "E203", "no header", "--columns"),
     "no format": ("a.txt", "hello\n", "E204", "not recognised", "--format"),
     "Parquet cut in half": (

@@ -88,16 +88,16 @@ def test_whoever_leaves_the_picture_is_not_who_enters_it_there() -> None:
     assert follow(xy, covariance, frame, t).tolist() == [1] * 5
 
 
-def stream(seed: int) -> tuple[Array, np.ndarray, Array, Array]:  # type: ignore[type-arg]
-    """Return places, frames, times and true ids of people who all walk one way and are in view for three seconds."""
+def stream(seed: int, *, every_s: float = 2.0, long_m: float = 4.0) -> tuple[Array, np.ndarray, Array, Array]:  # type: ignore[type-arg]
+    """Return places, frames, times and true ids of people who all walk one way and are in view for some metres."""
     rng = np.random.default_rng(seed)
-    begins = np.cumsum(rng.exponential(2.0, 120))
+    begins = np.cumsum(rng.exponential(every_s, 120))
     times = np.arange(int(begins[-1]) + 8.0)
     rows = []
     for who, begin in enumerate(begins):
         side, speed = rng.normal(0, 0.6), rng.normal(1.3, 0.15)
         for frame, t in enumerate(times):
-            if 0 <= speed * (t - begin) < 4:
+            if 0 <= speed * (t - begin) < long_m:
                 rows.append((frame, who, speed * (t - begin) + rng.normal(0, 0.2), side + rng.normal(0, 0.2)))
     found = np.array(sorted(rows))
     return found[:, 2:], found[:, 0].astype(int), times, found[:, 1]
@@ -109,6 +109,14 @@ def test_how_people_usually_walk_decides_who_is_who_where_they_are_seen_for_a_fe
         xy, frame, t, who = stream(seed)
         found.append(purity(who, follow(xy, np.tile(np.eye(2) * 0.04, (len(xy), 1, 1)), frame, t)))
     assert np.mean(found) > 0.9  # 0.80 if velocities are those of people anywhere
+
+
+def test_people_of_a_dense_stream_keep_their_ids() -> None:
+    found = []
+    for seed in (1, 2, 3):
+        xy, frame, t, who = stream(seed, every_s=1.0, long_m=6.0)
+        found.append(purity(who, follow(xy, np.tile(np.eye(2) * 0.04, (len(xy), 1, 1)), frame, t)))
+    assert np.mean(found) > 0.89  # 0.83 without noise and exchanges, 0.87 with noise alone
 
 
 def test_uncertainty_along_the_view_decides_who_is_who() -> None:

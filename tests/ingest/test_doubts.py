@@ -347,3 +347,33 @@ def test_units_are_found_in_names() -> None:
         "foot_x": None, "footPointY": None, "feet.x": None, "pos_feet": "ft", "x_foot": "ft",
     }  # fmt: skip
     assert {name: unit_in_name(name) for name in named} == named
+
+
+@pytest.mark.parametrize(("per_metre", "unit"), [(1000, "mm"), (100, "cm")])
+def test_the_unit_in_which_people_walk_is_proposed_first(tmp_path: Path, per_metre: int, unit: str) -> None:
+    rows = rows_of(lambda s: f"{s.at.isoformat()},{s.track},{s.x_m * per_metre:.1f},{s.y_m * per_metre:.1f}")
+    taken = take(tmp_path, "ts,track_id,x,y", rows, map={"x_m": "x", "y_m": "y"})
+    assert taken.codes[0] == "W220"
+    assert taken.fix.startswith(f"--unit {unit} (or ")
+
+
+def test_ids_that_name_several_cameras_are_doubted(tmp_path: Path) -> None:
+    rows = rows_of(lambda s: f"{s.at.isoformat()},cam-{1 + s.track % 2}_{s.track},{s.x_m},{s.y_m}")
+    taken = take(tmp_path, "ts,track_id,x_m,y_m", rows)
+    assert (taken.codes, taken.n_new) == (["W221"], 0)
+
+
+@pytest.mark.parametrize(("ours", "is_doubted"), [(("left", "top"), True), (("center_x", "center_y"), False)])
+def test_a_list_xywh_that_is_read_from_its_corner_may_be_the_centre(
+    tmp_path: Path, ours: tuple[str, str], is_doubted: bool
+) -> None:
+    root = project(tmp_path / "p")
+    message = '{{"ts": "{}", "id": {}, "xywh": [{}, {}, 40, 110]}}\n'
+    text = "".join(message.format(s.at.isoformat(), s.track, s.x_m * 50, s.y_m * 50) for s in walks())
+    (root / "a.jsonl").write_text(text)
+    given = {"ts": "ts", "track_id": "id", "width": "xywh.2", "height": "xywh.3"}
+    given |= dict(zip(ours, ("xywh.0", "xywh.1"), strict=True))
+    options = IngestOptions(format="json", map=given)
+    (source,) = ingest(load_site(root), [root / "a.jsonl"], options, now=NOW).sources
+    assert source.card is not None
+    assert any("write its centre under this name" in d.what for d in source.card.doubts) == is_doubted

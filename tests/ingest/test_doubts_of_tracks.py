@@ -109,3 +109,20 @@ def test_tracks_of_people_who_come_and_go_are_not(
     assert "W223" not in said, said
     assert "time of their own" not in said, said
     assert "end at one place" not in said, said
+
+
+@pytest.mark.parametrize(("n_taken", "is_seen"), [(4, False), (9, True)])
+def test_a_few_ids_in_thousands_of_steps_that_take_over_another_person_are_usual(
+    n_taken: int, is_seen: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    steps = walks(n_people=6, seconds=500, seed=25)  # 2,994 steps, of which six are .002
+    for number in range(1, n_taken + 1):  # the first person is lost for five seconds, and the second one has her id
+        lost = range(50 * number, 50 * number + 5)
+        seconds = [int((s.at - START).total_seconds()) for s in steps]
+        steps = [
+            replace(s, track=1) if k in lost and s.track == 2 else s
+            for k, s in zip(seconds, steps, strict=True)
+            if not (k in lost and s.track == 1)
+        ]
+    _, said = check(tmp_path, renamed(lambda s: s.track, steps), capsys)
+    assert ("where another person was a moment before" in said) == is_seen, said

@@ -18,7 +18,7 @@ from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import ConfigError, UsageError
 from vsd_analytics.ingest.adapter import IngestOptions, Source
-from vsd_analytics.ingest.frame_rows import FrameRows
+from vsd_analytics.ingest.frame_rows import FrameRows, instant_of
 from vsd_analytics.ingest.json_guess import guessed_mapping
 from vsd_analytics.ingest.json_map import JsonMap, message_paths, value_at
 from vsd_analytics.ingest.raw import BadRowError
@@ -341,3 +341,60 @@ def test_a_box_that_is_none_is_a_bad_row_as_in_tables(box: list[int]) -> None:
     with pytest.raises(BadRowError, match="is no box with a size") as caught:
         read({"t": 1_762_675_200, "p": [{"box": box}]}, sides)
     assert caught.value.args[0] == "bad-box"
+
+
+@pytest.mark.parametrize(
+    ("person", "proposed"),
+    [
+        ({"bbox": [10, 20, 60, 180]}, "left=bbox.0,top=bbox.1,right=bbox.2,bottom=bbox.3   (corners; if the last two"),
+        (
+            {"bbox": [410, 20, 60, 180]},
+            "left=bbox.0,top=bbox.1,width=bbox.2,height=bbox.3   (the upper left corner; if",
+        ),
+        ({"xyxy": [10, 20, 60, 180]}, "left=xyxy.0,top=xyxy.1,right=xyxy.2,bottom=xyxy.3"),
+        ({"box_tlwh": [10, 20, 60, 180]}, "left=box_tlwh.0,top=box_tlwh.1,width=box_tlwh.2,height=box_tlwh.3"),
+        ({"cxcywh": [90, 20, 60, 180]}, "center_x=cxcywh.0,center_y=cxcywh.1,width=cxcywh.2,height=cxcywh.3"),
+        ({"box": [[10, 20], [60, 180]]}, "left=box.0.0,top=box.0.1,right=box.1.0,bottom=box.1.1"),
+        ({"found": {"rect": [10, 20, 60, 180]}}, "left=found.rect.0,top=found.rect.1"),
+        ({"x0": 60, "y0": 180, "x1": 10, "y1": 20}, "left=x1,top=y1,right=x0,bottom=y0"),
+        ({"colour": [10, 20, 60, 180]}, None),
+        ({"bbox": [10, 20, 60]}, None),
+    ],
+)
+def test_a_box_that_is_a_list_is_proposed(person: dict[str, Any], proposed: str | None, tmp_path: Path) -> None:
+    message = {"ts": 1762761600, "objs": [{"tid": 1, **person}]}
+    (tmp_path / "a.jsonl").write_text(json.dumps(message) + "\n")
+    found = guessed_mapping(Source(tmp_path / "a.jsonl"))
+    assert found is None if proposed is None else f"--persons objs --map ts=ts,track_id=tid,{proposed}" in str(found)
+
+
+def test_one_list_that_cannot_be_corners_decides_for_all(tmp_path: Path) -> None:
+    boxes = [[10, 20, 60, 180], [10, 20, 60, 180], [300, 20, 60, 180]]
+    messages = [{"ts": 1762761600 + k, "objs": [{"bbox": box}]} for k, box in enumerate(boxes)]
+    (tmp_path / "a.json").write_text(json.dumps(messages))
+    assert "top=bbox.1,width=bbox.2,height=bbox.3" in str(guessed_mapping(Source(tmp_path / "a.json")))
+
+
+@pytest.mark.parametrize(
+    ("message", "proposed"),
+    [
+        (
+            {"time": "x", "stream": "stdout", "log": {"t": 1, "objs": [{"x": 1, "y": 2}]}},
+            "--persons log.objs --map ts=log.t,x_m=x,y_m=y",
+        ),
+        (
+            {"_id": {"$oid": "a"}, "at": {"$date": "x"}, "x": 1, "y": 2},
+            "--format json --map 'ts=at.$date,x_m=x,y_m=y'",
+        ),
+        ({"places": {"-Na": {"ts": 1, "x": 1, "y": 2}, "-Nb": {"ts": 2, "x": 1, "y": 2}}}, None),
+    ],
+    ids=["Docker", "MongoDB", "a time for each person"],
+)
+def test_the_time_of_a_message_is_its_own(message: dict[str, Any], proposed: str | None, tmp_path: Path) -> None:
+    (tmp_path / "a.jsonl").write_text(json.dumps(message) + "\n")
+    found = guessed_mapping(Source(tmp_path / "a.jsonl"))
+    assert found is None if proposed is None else proposed in str(found)
+
+
+def test_a_time_with_utc_behind_it_has_an_offset() -> None:
+    assert instant_of("2025-11-10 09:00:00 UTC") == datetime(2025, 11, 10, 9, tzinfo=UTC)

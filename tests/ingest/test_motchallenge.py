@@ -297,3 +297,20 @@ def test_published_sequences_have_their_known_counts(
     ]
     assert sum(square < 2000**2 for square in squares) == n_close
     assert not rejected(batches)
+
+
+def test_objects_of_visdrone_are_no_pedestrians(tmp_path: Path) -> None:
+    kinds = (1, 4, 2, 0, 1)
+    lines = [f"1,{k},{100 + 50 * k},200,40,80,1,{kind},{k % 2},{k % 3}" for k, kind in enumerate(kinds)]
+    tables, batches = read(sequence(tmp_path, "Hall", lines))
+    assert tables["observations"]["track"].to_pylist() == ["0", "2", "4"]
+    assert sum(b.n_dropped.get("not a pedestrian", 0) for b in batches) == 2
+    assert frames(tables) == [(0, 3)]
+
+
+@pytest.mark.parametrize("rest", ["0,0,0", "-1,-1,-1", "{},1.5,0", "{},1,3", "{},2,0", "{}.5,1,0", "{}0,1,0"])
+def test_other_lines_of_ten_columns_have_no_category(rest: str, tmp_path: Path) -> None:
+    lines = [f"1,{k},{100 + 50 * k},200,40,80,0.9,{rest.format(kind)}" for k, kind in enumerate((1, 4, 2))]
+    lines.append(f"1,9,600,200,40,80,0.9,{'1,1,0' if rest == '{}0,1,0' else rest.format(1)}")
+    tables, _ = read(sequence(tmp_path, "Hall", lines))
+    assert tables["observations"].num_rows == 4

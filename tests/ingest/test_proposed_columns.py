@@ -26,6 +26,14 @@ def said_of(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> st
         ("ts,dossard,x_m,y_m", "columns that are not read holds them: dossard"),
         ("frame,timestamp,id,x_m,y_m", "ts=timestamp,track_id=id"),
         ("time,id1,id2,distance", "ts=time,track_a=id1,track_b=id2,distance_m=distance"),
+        ("时间,目标编号,x,y", "ts=时间,track_id=目标编号,x_m=x,y_m=y"),
+        ("czas,osoba,x,y", "ts=czas,track_id=osoba,x_m=x,y_m=y"),
+        ("result,table,_time,person,x,y", "ts=_time,track_id=person,x_m=x,y_m=y"),
+        ("Datum,Zeit,Person,X,Y", "ts=Datum+Zeit,track_id=Person"),
+        ("trackId,time,width,length,xCenter,yCenter", "track_id=trackId,x_m=xCenter,y_m=yCenter"),
+        ("ts,x1,y1,x2,y2,x3,y3", "a row seems to hold several people"),
+        ("ts,id,bbox", "'bbox' seems to hold a whole box"),
+        ("token,size,person,x,y", "ts=THEIR_NAME,track_id=person"),
         ("Zeit,Person A,Person B,Abstand [m]", "ts=Zeit,track_a=Person A,track_b=Person B,distance_m=Abstand [m]"),
     ],
 )
@@ -59,3 +67,12 @@ def test_a_box_that_may_be_given_by_its_centre_is_proposed_in_both_ways(
     message = '{"timestamp": 1764061200, "objects": [{"id": 7, "x": 10, "y": 20, "w": 5, "h": 9}]}\n'
     (tmp_path / "a.jsonl").write_text(message)
     assert "if it is the centre: center_x=x,center_y=y" in said_of(tmp_path / "a.jsonl", capsys)
+
+
+def test_names_of_columns_in_windows_encoding_are_as_they_are_typed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = "".join(f"2025-11-25T09:00:{k:02d}Z;7;{k},5;2,5\n" for k in range(5))
+    (tmp_path / "a.csv").write_bytes(f"Zeit;Kunden-Nr;Länge (m);Breite (m)\n{rows}".encode("cp1252"))
+    mapping = "ts=Zeit,track_id=Kunden-Nr,x_m=Länge (m),y_m=Breite (m)"
+    assert "[table]  5 person records" in said_of(tmp_path / "a.csv", capsys, "--map", mapping)

@@ -101,6 +101,10 @@ class Walks:
         sign = np.array([1.0, 1.0, -1.0, -1.0])
         return Walks(self.state * sign, self.covariance * sign[:, None] * sign, self.usual.backward())
 
+    def turned(self) -> Walks:
+        """Return the walks with time reversed, the last one first."""
+        return self.backward()[np.arange(len(self.state))[::-1]]
+
 
 def surprise(off: Array, covariance: Array) -> Array:
     """Return -2 log of the normal density at some offsets, shape (..., 2) with covariances (..., 2, 2)."""

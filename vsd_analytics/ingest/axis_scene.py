@@ -14,6 +14,7 @@ from functools import partial
 from typing import Any, ClassVar
 
 from vsd_analytics.ingest.adapter import IngestOptions, Source
+from vsd_analytics.ingest.envelopes import unwrapped
 from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, id_of, instant_of
 from vsd_analytics.ingest.json_messages import JsonMessages, has_marks, inner, listed
 from vsd_analytics.ingest.picture_sizes import size_of
@@ -40,11 +41,15 @@ class AxisScene(JsonMessages):
 
     def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
         """Add one frame: the humans of its observations."""
+        topic, message = unwrapped(message)
         frame = inner(message, "data") or message
         frame = inner(frame, "frame") or frame
         at = instant_of(frame.get("timestamp"))
         channel = frame.get("channel_id", message.get("channel_id"))
-        frames.check_view(None if channel is None else f"channel {channel}")
+        if channel is None and not {"observations", "detections"} & set(frame):  # frames without people have one
+            raise BadRowError("bad-message", "it has neither observations nor detections nor a channel")
+        view = [f"topic {topic}"] * (topic is not None) + [f"channel {channel}"] * (channel is not None)
+        frames.check_view(" and ".join(view) or None)
         seen, others = [], {NOT_A_PERSON: 0, NO_CLASS: 0}
         for found in [*listed(frame, "observations"), *listed(frame, "detections")]:
             if not isinstance(found, dict):

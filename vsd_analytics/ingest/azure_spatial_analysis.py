@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 
 from vsd_analytics.config.file_columns import METRES
 from vsd_analytics.ingest.adapter import IngestOptions, Source
+from vsd_analytics.ingest.envelopes import unwrapped
 from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, instant_of
 from vsd_analytics.ingest.json_messages import JsonMessages, has_marks, inner, listed, text
 from vsd_analytics.ingest.picture_sizes import size_of
@@ -50,6 +51,7 @@ class AzureSpatialAnalysis(JsonMessages):
 
     def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
         """Add the frame of one message; messages of one frame have the same records, which are stored once."""
+        _, message = unwrapped(message)
         if "inferences" in message:
             _take_inferences(message, frames, options, number)
             return

@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 import difflib
+import re
 import shlex
 from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 from vsd_analytics.config.file_columns import FILE_COLUMNS, PLACES
 from vsd_analytics.ingest.table_file import Header
-from vsd_analytics.ingest.telling_names import ids_like, named_like, of_another_person, place_like, time_like
+from vsd_analytics.ingest.telling_names import (
+    ids_like,
+    is_whole_box,
+    named_like,
+    of_another_person,
+    place_like,
+    time_like,
+)
 from vsd_analytics.ingest.units import unit_in_name
 from vsd_analytics.schema import TableName
 
 _ORDER: Final = ("ts", "camera_id", "track_id")
 _FAINT: Final = 0.3
+_OF_TIME: Final = re.compile("time|^ts|ts$|date|stamp|clock|utc|epoch|zeit|hora|heure|jour|giorno|fecha|datum|ora$")
 _THEIR_NAME: Final = "THEIR_NAME"
+_TIME_OF_INFLUX: Final = "_time"
 
 
 def proposed_columns(header: Header, found: Mapping[str, int], *, kind: TableName) -> dict[str, str]:
@@ -91,6 +101,10 @@ def completed(
         # a column with one of our names is not another one under a wrong name, so it is no suggestion
         shown = [n for n in header.names if not n.startswith("_") and n not in {*renames.values(), *taken}]
         other = shown if ours != wanted else [n for n in shown if n.lower() not in FILE_COLUMNS]
+        if is_place:  # neither a time nor an id is a place, and no cell with a whole box is one side of it
+            other = [n for n in other if time_like([n]) is None and not ids_like([n]) and not is_whole_box(n)]
+        if ours == wanted == "ts":
+            other = [n for n in other if _OF_TIME.search(n.lower())]
         renames[ours] = nearest_name(wanted, [n for n in other[:1000] if len(n) <= 100]) or _THEIR_NAME
     rank = {name: i for i, name in enumerate(_ORDER)}
     return dict(sorted(renames.items(), key=lambda rename: rank.get(rename[0], len(rank))))
@@ -115,7 +129,8 @@ def nearest_name(column: str, names: Sequence[str]) -> str | None:
 
 
 def _can_be_mapped(name: str) -> bool:
-    return not name.startswith("_") and "," not in name and "=" not in name
+    """Return whether a name is one of the file: a blank one became `_` and its number; `_id` names a document."""
+    return (not name.startswith("_") or name == _TIME_OF_INFLUX) and "," not in name and "=" not in name
 
 
 def _time(names: Sequence[str]) -> str | None:

@@ -20,7 +20,7 @@ from vsd_analytics.ingest.column_guess import (
     renames_option,
 )
 from vsd_analytics.ingest.table_file import Header
-from vsd_analytics.ingest.telling_names import of_another_person, place_like, time_like
+from vsd_analytics.ingest.telling_names import is_whole_box, of_another_person, place_like, time_like
 from vsd_analytics.ingest.units import LENGTHS, unit_in_name
 from vsd_analytics.ingest.where import parse_where
 from vsd_analytics.schema import TableName
@@ -145,6 +145,8 @@ def _alone(header: Header) -> str:
     several = [n for n in header.names if re.search(r"\d", n) and of_another_person(n, header.names)]
     if len(several) >= 4 and not place_like(header.names):
         return "a row seems to hold several people: write one row for each of them"
+    if (box := next(filter(is_whole_box, header.names), None)) is not None:
+        return f"{box[:40]!r} seems to hold a whole box: write left, top, right, bottom as columns of their own"
     return "without a position no distance can be measured"
 
 

@@ -34,7 +34,11 @@ STOREY_MIN_M: Final = 2.2
 """Floors are no nearer above each other; nobody's head or hip is as far from another's on one floor."""
 _UNITS: Final = {"m": "m", "in": "in"}
 """Units that a column's name says only behind an axis."""
-_YES, _NO = frozenset({"1", "1.0", "true", "yes"}), frozenset({"0", "0.0", "false", "no"})
+_TOPICS: Final = frozenset({"topic", "mqtttopic"})
+TOPICS_MAX: Final = 50
+_YES: Final = frozenset({"1", "1.0", "true", "t", "yes", "y", "wahr", "ja", "vero", "vrai", "oui", "verdadero"})
+_NO: Final = frozenset({"0", "0.0", "false", "f", "no", "n", "falsch", "nein", "falso", "faux", "non"})
+"""How programs and databases write them."""
 
 
 def _cameras_of_files(case: Case) -> Iterator[Doubt]:
@@ -76,6 +80,10 @@ def _cameras(case: Case) -> Iterator[Doubt]:
     """W221: a column of cameras that is not read."""
     if case.head is None or "camera_id" in case.head.plan.theirs:
         return
+    if len(found := cameras_in(str(track) for track in case.sample.rows["track"].dropna().unique())) > 1:
+        yield _merged_cameras(
+            case, f"the ids of people name {len(found)} cameras", found, "export the camera in a column of its own"
+        )
     if len(parts := cameras_in(case.head.parts)) > 1:
         yield _merged_cameras(
             case,
@@ -87,6 +95,14 @@ def _cameras(case: Case) -> Iterator[Doubt]:
         if len(found := cameras_in(case.head.values[column])) > 1 and not case.is_settled_by_where(column):
             what = f"{column[:80]!r} names {len(found)} cameras"
             yield _merged_cameras(case, what, found, f"--map camera_id={column}")
+        elif letters(column) in _TOPICS and 1 < len(topics := case.head.values[column]) <= TOPICS_MAX:
+            yield Doubt(
+                "W221",
+                f"{column[:80]!r} has {len(topics)} values ({', '.join(v[:40] for v, _ in topics.most_common(3))}), "
+                f"and all rows go to {case.options.camera}",
+                "where each camera has a topic of its own, people of several places would be counted as if together",
+                f"--map camera_id={column} (and engine_ids in vsd.toml)",
+            )
     for column in named_like(case.head.values, "storey"):
         values = case.head.values[column]
         if 1 < len(values) <= 20 and not case.is_settled_by_where(column):

@@ -65,6 +65,14 @@ def _pixels(case: Case) -> Iterator[Doubt]:
             "people's places are where their feet are: half a box further down",
             "export the lower edge of boxes, or their width and height: --map center_x=...,center_y=...,width=...,...",
         )
+    if letters(corner := names.get("left", "")).endswith("xywh"):
+        yield Doubt(
+            "W226",
+            f"{corner[:80]!r} is read as the corner of a box: some programs write its centre under this name",
+            "people's places would be half a box to the right and further down",
+            "--map center_x=...,center_y=...,width=...,height=... if it is the centre, as ultralytics has it",
+            is_note=True,
+        )
     if case.head is not None and case.head.n_wide > WIDE_SHARE * case.head.n_boxes > 0:
         yield Doubt(
             "W226",

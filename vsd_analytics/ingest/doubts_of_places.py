@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Final
@@ -35,7 +36,10 @@ recordings ends like this."""
 REPEATED_SHARE: Final = 0.2
 """Of other steps, from which coarse places repeat themselves: at most .14 in fifteen real recordings."""
 _USUAL_PLACEHOLDERS: Final = (0.0, -1.0, -999.0, -9999.0, 9999.0)
-UNIT: Final = "--unit mm (or cm, ft) if they are lengths; --map u_px=...,v_px=... if they are pixels"
+WALK_M_S: Final = 1.3
+"""Speed of people who walk, by which a unit is proposed."""
+_UNIT: Final = "--unit {} (or {}, {}) if they are lengths; --map u_px=...,v_px=... if they are pixels"
+UNIT: Final = _UNIT.format("mm", "cm", "ft")
 
 
 def _units(case: Case) -> Iterator[Doubt]:
@@ -84,7 +88,9 @@ def _units(case: Case) -> Iterator[Doubt]:
     speeds = sample.speeds_m_s()
     if len(speeds) >= ROWS_MIN and (median := float(np.median(speeds))) > SPEED_MAX_M_S:
         what = f"people would move at {median:,.0f} m/s: half of the steps are faster"
-        yield Doubt("W220", what, "positions are hardly in metres, or ids change people", UNIT, is_sure=True)
+        yield Doubt(
+            "W220", what, "positions are hardly in metres, or ids change people", _unit_fix(sample), is_sure=True
+        )
     elif (
         len(walked := sample.speeds_m_s(step_min_s=1.0)) >= ROWS_MIN
         and (median := float(np.median(walked))) > WALK_MAX_M_S
@@ -99,6 +105,15 @@ def _units(case: Case) -> Iterator[Doubt]:
         yield Doubt("W220", what, why, "--unit ft (or yd, dm) if they are; else look at the track ids")
     is_walking = len(speeds) >= ROWS_MIN and 0 < float(np.median(speeds)) <= SPEED_MAX_M_S
     yield from _far_out(case, is_walking=is_walking)
+
+
+def _unit_fix(sample: Sample) -> str:
+    """Return how to state the unit; first comes the one in which the faster steps are those of people who walk."""
+    speeds = sample.speeds_m_s()
+    fast = float(np.quantile(speeds, 1 - HURRY_SHARE)) if len(speeds) >= ROWS_MIN else 0.0
+    if fast <= 0:
+        return UNIT
+    return _UNIT.format(*sorted(("mm", "cm", "ft"), key=lambda unit: abs(math.log(fast * METRES[unit] / WALK_M_S))))
 
 
 def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
@@ -131,7 +146,7 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
     if bounds is None:
         if max(spread_x, spread_y) > SPAN_MAX_M:
             why = f"most floors are smaller than {SPAN_MAX_M:g} m; other units look like this"
-            yield Doubt("W220", f"positions reach over {shown}", why, UNIT, is_sure=not is_walking)
+            yield Doubt("W220", f"positions reach over {shown}", why, _unit_fix(case.sample), is_sure=not is_walking)
         return
     left, right, low, high = bounds
     outside = f"the plan or view reaches over x {left:,.1f} to {right:,.1f} m, y {low:,.1f} to {high:,.1f} m"
@@ -153,10 +168,12 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
         yield Doubt("W220", what, outside, fits, is_sure=True)
     elif far > 0.5:
         what = f"{far:.0%} of the positions are far outside the floor: {shown}"
-        yield Doubt("W220", what, outside, f"{UNIT}; or correct plan_origin_m and plan_m_per_px", is_sure=True)
+        yield Doubt(
+            "W220", what, outside, f"{_unit_fix(case.sample)}; or correct plan_origin_m and plan_m_per_px", is_sure=True
+        )
     elif near > 0.1:
         what = f"{near:.0%} of the positions are outside the floor: {shown}"
-        fix = f"{UNIT}; or correct plan_origin_m and plan_m_per_px"
+        fix = f"{_unit_fix(case.sample)}; or correct plan_origin_m and plan_m_per_px"
         yield Doubt("W220", what, outside, fix, is_sure=near > 0.5)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from vsd_analytics.schema import TableName
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MS = timedelta(milliseconds=1)
+_UTC = re.compile(r"\s+(?:UTC|GMT)$")
 KINDS_MAX = 10_000
 """Objects whose class is remembered."""
 
@@ -174,13 +176,13 @@ class FrameRows:
 
 
 def instant_of(text: object) -> datetime:
-    """Return a time that an engine writes in ISO 8601, with or without offset.
+    """Return a time that an engine writes in ISO 8601, with or without offset, or with UTC behind it.
 
     Raises:
         BadRowError: It is none.
     """
     try:
-        return datetime.fromisoformat(text.strip() if isinstance(text, str) else "")
+        return datetime.fromisoformat(_UTC.sub("+00:00", text.strip()) if isinstance(text, str) else "")
     except ValueError:
         raise BadRowError("not-a-time", f"{str(text)[:40]!r} is not an ISO 8601 time") from None
 

@@ -18,6 +18,7 @@ import pyarrow as pa
 
 from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read
+from vsd_analytics.ingest.envelopes import bare, text_before
 from vsd_analytics.ingest.instants import ambiguous_note, local_to_utc
 from vsd_analytics.ingest.raw import raw_table, rejected
 from vsd_analytics.ingest.reasons import TOO_MANY, UNKNOWN_FIELD
@@ -28,7 +29,8 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MS = timedelta(milliseconds=1)
 _LONG_BYTES = 2 << 20  # a first line that is damaged may be long
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-_OWN = re.compile(rb'"persons"\s*:|"v"\s*:\s*\d\s*[,}]')
+_OWN = re.compile(rb'"v\\?"\s*:\s*\d\s*[,}]')
+_OWN_KEYS = tuple(re.compile(rb'"%s\\?"\s*:' % key) for key in (b"persons", b"camera", b"ts"))
 _ARRAY = re.compile(rb"\s*\[\s*\{")
 
 Id = str | int
@@ -114,14 +116,14 @@ class Frames:
     coordinates = "floor metres, image pixels, or both, as each message says"
 
     def detects(self, source: Source) -> bool:
-        """Return whether a line begins as a JSON object with "persons" or "v": 1; lines before it may be damaged."""
+        """Return whether a line begins as an object with "v": 1, or our keys; lines before it may be damaged."""
         head = source.head()
         if _ARRAY.match(head.removeprefix(_BYTE_ORDER_MARK)):  # an array of objects is a table
             return False
         if b"\n" not in head:
             head = source.head(_LONG_BYTES)
         lines = head.removeprefix(_BYTE_ORDER_MARK).splitlines()
-        return any(n.lstrip().startswith(b"{") and _OWN.search(n) is not None for n in lines)
+        return any((n.lstrip().startswith(b"{") or text_before(n)) and _is_own(n) for n in lines)
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream the messages of one file; see `Adapter.read`."""
@@ -143,6 +145,10 @@ class Frames:
         yield builder.batch(source.size_bytes)
         if damage is not None:
             raise damage
+
+
+def _is_own(line: bytes) -> bool:
+    return _OWN.search(line) is not None or all(key.search(line) is not None for key in _OWN_KEYS)
 
 
 class MessageRows:
@@ -191,12 +197,13 @@ class MessageRows:
         self.reject(number, TOO_MANY, f"{found} in one frame; at most {most:,} are read", line)
 
     def _second_look(self, number: int, line: bytes) -> FrameMessage | None:
-        """Decode a message that is wrong or has unknown fields, and count these."""
+        """Decode a message that is wrong, has something around it, or has unknown fields, and count these."""
         if not line.strip():
             return None
+        own = bare(line)
         try:
-            message = _typed.decode(line)
-            loose: dict[str, Any] = _loose.decode(line)
+            message = _typed.decode(own)
+            loose: dict[str, Any] = _loose.decode(own)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             reason = "bad-message" if isinstance(error, msgspec.ValidationError) else "bad-json"
             self.reject(number, reason, f"not a VSD frame message: {error}", line)

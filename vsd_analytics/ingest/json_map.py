@@ -37,7 +37,7 @@ _HEAD_MESSAGES: Final = 500
 _LEAF_DEPTH: Final = 4
 _KEYS_MAX: Final = 10
 _KEY_CHARS: Final = 40
-_TELLING: Final[tuple[Role, ...]] = ("camera", "id", "class", "confidence", "absent", "state", "storey")
+_TELLING: Final[tuple[Role, ...]] = ("camera", "id", "class", "confidence", "absent", "state", "storey", "file")
 
 
 class JsonMap(JsonMessages):

@@ -10,12 +10,15 @@ from typing import Any, ClassVar
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Source, bytes_read
+from vsd_analytics.ingest.envelopes import as_object, text_before, with_body
 from vsd_analytics.ingest.frame_rows import FrameRows
 from vsd_analytics.ingest.json_values import json_values
 from vsd_analytics.ingest.raw import BadRowError
 from vsd_analytics.ingest.text_lines import line_blocks
 
-_ARRAY = re.compile(rb"\s*\[")
+_LINES_BEFORE = 20
+_ARRAY = re.compile(rb"\s*\[\s*(?:[\[{\]]|$)")
+"""Beginning of an array of messages, and not of a log's line such as `[INFO] ...`."""
 
 
 class JsonMessages(ABC):
@@ -83,10 +86,19 @@ class JsonMessages(ABC):
 
 def has_marks(source: Source, marks: Sequence[str]) -> bool:
     """Return whether a file begins as JSON, and its first bytes have all of these keys."""
-    if not source.path.is_file():
-        return False
-    head = source.head().removeprefix(b"\xef\xbb\xbf").lstrip()
-    return head.startswith((b"{", b"[")) and all(re.search(rf'"{m}"\s*:'.encode(), head) for m in marks)
+    head = json_head(source)
+    return all(re.search(rf'"{m}\\?"\s*:'.encode(), head) for m in marks) if head else False
+
+
+def json_head(source: Source) -> bytes:
+    """Return the first bytes of a file that begins as JSON, or with text before an object; b"" for other files."""
+    head = source.head().removeprefix(b"\xef\xbb\xbf").lstrip() if source.path.is_file() else b""
+    if head.startswith(b"{") or _ARRAY.match(head):
+        return head
+    for line in head.split(b"\n", _LINES_BEFORE)[:_LINES_BEFORE]:  # a log begins with other lines
+        if as_object(line) is not None:
+            return head[head.index(line) + len(text_before(line)) :]
+    return b""
 
 
 def inner(message: Mapping[str, Any], key: str) -> dict[str, Any]:
@@ -121,7 +133,7 @@ def messages(source: Source, options: IngestOptions) -> Iterator[tuple[int, dict
     """Yield number, message (None = no JSON object), its bytes, and how far the file has been read."""
     head = source.head().removeprefix(b"\xef\xbb\xbf")
     first = head.lstrip().partition(b"\n")[0]
-    if _ARRAY.match(head) or (b"\n" in head.strip() and _as_object(first.strip()) is None and first.strip() == b"{"):
+    if _ARRAY.match(head) or (b"\n" in head.strip() and first.strip() == b"{"):
         yield from _one_after_the_other(source, options)
         return
     with source.open() as stream:
@@ -130,15 +142,7 @@ def messages(source: Source, options: IngestOptions) -> Iterator[tuple[int, dict
                 if line is None:
                     yield number, None, b"", bytes_read(stream)
                 elif line.strip():
-                    yield number, _as_object(line), line, bytes_read(stream)
-
-
-def _as_object(line: bytes) -> dict[str, Any] | None:
-    try:
-        found = json.loads(line)
-    except (ValueError, RecursionError):
-        return None
-    return found if isinstance(found, dict) else None
+                    yield number, as_object(line), line, bytes_read(stream)
 
 
 def _one_after_the_other(
@@ -151,7 +155,7 @@ def _one_after_the_other(
 
     for number, found, text, done in json_values(source, value_max_bytes=options.line_max_bytes, damaged=damaged):
         if isinstance(found, dict):
-            yield number, found, json.dumps(found).encode(), done
+            yield number, with_body(found), json.dumps(found).encode(), done
         else:
             yield number, None, text.encode("utf-8", "replace"), done
 

@@ -2,7 +2,8 @@
 
 A source is a `gt.txt` or `det.txt`, a sequence folder (`gt/gt.txt`, `det/det.txt`, `seqinfo.ini`), or a folder or zip
 of several sequences. Of a sequence with both files the ground truth is read. Ground truth of nine columns (MOT16 and
-later: flag, class, visibility) also lists objects other than pedestrians; they are left out and counted.
+later: flag, class, visibility) also lists objects other than pedestrians; they are left out and counted. So are those
+of VisDrone, which writes score, category, truncation and occlusion behind the box.
 """
 
 from __future__ import annotations
@@ -24,6 +25,10 @@ from vsd_analytics.ingest.raw import BadRowError, bounded_lines, raw_table, reje
 from vsd_analytics.settings import Settings
 
 PEDESTRIAN = 1
+VISDRONE_PEOPLE = (1, 2)
+"""Categories of VisDrone: pedestrian, and people who do not walk."""
+_FLAGS = (b"0", b"1", b"2")
+_LOOKED_AT_LINES = 1000
 
 _NUMBER = rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _FIRST_LINE = re.compile(rb"\d+(?:\.0*)?(?:\s*,\s*" + _NUMBER + rb"){5,9}\s*(?:\r?\n|$)")
@@ -138,12 +143,13 @@ def _read(
     done: tuple[int, int],
 ) -> Iterator[RawBatch]:
     rows, n_persons, damage = _MotRows(), array("i"), None
+    take = partial(_take, is_visdrone=not is_floor and _is_visdrone(sequence, settings))
     with sequence.open() as stream:
         try:
             for number, line in bounded_lines(stream, max_bytes=int(settings.line_max_bytes)):
                 try:
                     frames = (lowest, int(settings.sequence_frames_max))
-                    _take(line, sequence=sequence, is_floor=is_floor, frames=frames, rows=rows, n_persons=n_persons)
+                    take(line, sequence=sequence, is_floor=is_floor, frames=frames, rows=rows, n_persons=n_persons)
                 except BadRowError as bad:
                     reason, detail = bad.args
                     rows.rejected.append(rejected(number, reason=reason, detail=prefix + detail, record=line or b""))
@@ -173,6 +179,7 @@ def _take(
     *,
     sequence: Sequence,
     is_floor: bool,
+    is_visdrone: bool,
     frames: tuple[int, int],
     rows: _MotRows,
     n_persons: array[int],
@@ -196,6 +203,10 @@ def _take(
     if len(cells) == 9 and not sequence.is_detections and (more[0] == 0 or more[1] != PEDESTRIAN):
         n_persons[index] -= 1
         rows.dropped["ignored box (flag 0)" if more[0] == 0 else "not a pedestrian"] += 1
+        return
+    if is_visdrone and len(more) == 4 and more[1] not in VISDRONE_PEOPLE:
+        n_persons[index] -= 1
+        rows.dropped["not a pedestrian"] += 1
         return
     across, along = left + width / 2, top + height
     if is_floor:
@@ -226,6 +237,21 @@ def _is_floor(more: list[float]) -> bool:
     return len(more) >= 4 and not (more[1] == more[2] == -1)
 
 
+def _is_visdrone(sequence: Sequence, settings: Settings) -> bool:
+    """Return whether the last three of ten columns are a category, a truncation and an occlusion, and no place."""
+    categories = set()
+    with sequence.open() as stream:
+        for number, line in bounded_lines(stream, max_bytes=int(settings.line_max_bytes)):
+            cells = [cell.strip() for cell in (line or b"").split(b",")]
+            if len(cells) == 10:
+                if not (cells[7].isdigit() and int(cells[7]) < 12 and cells[8] in _FLAGS[:2] and cells[9] in _FLAGS):
+                    return False
+                categories.add(int(cells[7]))
+            if number >= _LOOKED_AT_LINES:
+                break
+    return not categories.isdisjoint(VISDRONE_PEOPLE)
+
+
 def _has_floor(sequence: Sequence, settings: Settings) -> bool:
     with sequence.open() as stream:
         for number, line in bounded_lines(stream, max_bytes=int(settings.line_max_bytes)):
@@ -234,7 +260,7 @@ def _has_floor(sequence: Sequence, settings: Settings) -> bool:
                     return _is_floor([_number(cell) for cell in line.split(b",")[6:]])
                 except BadRowError:
                     continue
-            if number > 1000:
+            if number > _LOOKED_AT_LINES:
                 break
     return True
 

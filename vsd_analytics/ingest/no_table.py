@@ -33,6 +33,13 @@ _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"\x93NUMPY", "a NumPy array", _CSV),
     (b"\x80\x04", "a Python pickle", _CSV),
     (b"\x80\x05", "a Python pickle", _CSV),
+    (b"\x80\x02", "a Python pickle", _CSV),
+    (b"<stata_dta", "a Stata file", _CSV),
+    (b"$FL2", "an SPSS file", _CSV),
+    (b"\xd4\xc3\xb2\xa1", "a recording of network packets", "write the messages in it as JSON lines"),
+    (b"\x89MCAP", "a recording of a robot (MCAP)", "export the topic of positions as CSV, or as JSON lines"),
+    (b"\0\1\0\0Standard ", "an Access database", _CSV),
+    (b"version https://git-lfs", "a pointer of Git LFS, and not the file itself", "git lfs pull"),
     (b"MATLAB", "a MATLAB file", _CSV),
     (b"ORC", "an ORC file", "write it as Parquet"),
     (b"Obj\x01", "an Avro file", "write it as Parquet"),
@@ -46,6 +53,7 @@ _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
 )
 """First bytes, what such a file is, and what to do."""
 _TRACKED: Final = re.compile(rb"\d+(?:\.0+)?,-?\d+(?:\.0+)?(?:,-?\d+(?:\.\d+)?(?:e[+-]\d+)?){5,8}")
+_SQL: Final = re.compile(rb"(?m)^(?:INSERT INTO|COPY|CREATE TABLE)\s+[\w.`\"\[]")
 _SPREADSHEET: Final = b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet"
 
 
@@ -65,14 +73,32 @@ def kind_of_no_table(source: Source) -> tuple[str, str] | None:
     return next(((what, fix) for start, what, fix in _KINDS if head.startswith(start)), None)
 
 
+def _likely_kind(source: Source) -> tuple[str, str] | None:
+    """Return what a file seems to be that no format recognises, and what to do about it."""
+    head = source.head(8192) if source.path.is_file() else b""
+    if head.startswith((b"+--", "┌─".encode())):
+        return "a table drawn with lines", "let the database write CSV: mysql -B, sqlite3 -csv, psql --csv, duckdb -csv"
+    if _SQL.search(head) is not None:
+        return "a dump of a database (SQL)", "load it into that database, and export the table as CSV"
+    if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        return "XML of a kind that is not known", f"{_CSV}, with time, id, and metres or a box in pixels"
+    if head[8:12] == b"DUCK":
+        return "a DuckDB database", 'export the table: duckdb -csv FILE "select * from TABLE" > a.csv'
+    return ("binary data of a kind that is not known", _CSV) if b"\0" in head else None
+
+
 def not_recognised(source: Source, formats: Sequence[str]) -> InputError:
     """Return the error of a source of which no format takes itself to be: E204, with what it is or how to read it."""
     where = Where(source.name)
     known = kind_of_no_table(source)
     if known is not None:
         return InputError(f"{source.file_name} is {known[0]}, no table", code="E204", where=where, fix=known[1])
+    what = f"the format of {source.file_name} is not recognised"
+    likely = _likely_kind(source)
+    if likely is not None:
+        return InputError(what, code="E204", where=where, why=f"it seems to be {likely[0]}", fix=likely[1])
     return InputError(
-        f"the format of {source.file_name} is not recognised",
+        what,
         code="E204",
         where=where,
         why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
@@ -95,10 +121,12 @@ def _numbers_fix(source: Source) -> str | None:
 
 
 def _json_fix(source: Source) -> str | None:
-    head = source.head(4096).removeprefix(b"\xef\xbb\xbf").lstrip() if source.path.is_file() else b""
-    if not head.startswith((b"{", b"[")):
+    from vsd_analytics.ingest.json_guess import guessed_mapping, paths_of
+    from vsd_analytics.ingest.json_messages import json_head
+
+    head = json_head(source)
+    if not head:
         return None
-    from vsd_analytics.ingest.json_guess import guessed_mapping
 
     one_a_line = f"jq -c '.{{}}[]' {source.file_name} > lines.jsonl"
     if b'"FeatureCollection"' in head:
@@ -113,4 +141,10 @@ def _json_fix(source: Source) -> str | None:
     frames = re.search(rb'"([A-Za-z_][\w-]*)"\s*:\s*\[\s*\{', head)
     if frames is not None:
         return f"one message a line: {one_a_line.format(frames[1].decode())}; then vsd check again"
-    return None
+    paths = paths_of(source)
+    if paths is None:
+        return None
+    return (
+        "say where its values are: --persons LIST --map ts=PATH,track_id=PATH,x_m=PATH,y_m=PATH (numbers are places in "
+        f"lists); the first message has {paths}; lists beside each other, and times as keys, are not read"
+    )

@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from vsd_analytics.ingest.adapter import IngestOptions, Source
+from vsd_analytics.ingest.envelopes import unwrapped
 from vsd_analytics.ingest.frame_rows import FrameRows, SeenPerson, finite, id_of, instant_of
 from vsd_analytics.ingest.json_messages import JsonMessages, has_marks, inner, listed, text
 from vsd_analytics.ingest.raw import BadRowError
@@ -42,6 +43,7 @@ class Nvidia(JsonMessages):
 
     def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
         """Add one frame: its persons, with the best position that the message has of them."""
+        _, message = unwrapped(message)
         is_full = "object" in message and "objects" not in message
         camera = (text(inner(message, "sensor"), "id") if is_full else text(message, "sensorId")) or options.camera
         at = instant_of(message.get("timestamp", message.get("@timestamp")))

@@ -42,8 +42,10 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
         "id person personid personnumber persons pid track tracks trackid tid trackerid trackingid trackingnumber "
         "tracknumber trackno objectid objid oid object obj who name uid uuid subject subjectid pedestrian pedestrianid "
         "pedid target targetid tag tagid "
-        "agent agentid identity globalid persona idpersona personaid personne idpersonne traccia idtraccia "
-        "soggetto piste spur spurid sujet"
+        "agent agentid actor actorid player playerid visitor visitorid occupant occupantid bodyid entityid "
+        "identity globalid persona idpersona personaid personne idpersonne traccia idtraccia "
+        "soggetto piste spur spurid sujet pessoa idpessoa osoba idosoby persoon kisi henkilo 人物id 目标编号 行人id "
+        "customer customerid kunde kunden besucher gast cliente idcliente client visiteur visitante visitatore"
     ),
     "class": _words(
         "class classname classid classlabel cls clsname clsid label labelname category categoryid categoryname "
@@ -56,7 +58,7 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
         "confidencescore personprobability personscore personconfidence confidenza confiance confianza konfidenz"
     ),
     "date": _words("date day data datum localdate fecha giorno jour"),
-    "time": _words("time timeofday clock uhrzeit localtime hour heure hora ora orario"),
+    "time": _words("time timeofday clock uhrzeit zeit tiempo localtime hour heure hora ora orario"),
     "file": _words(
         "file filename filepath path image img imagename imagepath imagefile videoname videopath videofile topic "
         "mqtttopic url"
@@ -115,9 +117,21 @@ _PLACES: Final = (
         "groundx groundy",
     ),
     ("u_px v_px", "upx vpx", "xpx ypx", "xpixel ypixel", "footx footy", "u v"),
-    ("x_m y_m", "x y", "posx posy", "positionx positiony", "xpos ypos", "xposition yposition", "px py"),
+    (
+        "x_m y_m",
+        "x y",
+        "xcenter ycenter",
+        "posx posy",
+        "positionx positiony",
+        "xpos ypos",
+        "xposition yposition",
+        "px py",
+    ),
 )
 """Names of columns that hold a place together, and ours: boxes first."""
+
+_NEXT: Final = {"x2": "x3", "x1": "x2"}
+"""Where numbers of corners go on, they number people: `x1,y1,x2,y2,x3,y3`."""
 
 _INSTANTS: Final = (
     *(
@@ -134,6 +148,8 @@ _INSTANTS: Final = (
         "date",
     ),
     *("when", "at", "t", "zeit", "zeitpunkt", "ora", "orario", "hora", "heure"),
+    *("frametime", "eventtime", "detectedat", "recordedat", "capturedat"),
+    *("czas", "tijd", "zaman", "aika", "tempo", "время", "时间", "時刻", "日時", "시간"),
 )
 """Names of instants, the surest first."""
 
@@ -207,7 +223,8 @@ def _faintness(name: str) -> int:
 
 def time_like(names: Iterable[str]) -> str | None:
     """Return the name that says most surely that its column holds an instant, or None."""
-    by_letters = {letters(name.rpartition(".")[2]): name for name in reversed(list(names))}
+    last = {name: name.rpartition(".")[2] for name in reversed(list(names))}
+    by_letters = {word: name for name, part in last.items() for word in (part.strip().lower(), letters(part))}
     by_letters = {_CLOCK_ENDS.sub("", word): name for word, name in by_letters.items()} | by_letters
     return next((by_letters[name] for name in _INSTANTS if name in by_letters), None)
 
@@ -221,7 +238,8 @@ def place_like(names: Iterable[str]) -> dict[str, str]:
     for ours, *theirs in _PLACES:
         for wanted in (text.split() for text in theirs):
             for front in ("", "bbox", "box", "bb", "bboxes", "rect"):
-                if all(front + name in known for name in wanted):
+                next_person = next((front + _NEXT[name] for name in wanted[2:] if name in _NEXT), None)
+                if all(front + name in known for name in wanted) and next_person not in known:
                     return {o: known[front + name] for o, name in zip(ours.split(), wanted, strict=True)}
     return {}
 
@@ -254,10 +272,16 @@ _CAMERA_IN_TEXT = re.compile(
     r"(?<![a-z])((?:tele)?camera|kamera|cam|sensor|stream|channel|kanal|view)(?!s(?![a-z0-9]))s?[ _=-]*"
     r"((?:cam-?)?(?:\d|\d{2,}(?![.-]\d))|[a-z])(?![a-z0-9])"  # no date: `camera 25.11.2025`, no plural: `cams`
 )
+_BOXES: Final = _words("bbox box boundingbox bndbox rect rectangle bb xyxy xywh tlbr ltrb tlwh ltwh cxcywh")
 _SIDES: Final = {
     "corner": _words("right bottom xmax ymax maxx maxy xbr ybr"),
     "size": _words("w h width height breite larghezza altezza"),
 }
+
+
+def is_whole_box(name: str) -> bool:
+    """Return whether a column or value of this name holds all sides of a box."""
+    return letters(name.rpartition(".")[2]) in _BOXES
 
 
 def names_degrees(name: str) -> bool:

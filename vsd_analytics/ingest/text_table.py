@@ -39,7 +39,7 @@ class TextTable:
     def __init__(self, source: Source, options: IngestOptions) -> None:
         self._source, self._max_bytes = source, options.line_max_bytes
         head = source.head()
-        lines = as_text(head.removeprefix(b"\xef\xbb\xbf")).split("\n")
+        lines = [_header_text(line) for line in head.removeprefix(b"\xef\xbb\xbf").split(b"\n")]
         # with --columns there is no header line, so lines that start with # before the first record are comments
         skipped = "#" if options.columns is not None else ()
         at = next((i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith(skipped)), None)
@@ -209,6 +209,16 @@ def split_by(delimiter: str) -> Callable[[str], list[str]]:
 def as_text(line: bytes) -> str:
     """Return bytes as text; those that are not UTF-8 stay as escapes."""
     return line.decode("utf-8", "backslashreplace")
+
+
+def _header_text(line: bytes) -> str:
+    """Return a line with names of columns as text: UTF-8, else as Windows of Western Europe writes it."""
+    for encoding in ("utf-8", "cp1252"):
+        try:
+            return line.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+    return as_text(line)
 
 
 def _quoted(line: str, delimiter: str) -> list[str]:

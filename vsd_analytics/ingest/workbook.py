@@ -14,9 +14,12 @@ from vsd_analytics.ingest.adapter import Source, empty
 from vsd_analytics.ingest.cell_texts import CellTable, cell_text
 from vsd_analytics.ingest.limits import unpacked_max, unpacks_too_far
 from vsd_analytics.ingest.table_file import Header, repeated_names, unique_names
+from vsd_analytics.ingest.telling_names import are_columns
 
 COLUMNS_MAX = 500
 LOOKED_AT_ROWS = 50
+NOTES_WIDTH = 2
+"""Rows of titles and notes have no more values: a word and its value."""
 
 
 class Workbook(CellTable):
@@ -30,12 +33,16 @@ class Workbook(CellTable):
             more than is allowed.
     """
 
+    has_decimal_comma = True  # of numbers that are texts; those of cells are numbers
+
     def __init__(self, source: Source) -> None:
         self._source = source
         with self._damage():
             self._check_size()
             with self._opened() as book:
-                filled = [sheet.title for sheet in book.worksheets if _first_row(sheet) is not None]
+                filled = {sheet.title: n for sheet in book.worksheets if (n := _widest_row(sheet))}
+        if any(n > NOTES_WIDTH for n in filled.values()):  # a cover with a title and a date is no table
+            filled = {name: n for name, n in filled.items() if n > NOTES_WIDTH}
         if not filled:
             raise empty(source)
         if len(filled) > 1:
@@ -43,10 +50,10 @@ class Workbook(CellTable):
                 f"{source.file_name} has {len(filled)} sheets with values",
                 code="E204",
                 where=Where(source.name),
-                why=f"only one can be the table: {', '.join(name[:40] for name in filled[:10])}",
+                why=f"only one can be the table: {', '.join(name[:40] for name in list(filled)[:10])}",
                 fix="save the sheet with the records as a file of its own, or as CSV UTF-8",
             )
-        self._sheet = filled[0]
+        self._sheet = next(iter(filled))
         with self._damage(), self._opened() as book:
             first = _first_row(book[self._sheet])
         assert first is not None
@@ -120,14 +127,27 @@ class Workbook(CellTable):
         )
 
 
-def _first_row(sheet: Any) -> tuple[int, Sequence[Any]] | None:
-    """Return number and cells of the first row with a value; None when there is none near the top.
-
-    A row with one value above a row with several is a title, and no header.
-    """
+def _filled_rows(sheet: Any) -> list[tuple[int, Sequence[Any], int]]:
+    """Return number, cells and how many of them have a value, of the rows near the top that have one."""
     rows = sheet.iter_rows(max_row=LOOKED_AT_ROWS, max_col=COLUMNS_MAX, values_only=True)
     counted = [(number, row, sum(c not in (None, "") for c in row)) for number, row in enumerate(rows, start=1)]
-    filled = [(number, row, n) for number, row, n in counted if n]
-    while len(filled) > 1 and filled[0][2] == 1 and filled[1][2] > 2:
+    return [(number, row, n) for number, row, n in counted if n]
+
+
+def _widest_row(sheet: Any) -> int:
+    return max((n for _, _, n in _filled_rows(sheet)), default=0)
+
+
+def _first_row(sheet: Any) -> tuple[int, Sequence[Any]] | None:
+    """Return number and cells of the header, or None when there is no value near the top.
+
+    That is the first row whose cells are names of columns, else the first one with a value. A row with one value above
+    a row with several is a title, and no header.
+    """
+    filled = _filled_rows(sheet)
+    named = next((f for f in filled if are_columns(str(c) for c in f[1] if isinstance(c, str))), None)
+    if named is not None:
+        return named[:2]
+    while len(filled) > 1 and filled[0][2] == 1 and filled[1][2] > NOTES_WIDTH:
         filled.pop(0)
     return filled[0][:2] if filled else None
