@@ -94,8 +94,12 @@ def list_parts(
 
 def list_days(root: Path, table: str, site_id: str) -> list[int]:
     """Return the UTC day numbers (days since 1970) that have files of a table, in order; see `list_parts`."""
-    days = day_folders(root, table, site_id)
-    return [day for day in days if any(map(_PART.match, _names(_day_folder(root, table, site_id, day))))]
+    return [day for day in day_folders(root, table, site_id) if has_parts(root, table, site_id, day)]
+
+
+def has_parts(root: Path, table: str, site_id: str, day: int) -> bool:
+    """Return whether the folder of a UTC day number holds a file of a table."""
+    return any(map(_PART.match, _names(_day_folder(root, table, site_id, day))))
 
 
 def day_folders(root: Path, table: str, site_id: str) -> list[int]:
