@@ -7,6 +7,7 @@ are int64, `NULL` where unknown. Names that begin with an underscore are columns
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ Bools = NDArray[np.bool_]
 Columns = dict[str, NDArray[Any]]
 
 _DIGIT_BITS = 16
+_ODD = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F))
+"""Multipliers that spread neighbouring numbers over all bits."""
 _BLOCK = 250_000
 _RUN = 16
 """Rows of a run at least, on average, for sorting runs to cost less than sorting rows."""
@@ -111,6 +114,28 @@ def distinct(keys: Ints) -> Ints:
     keys = keys[starts_of(keys)]  # few are left where equal ones follow each other
     order, starts = grouped_by(keys)
     return keys[order[starts]]
+
+
+def one_of_each(keys: Ints) -> Ints:
+    """Return the number of one row of each different key, in no order.
+
+    Each row writes its number into a table, at a hash of its key. The row whose number is there afterwards is the one
+    of its key; rows of other keys at that place try again with another hash. For some ten thousand rows, whose table
+    fits into the caches, this takes half the time of sorting.
+    """
+    n_bits = (4 * len(keys)).bit_length()
+    at, rows, found = np.empty(1 << n_bits, dtype=np.int32), np.arange(len(keys)), list[Ints]()
+    for factor in cycle(_ODD):
+        own = np.arange(len(rows), dtype=np.int32)
+        place = ((keys.view(np.uint64) * factor) >> np.uint64(64 - n_bits)).view(np.int64)
+        at[place] = own
+        there = picked(at, place)
+        found.append(rows[there == own])
+        others = np.flatnonzero(picked(keys, there) != keys)
+        if not len(others):
+            break
+        rows, keys = rows[others], keys[others]
+    return np.concatenate(found)
 
 
 def starts_of(*keys: NDArray[Any]) -> Ints:
