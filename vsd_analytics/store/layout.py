@@ -61,7 +61,12 @@ def unit_folder(root: Path, table: str, site_id: str, hour: int) -> Path:
 @lru_cache(maxsize=4096)
 def _day_folder(root: Path, table: str, site_id: str, day: int) -> Path:
     # A build asks for the folder of every file several times, and joining paths took longer than opening the files.
-    return _site_folder(root, table, site_id) / f"date={date_of_hour(day * 24).isoformat()}"
+    return _site_folder(root, table, site_id) / _date_folder(day)
+
+
+@lru_cache(maxsize=4096)
+def _date_folder(day: int) -> str:
+    return f"date={date_of_hour(day * 24).isoformat()}"
 
 
 @lru_cache(maxsize=256)
