@@ -254,27 +254,28 @@ def _purge_half(site: Site) -> None:
     purge_older(site, before=MONDAY + timedelta(days=9), terms=Terms(now=NOW, is_forced=True))
 
 
-def test_units_of_hours_are_the_same_from_week_files_of_camera_days_and_from_those_of_its_days(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Two parts share an hour, so their days note where they lie; an older version's week files noted nothing."""
+def test_units_of_hours_are_the_same_from_week_files_of_camera_days_and_from_those_of_its_days(tmp_path: Path) -> None:
+    """Two parts share an hour, so days note where these lie; files of an older version noted nothing."""
     site = site_of(tmp_path)
     days = [MONDAY + timedelta(days=k) for k in range(21)]
     put_days(site, days)
     put(site, [replace(r, ts=r.ts + 30 * 60_000) for day in days for r in some_minutes(day, 1)])
     rows(site, ("camera_days",))
-    files = [p for p in weeks(site) if "camera_days" in p.parts]
+    files = {p: p.read_bytes() for p in weeks(site) if "camera_days" in p.parts}
     assert len(files) == 2
-    by_week = known_days(site)
-    for path in files:
-        noted = noted_inputs(data := path.read_bytes())
-        path.write_bytes(fact_bytes(pq.ParquetFile(pa.BufferReader(data)).read(), inputs=noted))
-    of_older_version = known_days(site)
+    found = known_days(site)
+    assert len(found[0]) == 21
+    assert found[1]
+    for path, data in files.items():
+        path.write_bytes(fact_bytes(pq.ParquetFile(pa.BufferReader(data)).read(), inputs=noted_inputs(data)))
+    assert known_days(site) == found
+    for place in (30, 60, 90):  # in the rows
+        for path, data in files.items():
+            path.write_bytes(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :])
+        assert known_days(site) == found
     for path in files:
         path.unlink()
-    assert by_week == known_days(site) == of_older_version
-    assert len(by_week[0]) == 21
-    assert by_week[1]
+    assert known_days(site) == found
 
 
 def known_days(site: Site) -> tuple[dict[int, tuple], dict[str, tuple[int, int]]]:

@@ -13,7 +13,7 @@ from vsd_analytics.site.model import Site
 from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.warehouse.dimensions import params
 from vsd_analytics.warehouse.fact_days import damaged_facts, slices
-from vsd_analytics.warehouse.factfiles import fact_bytes
+from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged
 from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, SiteInputs, fact_inputs, text_hash
 from vsd_analytics.warehouse.reach import SPANS, NearParts, Spans, noted_spans, reach_ms, spans_of
 from vsd_analytics.warehouse.sqlfiles import relations
@@ -78,12 +78,17 @@ def read_days(site: Site, units: Iterable[Unit]) -> dict[int, KnownDay]:
     found = {}
     queue = list(by_week(weeks, paths).items())
     for first_day, path in queue:
-        rows, metadata = _rows_and_metadata(path)
         days = (first_day,) if path == paths.get(first_day) else range(first_day, first_day + DAYS)
-        if len(days) > 1 and SPANS not in metadata:  # a week file of an older version, which noted no spans
-            queue += [(day, paths[day]) for day in days]
-            continue
-        spans = spans_of(metadata)
+        try:
+            # a report opens many of these small files, and bytes are opened faster than a path
+            data = path.read_bytes()
+            if len(days) > 1 and not _notes_spans(data):
+                queue += [(day, paths[day]) for day in days]
+                continue
+            with pq.ParquetFile(pa.BufferReader(data), pre_buffer=False) as file:
+                rows, spans = file.read(use_threads=False), spans_of(file.metadata.metadata)
+        except (pa.ArrowException, OSError) as error:
+            raise damaged_facts(error) from None
         for day, own in slices(rows, "utc_day", days):
             known = own.to_pylist()
             cameras = frozenset(row["camera_id"] for row in known)
@@ -92,13 +97,9 @@ def read_days(site: Site, units: Iterable[Unit]) -> dict[int, KnownDay]:
     return {day: found[day] for day in units_of}
 
 
-def _rows_and_metadata(path: Path) -> tuple[pa.Table, Mapping[bytes, bytes]]:
-    try:
-        # a report opens many of these small files, and bytes are opened faster than a path
-        with pq.ParquetFile(pa.BufferReader(path.read_bytes()), pre_buffer=False) as file:
-            return file.read(use_threads=False), file.metadata.metadata or {}
-    except (pa.ArrowException, OSError) as error:
-        raise damaged_facts(error) from None
+def _notes_spans(week: bytes) -> bool:
+    """Return whether a week file is undamaged, and not of an older version, which noted no spans."""
+    return is_undamaged(week) and SPANS in (pq.read_metadata(pa.BufferReader(week)).metadata or {})
 
 
 def hour_units(site: Site, index: PartIndex, hours: Iterable[int], days: Mapping[int, KnownDay]) -> list[Unit]:
