@@ -37,6 +37,18 @@ def test_runs_are_in_the_order_of_their_rows(n_values: int, length: int) -> None
         assert found["other"].tolist() == [int(other[key == k].sum()) for k in there]
 
 
+@pytest.mark.parametrize("n_far", [0, 200, 5000])
+def test_rows_almost_in_order_are_sorted_as_all_others(n_far: int) -> None:
+    """People in order of frames but not within them, and some rows anywhere."""
+    rng = np.random.default_rng(n_far)
+    key = np.repeat(np.arange(4000), 6) * 1_000_000 + rng.integers(0, 5, 24_000)
+    far = rng.choice(24_000, n_far, replace=False)
+    key[far] = key[rng.permutation(far)]
+    assert order_by(key).tolist() == np.argsort(key, kind="stable").tolist()
+    other = rng.integers(0, 2, len(key))
+    assert order_by(key, other).tolist() == np.lexsort((other, key)).tolist()
+
+
 @pytest.mark.parametrize("n_keys", [60, 10**9])
 def test_keys_in_a_table_and_sorted_keys_are_counted_alike(n_keys: int) -> None:
     rng = np.random.default_rng(n_keys)
