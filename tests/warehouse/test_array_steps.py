@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from vsd_analytics.bench.made_up_site import write_site
 from vsd_analytics.warehouse.arrays import floor_cells, pairs
-from vsd_analytics.warehouse.arrays.columns import counted, order_by, summed
+from vsd_analytics.warehouse.arrays.columns import counted, one_of_each, order_by, summed
 from vsd_analytics.warehouse.arrays.stored import NotedColumns
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.graphs import least_connected
@@ -37,6 +37,18 @@ def test_runs_are_in_the_order_of_their_rows(n_values: int, length: int) -> None
         assert found["other"].tolist() == [int(other[key == k].sum()) for k in there]
 
 
+@pytest.mark.parametrize("n_far", [0, 200, 5000])
+def test_rows_almost_in_order_are_sorted_as_all_others(n_far: int) -> None:
+    """People in order of frames but not within them, and some rows anywhere."""
+    rng = np.random.default_rng(n_far)
+    key = np.repeat(np.arange(4000), 6) * 1_000_000 + rng.integers(0, 5, 24_000)
+    far = rng.choice(24_000, n_far, replace=False)
+    key[far] = key[rng.permutation(far)]
+    assert order_by(key).tolist() == np.argsort(key, kind="stable").tolist()
+    other = rng.integers(0, 2, len(key))
+    assert order_by(key, other).tolist() == np.lexsort((other, key)).tolist()
+
+
 @pytest.mark.parametrize("n_keys", [60, 10**9])
 def test_keys_in_a_table_and_sorted_keys_are_counted_alike(n_keys: int) -> None:
     rng = np.random.default_rng(n_keys)
@@ -48,6 +60,14 @@ def test_keys_in_a_table_and_sorted_keys_are_counted_alike(n_keys: int) -> None:
     assert n_some.tolist() == [int((some == k).sum()) for k in keys]
     assert n_others.tolist() == [int((others == k).sum()) for k in keys]
     assert added.tolist() == [int(weights[both == k].sum()) for k in keys]
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 5000])
+@pytest.mark.parametrize("n_keys", [1, 7, 3000, 2**62])
+def test_one_row_of_each_key_is_found(n: int, n_keys: int) -> None:
+    keys = np.random.default_rng([n, n_keys]).integers(0, n_keys, n)
+    for of in (keys, keys * 2**32):  # rows of many different keys have one hash
+        assert sorted(of[one_of_each(of)].tolist()) == np.unique(of).tolist()
 
 
 def test_people_are_near_across_the_ends_of_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -75,9 +95,9 @@ def test_people_are_near_across_the_ends_of_blocks(monkeypatch: pytest.MonkeyPat
 
 def test_cells_in_a_table_and_sorted_cells_are_the_same_fact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = []
-    for number, (room, n_sorted) in enumerate([(0, 30_000), (10**6, 30_000), (10**6, 100)]):
+    for number, (room, n_at_once) in enumerate([(0, 30_000), (10**6, 30_000), (10**6, 100)]):
         monkeypatch.setattr(floor_cells, "_ROOM", room)
-        monkeypatch.setattr(floor_cells, "_SORTED_AT_ONCE", n_sorted)
+        monkeypatch.setattr(floor_cells, "_COUNTED_AT_ONCE", n_at_once)
         root = tmp_path / str(number)
         root.mkdir()
         site = write_site(root, n_records=6_000, n_cameras=3, open_h=2, interval_s=10)

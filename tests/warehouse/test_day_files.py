@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
-from warehouse.small_projects import HOUR, Frame, Person, beats, make_site, put
+from warehouse.small_projects import FACTS_WITHOUT_AREAS, HOUR, Frame, Person, beats, make_site, put
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.retention.purge import Terms, purge_older, purge_range

@@ -5,21 +5,27 @@ from __future__ import annotations
 import errno
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from warehouse.small_projects import Frame, Person, make_site, put
 
 from vsd_analytics.retention.purge import Terms, purge_older, purge_range
 from vsd_analytics.site.model import Camera, Site
+from vsd_analytics.store import Store
 from vsd_analytics.warehouse import week_files as week_files_module
 from vsd_analytics.warehouse.build import build
+from vsd_analytics.warehouse.camera_days import day_units, read_days
 from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
 from vsd_analytics.warehouse.day_files import relations_stored_by_day
-from vsd_analytics.warehouse.factfiles import DIGEST
+from vsd_analytics.warehouse.factfiles import DIGEST, fact_bytes, noted_inputs
 from vsd_analytics.warehouse.sqlfiles import relations
+from vsd_analytics.warehouse.units import PartIndex
 from vsd_analytics.warehouse.verify_facts import verify
 from vsd_analytics.warehouse.warehouse import Warehouse
 from vsd_analytics.warehouse.week_files import DAYS, FOLDER
@@ -246,3 +252,36 @@ def test_files_of_a_mart_that_is_no_longer_stored_go_with_the_next_build_and_wit
 
 def _purge_half(site: Site) -> None:
     purge_older(site, before=MONDAY + timedelta(days=9), terms=Terms(now=NOW, is_forced=True))
+
+
+def test_units_of_hours_are_the_same_from_week_files_of_camera_days_and_from_those_of_its_days(tmp_path: Path) -> None:
+    """Two parts share an hour, so days note where these lie; files of an older version noted nothing."""
+    site = site_of(tmp_path)
+    days = [MONDAY + timedelta(days=k) for k in range(21)]
+    put_days(site, days)
+    put(site, [replace(r, ts=r.ts + 30 * 60_000) for day in days for r in some_minutes(day, 1)])
+    rows(site, ("camera_days",))
+    files = {p: p.read_bytes() for p in weeks(site) if "camera_days" in p.parts}
+    assert len(files) == 2
+    found = known_days(site)
+    assert len(found[0]) == 21
+    assert found[1]
+    for path, data in files.items():
+        path.write_bytes(fact_bytes(pq.ParquetFile(pa.BufferReader(data)).read(), inputs=noted_inputs(data)))
+    assert known_days(site) == found
+    for place in (30, 60, 90):  # in the rows
+        for path, data in files.items():
+            path.write_bytes(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :])
+        assert known_days(site) == found
+    for path in files:
+        path.unlink()
+    assert known_days(site) == found
+
+
+def known_days(site: Site) -> tuple[dict[int, tuple], dict[str, tuple[int, int]]]:
+    """Return what is read of each UTC day, and the spans of all parts that share an hour."""
+    store = Store(site.root / "store", site_id=site.site_id)
+    index = PartIndex(store, first_hour=None, last_hour=None)
+    found = read_days(site, day_units(index, index.hours(), site=site))
+    spans = {digest: span for day in found.values() for digest, span in day.spans.items()}
+    return {n: (d.digest, d.rows.to_pylist(), d.cameras, d.reach_ms) for n, d in found.items()}, spans

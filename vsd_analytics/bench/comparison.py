@@ -123,9 +123,9 @@ def persons_a_second(row: MeasuredStep) -> float:
 
 
 def _installed(steps: Iterable[str]) -> list[str]:
-    """Return the names of the steps whose library is installed."""
-    words = {name: next((w for w in LIBRARIES if name.startswith(w)), None) for name in steps}
-    return [n for n, w in words.items() if w is None or importlib.util.find_spec(LIBRARIES[w]) is not None]
+    """Return the names of the steps whose libraries are installed."""
+    needed = {name: [lib for w, libs in LIBRARIES.items() if name.startswith(w) for lib in libs] for name in steps}
+    return [name for name, libs in needed.items() if all(map(importlib.util.find_spec, libs))]
 
 
 def _compare(

@@ -21,10 +21,11 @@ from vsd_analytics.bench.heatmaps import HEATMAPS, CountedCells, ours_first, our
 from vsd_analytics.warehouse.input_fingerprint import text_hash
 
 LIBRARIES = {
-    **{"polars": "polars", "pandas": "pandas", "boost": "boost_histogram"},
-    **{"delta": "deltalake", "scipy": "scipy", "PedPy": "pedpy"},
+    **{"raw": ("duckdb",), "DuckDB": ("duckdb", "pandas"), "vsd": ("duckdb", "pandas", "vsd_analytics.config")},
+    **{"polars": ("polars",), "pandas": ("pandas",), "boost": ("boost_histogram", "pandas")},
+    **{"delta": ("deltalake",), "scipy": ("scipy",), "PedPy": ("pedpy",)},
 }
-"""The library of a step, by the first word of its name."""
+"""What a step imports, by the first word of its name. pyarrow and DuckDB import pandas where it is there."""
 
 
 def work(kind: str, step: str, folder: Path, n: int) -> Callable[[], Any]:
@@ -36,8 +37,8 @@ def work(kind: str, step: str, folder: Path, n: int) -> Callable[[], Any]:
         folder: The project of a heatmap; an empty folder to write to.
         n: People in a frame, or records to write.
     """
-    for word, library in LIBRARIES.items():
-        if step.startswith(word):
+    for word, libraries in LIBRARIES.items():
+        for library in libraries if step.startswith(word) else ():
             importlib.import_module(library)
     if kind == "heatmaps":
         importlib.import_module("vsd_analytics.warehouse.warehouse")

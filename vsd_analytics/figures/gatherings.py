@@ -18,12 +18,13 @@ from datetime import date, datetime
 from typing import Any, Final
 
 import numpy as np
+import pyarrow as pa
 
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.groups import NOTHING
 from vsd_analytics.figures.operator_counts import local_instant
-from vsd_analytics.figures.panels import FloorHours, Period, Place
+from vsd_analytics.figures.panels import FloorHours, Period, Place, positions
 from vsd_analytics.figures.rates import not_measured, violation_rate_level
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Floor
@@ -151,13 +152,14 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
         unknown = replace(stats.size_distribution([], [], min_cluster_s=np.inf), state=state, reason=why)
         return FloorGatherings(floor.floor_id, unknown, replace(not_measured(why), state=state), None, (), ())
     n = np.zeros_like(period.whole.n)
-    found: list[Gathering] = []
-    for row in warehouse.rows(_GATHERINGS, {"floor": floor.floor_id}):
-        camera = data.ids.index(row["camera_id"])
-        if row["is_open"] and period.whole.cameras[camera]:
-            n[camera, int(np.searchsorted(data.hours.start_ms, row["hour_start_ms"]))] += 1
-        if period.first <= row["local_date"] <= period.last:
-            found.append(_gathering(warehouse, row))
+    rows = warehouse.table(_GATHERINGS, {"floor": floor.floor_id})
+    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
+    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
+    enters = rows["is_open"].to_numpy() & period.whole.cameras[camera]
+    np.add.at(n, (camera[enters], hour[enters]), 1)
+    day = rows["local_date"].to_numpy()
+    inside = rows.filter(pa.array((day >= np.datetime64(period.first)) & (day <= np.datetime64(period.last))))
+    found = [_gathering(warehouse, row) for row in inside.to_pylist()]
     sizes = warehouse.table(_SIZES, {"floor": floor.floor_id, "first": period.first, "last": period.last})
     has_history = _is_whole(data, warehouse.first, period.first)
     rate = violation_rate_level(

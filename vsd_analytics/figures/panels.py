@@ -201,6 +201,40 @@ class FloorHours:
 
         return cube("n"), cube("exposure_h"), cube("violation_h")
 
+    def records_in(self, first: date, last: date) -> Ints:
+        """Return what each camera sent of local days from `first` to `last`, shape (n_cameras, 4).
+
+        Columns: person records, those without a floor position, violation records, those of pairs with track ids.
+        """
+        camera, day, n = self._records
+        chosen = (day >= first.toordinal()) & (day <= last.toordinal())
+        sums = np.zeros((len(self.ids), n.shape[1]), dtype=np.int64)
+        np.add.at(sums, camera[chosen], n[chosen])
+        return sums
+
+    @cached_property
+    def _records(self) -> tuple[Ints, Ints, Ints]:
+        """Return rows of camera (its position), day (`date.toordinal`) and the counts of `records_in`.
+
+        One query for all weeks: a report asks for each of twelve.
+        """
+        rows = self.warehouse.table(
+            "with sent as ("
+            "select camera_id, local_date, person_records + n_doubled as n_persons, n_unlocated, 0 as n_records, "
+            "0 as n_joined from exposure inner join calendar using (quarter) "
+            "union all select camera_id, local_date, 0, 0, violation_records, 0 "
+            "from violation_time inner join calendar using (quarter) "
+            "union all select camera_id, local_date, 0, 0, 0, n_records from joined_days) "
+            "select camera_id, local_date, sum(n_persons)::bigint as n_persons, "
+            "sum(n_unlocated)::bigint as n_unlocated, sum(n_records)::bigint as n_records, "
+            "sum(n_joined)::bigint as n_joined from sent where camera_id in (select unnest($ids::varchar[])) "
+            "group by camera_id, local_date",
+            {"ids": self.ids},
+        )
+        day = rows["local_date"].to_numpy().astype("datetime64[D]").astype(np.int64) + date(1970, 1, 1).toordinal()
+        counts = [rows[name].to_numpy() for name in ("n_persons", "n_unlocated", "n_records", "n_joined")]
+        return positions(rows["camera_id"], self.ids, otherwise=-1), day, np.stack(counts, axis=1)
+
     def camera_weights(self, place: Place) -> Array:
         """Return how much of a place each camera counts, shape (n_cameras,): person-time per recorded hour, sum 1.
 
@@ -309,28 +343,14 @@ class Period:
     @cached_property
     def not_counted(self) -> Mapping[str, Reason]:
         """Return the cameras whose violations cannot be counted, and why."""
-        first, end = self.span_ms
-        rows = self.data.warehouse.rows(
-            "with people as (select camera_id, sum(person_records + n_doubled)::bigint as n, "
-            "sum(n_unlocated)::bigint as n_unlocated from exposure "
-            "where quarter * 900000 >= $first and quarter * 900000 < $end group by camera_id), "
-            "records as (select camera_id, sum(violation_records)::bigint as n from violation_time "
-            "where quarter * 900000 >= $first and quarter * 900000 < $end group by camera_id), "
-            "joined as (select camera_id, sum(n_records)::bigint as n from joined_days "
-            "where local_date between $day and $last_day group by camera_id) "
-            "select cameras.camera_id, coalesce(people.n, 0) as n_persons, "
-            "coalesce(people.n_unlocated, 0) as n_unlocated, coalesce(records.n, 0) as n_records, "
-            "coalesce(joined.n, 0) as n_joined from cameras left join people using (camera_id) "
-            "left join records using (camera_id) left join joined using (camera_id)",
-            {"first": first, "end": end, "day": self.first, "last_day": self.last},
-        )
         found: dict[str, Reason] = {}
-        for row in rows:
-            if row["n_joined"] * 2 < row["n_records"]:
-                found[row["camera_id"]] = NO_IDS
-            elif row["n_unlocated"] * 2 > row["n_persons"] > 0 and not self._sends_pairs(row["camera_id"]):
-                found[row["camera_id"]] = NO_FLOOR
-        return {c: found[c] for c in self.data.ids if c in found}
+        for camera_id, sums in zip(self.data.ids, self.data.records_in(self.first, self.last).tolist(), strict=True):
+            n_persons, n_unlocated, n_records, n_joined = sums
+            if n_joined * 2 < n_records:
+                found[camera_id] = NO_IDS
+            elif n_unlocated * 2 > n_persons > 0 and not self._sends_pairs(camera_id):
+                found[camera_id] = NO_FLOOR
+        return found
 
     @cached_property
     def why_no_violations(self) -> Reason | None:

@@ -61,7 +61,12 @@ def unit_folder(root: Path, table: str, site_id: str, hour: int) -> Path:
 @lru_cache(maxsize=4096)
 def _day_folder(root: Path, table: str, site_id: str, day: int) -> Path:
     # A build asks for the folder of every file several times, and joining paths took longer than opening the files.
-    return _site_folder(root, table, site_id) / f"date={date_of_hour(day * 24).isoformat()}"
+    return _site_folder(root, table, site_id) / _date_folder(day)
+
+
+@lru_cache(maxsize=4096)
+def _date_folder(day: int) -> str:
+    return f"date={date_of_hour(day * 24).isoformat()}"
 
 
 @lru_cache(maxsize=256)
@@ -94,8 +99,12 @@ def list_parts(
 
 def list_days(root: Path, table: str, site_id: str) -> list[int]:
     """Return the UTC day numbers (days since 1970) that have files of a table, in order; see `list_parts`."""
-    days = day_folders(root, table, site_id)
-    return [day for day in days if any(map(_PART.match, _names(_day_folder(root, table, site_id, day))))]
+    return [day for day in day_folders(root, table, site_id) if has_parts(root, table, site_id, day)]
+
+
+def has_parts(root: Path, table: str, site_id: str, day: int) -> bool:
+    """Return whether the folder of a UTC day number holds a file of a table."""
+    return any(map(_PART.match, _names(_day_folder(root, table, site_id, day))))
 
 
 def day_folders(root: Path, table: str, site_id: str) -> list[int]:

@@ -109,7 +109,7 @@ def _read(path: Path, table: TableName) -> pa.Table:
 
     Texts stay numbers of a dictionary, as the segment has them, until a part is written.
     """
-    with pq.ParquetFile(path, read_dictionary=_texts(table)) as file:
+    with pq.ParquetFile(path, read_dictionary=_texts(table), pre_buffer=False) as file:
         rows = file.read(use_threads=False)
     if OWNER not in rows.column_names:
         of_row = pa.array(np.zeros(rows.num_rows, dtype=np.int32))

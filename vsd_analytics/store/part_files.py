@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -18,6 +19,11 @@ HASH_DIFFERS = "its bytes do not match the hash in its name: the disk or a progr
 ENGINES = b"vsd.engines"
 ENGINES_MAX = 32
 """Engine names noted in one file: an engine that sends a new name with every message must not fill the metadata."""
+_REPEATS_LEAST = 6
+"""A dictionary is smaller where each number comes this often: of 60 columns, delta coding took 1.06 to 1.26 times its
+bytes where they came 8 to 25 times, and 0.52 to 0.72 times where they came one to three times."""
+_TABLE_MOST = 8
+"""Numbers are counted in a table of at most this many times their rows."""
 
 
 def engines_of(path: Path) -> list[str]:
@@ -49,7 +55,9 @@ def segment_bytes(table: TableName, rows: pa.Table, engines: Sequence[str], *, c
 
 
 def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.Buffer:
-    """Return the bytes of a part: zstd, dictionary for ids and millimetres, delta coding for time, page checksums.
+    """Return the bytes of a part: zstd, dictionary for ids, delta coding for time, page checksums.
+
+    Millimetres get a dictionary where it is smaller, as of whole centimetres, and delta coding elsewhere.
 
     Args:
         table: Table of the rows.
@@ -57,16 +65,32 @@ def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.B
         engines: Engine names and versions, noted in the metadata.
     """
     bare, owners = without_owners(rows) if OWNER in rows.column_names else (rows, None)
-    names = [f.name for f in SCHEMAS[table] if pa.types.is_string(f.type) or f.name.endswith(("_mm", "_px"))]
+    repeated = [f.name for f in SCHEMAS[table] if pa.types.is_string(f.type) or f.name.endswith("_px")]
+    delta = ["ts"]
+    for name in (name for name in SCHEMAS[table].names if name.endswith("_mm")):
+        (repeated if _is_repeated(bare[name]) else delta).append(name)
     return parquet_bytes(
         _with_engines(table, bare, engines, {OWNERS: owners} if owners is not None else {}),
         compression="zstd",
         compression_level=3,
         row_group_size=1_000_000,
         write_page_checksum=True,
-        use_dictionary=names,
-        column_encoding={"ts": "DELTA_BINARY_PACKED"},
+        use_dictionary=repeated,
+        column_encoding=dict.fromkeys(delta, "DELTA_BINARY_PACKED"),
     )
+
+
+def _is_repeated(values: pa.ChunkedArray) -> bool:
+    """Return whether a dictionary of whole numbers takes less space than their differences, by how often each comes.
+
+    Numbers that are spread too wide to count them in a table are taken as different.
+    """
+    least, greatest = pc.min_max(values).as_py().values()
+    if least is None or greatest - least >= _TABLE_MOST * len(values):
+        return False
+    is_there = np.zeros(greatest - least + 1, dtype=np.bool_)
+    is_there[values.drop_null().to_numpy() - least] = True
+    return bool(_REPEATS_LEAST * np.count_nonzero(is_there) < len(values))
 
 
 def read_part(path: Path, table: TableName) -> pa.Table:

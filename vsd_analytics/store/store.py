@@ -24,7 +24,16 @@ import pyarrow.parquet as pq
 from vsd_analytics.errors import DiskError, StoreError, VsdError, Where, disk_error
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import ballast, durable, late_records, outbox, quarantine, removal
-from vsd_analytics.store.layout import HOUR_MS, Part, list_days, list_parts, segment_paths, unit_folder
+from vsd_analytics.store.layout import (
+    HOUR_MS,
+    Part,
+    day_folders,
+    has_parts,
+    list_days,
+    list_parts,
+    segment_paths,
+    unit_folder,
+)
 from vsd_analytics.store.new_rows import new_rows
 from vsd_analytics.store.owners import OWNER, owned_by
 from vsd_analytics.store.part_files import HASH_DIFFERS, parquet_bytes, part_bytes, segment_bytes
@@ -193,7 +202,12 @@ class Store:
 
     def days(self) -> set[int]:
         """Return the UTC day numbers with a part, by their folders alone."""
-        return {day for t in TABLES for day in list_days(self.root, t, self.site_id)}
+        tables: dict[int, list[TableName]] = {}
+        for table in TABLES:
+            for day in day_folders(self.root, table, self.site_id):
+                tables.setdefault(day, []).append(table)
+        # a removal that was killed leaves empty folders; one table with a part is enough
+        return {day for day, of in tables.items() if any(has_parts(self.root, t, self.site_id, day) for t in of)}
 
     def damaged(self) -> list[Path]:
         """Return the paths of parts whose bytes do not match the hash in their name."""

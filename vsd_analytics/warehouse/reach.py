@@ -84,6 +84,12 @@ def noted_spans(parts: Mapping[Any, Iterable[Part]]) -> dict[bytes, bytes]:
     return {SPANS: json.dumps(found, sort_keys=True).encode()} if found else {}
 
 
+def spans_of_week(of_days: Iterable[Mapping[bytes, bytes] | None]) -> dict[bytes, bytes]:
+    """Return what the files of some days note, for the metadata of one file with the rows of all of them."""
+    found = {digest: span for metadata in of_days for digest, span in spans_of(metadata).items()}
+    return {SPANS: json.dumps(found, sort_keys=True).encode()}
+
+
 def spans_of(metadata: Mapping[bytes, bytes] | None) -> Spans:
     """Return what `noted_spans` noted; files of an older version note nothing."""
     noted = json.loads((metadata or {}).get(SPANS, b"{}"))

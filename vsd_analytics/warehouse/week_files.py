@@ -8,7 +8,7 @@ facts/weeks/<relation>/site=<site>/date=<Monday>/00-<fingerprint>.parquet
 
 The fingerprint covers the names of the seven files, which hold the fingerprints of all inputs. So a week file is fresh
 as long as each of its days is, and has their rows in their order. The days' files stay: ranges that begin or end in
-the middle of a week read those.
+the middle of a week read those. That of `camera_days` also has what its seven files note about their parts.
 """
 
 from __future__ import annotations
@@ -24,9 +24,11 @@ import pyarrow.parquet as pq
 
 from vsd_analytics.store.durable import is_temporary, publish, sweep_temporaries
 from vsd_analytics.store.layout import unit_folder
+from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.warehouse.fact_days import is_whole
 from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged
 from vsd_analytics.warehouse.input_fingerprint import text_hash
+from vsd_analytics.warehouse.reach import spans_of_week
 
 FOLDER = "weeks"
 DAYS = 7
@@ -100,11 +102,13 @@ def make_week(week: WeekFile) -> bool:
         data = [p.read_bytes() for p in week.members]
         if not all(map(is_undamaged, data)):
             return False
-        days = [pq.ParquetFile(pa.BufferReader(d)).read().replace_schema_metadata(None) for d in data]
+        files = [pq.ParquetFile(pa.BufferReader(d)) for d in data]
+        days = [file.read().replace_schema_metadata(None) for file in files]
         if any(day.schema != days[0].schema for day in days):
             return False
         inputs = {MEMBERS: [p.name for p in week.members]}
-        publish(week.path, fact_bytes(pa.concat_tables(days), inputs=inputs), is_synced=False)
+        noted = spans_of_week(file.metadata.metadata for file in files) if week.name == DAY_FACT else {}
+        publish(week.path, fact_bytes(pa.concat_tables(days), inputs=inputs, noted=noted), is_synced=False)
         sweep_temporaries(week.path.parent)
     except OSError:
         return False

@@ -7,6 +7,7 @@ are int64, `NULL` where unknown. Names that begin with an underscore are columns
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,13 @@ Bools = NDArray[np.bool_]
 Columns = dict[str, NDArray[Any]]
 
 _DIGIT_BITS = 16
+_ODD = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F))
+"""Multipliers that spread neighbouring numbers over all bits."""
 _BLOCK = 250_000
 _RUN = 16
 """Rows of a run at least, on average, for sorting runs to cost less than sorting rows."""
+_NEAR = 32
+"""Rows are almost in order where at most one of this many is greater than the row this far behind it."""
 _ROOM = 4
 """Numbers a row may take of a table with a place for every key; where it is more, keys are sorted."""
 NULL = -(2**62)
@@ -74,12 +79,15 @@ def packed_keys(*keys: NDArray[Any]) -> tuple[Ints | None, int]:
 def _order(packed: Ints, n_bits: int) -> Ints:
     """Sort runs of rows where these are long, as stored records are in order; else 16 bits at a time, the lowest first.
 
-    Numpy sorts so short integers by counting, in linear time.
+    Numpy sorts so short integers by counting, in linear time. It merges runs of longer ones, which takes a fifth of
+    that where few rows are far from their place, such as people who are in order but for those of a frame.
     """
     for is_next in (packed[1:] < packed[:-1], packed[1:] != packed[:-1]):
         n_runs = np.count_nonzero(is_next) + 1
         if n_runs * _RUN <= len(packed) and (order := _order_of_runs(packed, is_next)) is not None:
             return order
+    if n_bits > _DIGIT_BITS and np.count_nonzero(packed[_NEAR:] < packed[:-_NEAR]) * _NEAR <= len(packed):
+        return np.argsort(packed, kind="stable")
     order = np.argsort(packed.astype(np.uint16), kind="stable")  # a cast takes the lowest 16 bits
     for shift in range(_DIGIT_BITS, n_bits, _DIGIT_BITS):
         order = picked(order, np.argsort(picked((packed >> shift).astype(np.uint16), order), kind="stable"))
@@ -111,6 +119,28 @@ def distinct(keys: Ints) -> Ints:
     keys = keys[starts_of(keys)]  # few are left where equal ones follow each other
     order, starts = grouped_by(keys)
     return keys[order[starts]]
+
+
+def one_of_each(keys: Ints) -> Ints:
+    """Return the number of one row of each different key, in no order.
+
+    Each row writes its number into a table, at a hash of its key. The row whose number is there afterwards is the one
+    of its key; rows of other keys at that place try again with another hash. For some ten thousand rows, whose table
+    fits into the caches, this takes half the time of sorting.
+    """
+    n_bits = (4 * len(keys)).bit_length()
+    at, rows, found = np.empty(1 << n_bits, dtype=np.int32), np.arange(len(keys)), list[Ints]()
+    for factor in cycle(_ODD):
+        own = np.arange(len(rows), dtype=np.int32)
+        place = ((keys.view(np.uint64) * factor) >> np.uint64(64 - n_bits)).view(np.int64)
+        at[place] = own
+        there = picked(at, place)
+        found.append(rows[there == own])
+        others = np.flatnonzero(picked(keys, there) != keys)
+        if not len(others):
+            break
+        rows, keys = rows[others], keys[others]
+    return np.concatenate(found)
 
 
 def starts_of(*keys: NDArray[Any]) -> Ints:

@@ -19,15 +19,15 @@ from vsd_analytics.warehouse.arrays.columns import (
     greatest,
     grouped_by,
     least,
+    one_of_each,
     run_of,
-    starts_of,
 )
 from vsd_analytics.warehouse.arrays.held import Held
 from vsd_analytics.warehouse.arrays.site_tables import BucketRuns, SiteTables, numbered
 
 _ROOM = 4
 """Numbers a record may take of a table with every cell; where it is more, records are sorted."""
-_SORTED_AT_ONCE = 30_000
+_COUNTED_AT_ONCE = 30_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,8 +141,8 @@ def _sorted(places: list[_Places], groups: list[Ints], cameras: Ints, buckets: I
 def _n_tracks(cell: Ints, track: Ints, starts: Ints, n_cells: int, n_tracks: int) -> Ints:
     """Return how many different tracks have a record in each cell.
 
-    Runs of records of a camera and bucket have cells of their own. So a few runs are sorted at a time, which takes half
-    the time of sorting all at once.
+    Runs of records of a camera and bucket have cells of their own. So a few runs are counted at a time, in tables that
+    fit into the caches.
 
     Args:
         cell: Number of the cell of each record.
@@ -151,13 +151,12 @@ def _n_tracks(cell: Ints, track: Ints, starts: Ints, n_cells: int, n_tracks: int
         n_cells: Number of cells.
         n_tracks: Number of tracks.
     """
-    at = np.unique(np.searchsorted(starts, np.arange(0, len(cell), _SORTED_AT_ONCE)))
+    at = np.unique(np.searchsorted(starts, np.arange(0, len(cell), _COUNTED_AT_ONCE)))
     edges = [*starts[at[at < len(starts)]].tolist(), len(cell)]
     found = np.zeros(n_cells, dtype=np.int64)
     for first, after in pairwise(edges):
         of, own = cell[first:after], track[first:after]
         if own.min() < 0:
             of, own = of[own >= 0], own[own >= 0]
-        key = np.sort(of * np.int64(n_tracks) + own)
-        np.add.at(found, key[starts_of(key)] // n_tracks, 1)
+        np.add.at(found, of[one_of_each(of * np.int64(n_tracks) + own)], 1)
     return found
