@@ -12,7 +12,8 @@ from planted_changes import AREAS, planted, site_of
 from vsd_analytics.figures import close_time, rates
 from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
 from vsd_analytics.figures.compare import compare
-from vsd_analytics.figures.panels import FloorHours, Period, TwoPeriods
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.stats.family import judge_family
 
 FIRST = date(2026, 8, 31)

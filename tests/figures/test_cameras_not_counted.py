@@ -8,7 +8,8 @@ from pathlib import Path
 from warehouse.small_projects import Frame, Person, make_site, put
 
 from vsd_analytics.figures.floor_days import NO_IDS
-from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 MONDAY = date(2026, 3, 23)

@@ -11,7 +11,8 @@ import pytest
 from report import ingested_worlds as w
 
 from vsd_analytics.figures.close_by_crowding import EDGES, close_by_crowding, counted_floor_m2, runs
-from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.warehouse.warehouse import open_warehouse
 

@@ -12,7 +12,8 @@ from figures.walkers_between_areas import site_with_areas, walk
 from warehouse.small_projects import DAY, HOUR, T0, Person, beats, open_days, put
 
 from vsd_analytics.figures.flow import Flow, flow
-from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.site.model import Camera, Site
 
 FIRST = date(2026, 11, 9)

@@ -20,7 +20,8 @@ from warehouse.small_projects import DAY, HOUR, T0, Frame, Pair, Person, beats, 
 from vsd_analytics.cli import main
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.groups import PURGED, between_groups, groups
-from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.retention import purge
 from vsd_analytics.site.model import Camera, Site

@@ -13,7 +13,8 @@ from warehouse.small_projects import DAY, HOUR, T0, Pair, Person, beats, make_si
 
 from vsd_analytics.figures.neighbours import LEVELS, level_of, room_around, three_or_more
 from vsd_analytics.figures.others_met import others_met
-from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import Warehouse

@@ -12,7 +12,8 @@ import pytest
 from warehouse.small_projects import DAY, HOUR, T0, Person, beats, make_site, open_days, put
 
 from vsd_analytics.figures.close_time import burden, change_burden, change_close_share, close_share, close_time
-from vsd_analytics.figures.panels import FloorHours, Period, TwoPeriods
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.person_time import PersonTime, person_time
 from vsd_analytics.site.model import Area, Site
 from vsd_analytics.stats.estimates import ChangeEstimate

@@ -12,8 +12,9 @@ import pytest
 from warehouse.small_projects import DAY, HOUR, T0, Frame, Person, beats, make_site, open_days, put
 
 from vsd_analytics.cli.queue_advice import forecast_lines
-from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.people_present import Presence
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.queue_forecast import queue_forecasts
 from vsd_analytics.figures.queues import AreaQueue, queues
 from vsd_analytics.site.model import Area, Camera, Site

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from warehouse.small_projects import DAY, HOUR, T0, Person, beats, make_site, open_days, put
 
-from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.visits import AreaVisits, visits
 from vsd_analytics.site.model import Area, Camera, Site
 

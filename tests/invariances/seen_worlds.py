@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from warehouse.small_projects import Frame, Pair, Person, make_site, open_days
 
-from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import encounter_rate_level, violation_rate_level
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.estimates import RateEstimate

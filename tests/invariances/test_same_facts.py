@@ -88,11 +88,11 @@ def test_disorder_in_one_delivery_gives_the_very_files(known: tuple[Site, dateti
 
 @pytest.mark.parametrize("known", [AUTUMN], indirect=True)
 def test_facts_of_other_records_differ(known: tuple[Site, datetime], tmp_path: Path) -> None:
-    """The comparison sees one person of one frame that is a millimetre off."""
+    """The comparison sees one person of one frame that is a centimetre off."""
     clean, change = known
     sent = fs.frames(start_of(change), hours=HOURS)
     index = next(i for i, frame in enumerate(sent) if len(frame["persons"]) > 2)
-    sent[index]["persons"][0]["x_m"] += 0.001
+    sent[index]["persons"][0]["x_m"] += 0.01
     site = twin(clean, tmp_path / "other")
     fs.deliver(site, fs.clean(sent), every=None)
     assert fs.fact_rows(site) != fs.fact_rows(clean)

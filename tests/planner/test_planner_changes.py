@@ -17,7 +17,8 @@ from planner import dense_floor as dense
 from planner import planted_shop as planted
 
 from vsd_analytics.figures.change_weeks import log_entry, windows_of
-from vsd_analytics.figures.panels import FloorHours, Period, TwoPeriods
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.planner.change_words import change_words

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from planner import planted_shop as planted
 
-from vsd_analytics.figures.panels import FloorHours, Panel, Period, Place, TwoPeriods
+from vsd_analytics.figures.panels import FloorHours, Panel, Place
+from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.planner.planner_data import PlannerData
 from vsd_analytics.report.model.assemble import week_report

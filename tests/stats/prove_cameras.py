@@ -26,7 +26,8 @@ from warehouse.small_projects import open_days
 
 from vsd_analytics.figures.capacities import capacities
 from vsd_analytics.figures.flow import Flow, flow
-from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.queues import queues
 from vsd_analytics.figures.visits import visits
 

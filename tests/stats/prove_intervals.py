@@ -327,7 +327,8 @@ def make_people(folder: Path, monday: date, *, weeks: int, seed: int) -> Site:
 
 def people_table(*, judged: int, weeks: int, seed: int) -> None:
     """Print the last `judged` of `weeks` simulated weeks of people; the truth of levels is the mean of all weeks."""
-    from vsd_analytics.figures.panels import FloorHours, Period, TwoPeriods
+    from vsd_analytics.figures.panels import FloorHours
+    from vsd_analytics.figures.periods import Period, TwoPeriods
     from vsd_analytics.figures.rates import (
         encounter_rate_change,
         encounter_rate_level,

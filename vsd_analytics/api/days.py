@@ -160,7 +160,8 @@ class Days:
             ['floor', 'area', 'area', 'area', 'area', 'rest']
         """
         from vsd_analytics.figures import close_time, compare, rates
-        from vsd_analytics.figures.panels import FloorHours, Period
+        from vsd_analytics.figures.panels import FloorHours
+        from vsd_analytics.figures.periods import Period
 
         rows: list[dict[str, Any]] = []
         with self._warehouse(*compare.days_needed(self.site, (self.first, self.last))) as warehouse:

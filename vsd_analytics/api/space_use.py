@@ -13,7 +13,8 @@ from vsd_analytics.api.table import Table
 from vsd_analytics.figures.capacities import capacities
 from vsd_analytics.figures.compare import days_needed
 from vsd_analytics.figures.flow import flow
-from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.queues import queues
 from vsd_analytics.figures.visits import visits
 from vsd_analytics.report.words.reasons import reason_text

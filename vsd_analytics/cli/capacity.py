@@ -15,7 +15,7 @@ from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.capacities import CapacityUse
-    from vsd_analytics.figures.panels import Period
+    from vsd_analytics.figures.periods import Period
     from vsd_analytics.stats.estimates import RateEstimate
 
 _MINUTES = 60

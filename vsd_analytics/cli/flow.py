@@ -17,7 +17,7 @@ from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.flow import AreaFlow, Destination, Flow, Route
-    from vsd_analytics.figures.panels import Period
+    from vsd_analytics.figures.periods import Period
     from vsd_analytics.stats.estimates import RateEstimate
     from vsd_analytics.stats.groups import ShareEstimate
 

@@ -16,8 +16,8 @@ from vsd_analytics.cli.visits import mean_stay, time_text
 from vsd_analytics.report.words.reasons import reason_text
 
 if TYPE_CHECKING:
-    from vsd_analytics.figures.panels import Period
     from vsd_analytics.figures.people_present import PeopleQuantile
+    from vsd_analytics.figures.periods import Period
     from vsd_analytics.figures.queues import AreaQueue
     from vsd_analytics.stats.waiting import WaitTimes
 

@@ -15,7 +15,7 @@ from vsd_analytics.errors import StoreError, VsdError
 from vsd_analytics.site.instants import parse_range, parse_week
 
 if TYPE_CHECKING:
-    from vsd_analytics.figures.panels import Period
+    from vsd_analytics.figures.periods import Period
     from vsd_analytics.site.model import Floor
     from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -114,7 +114,8 @@ def period_with_history(
 
     These weeks tell which cameras see an area, so that a camera that was silent all the time is named.
     """
-    from vsd_analytics.figures.panels import WEEK, FloorHours, Period
+    from vsd_analytics.figures.panels import WEEK, FloorHours
+    from vsd_analytics.figures.periods import Period
     from vsd_analytics.stats.rates import HISTORY_WEEKS
 
     first, last = resolve(project, week=week, days=days)

@@ -15,7 +15,7 @@ from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.result import Reason
 
 if TYPE_CHECKING:
-    from vsd_analytics.figures.panels import Period
+    from vsd_analytics.figures.periods import Period
     from vsd_analytics.figures.visits import AreaVisits
     from vsd_analytics.result import Reason
     from vsd_analytics.stats.durations import QuantileEstimate

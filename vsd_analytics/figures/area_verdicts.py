@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from vsd_analytics.figures import close_time, rates
-from vsd_analytics.figures.panels import Place, TwoPeriods
+from vsd_analytics.figures.panels import Place
+from vsd_analytics.figures.periods import TwoPeriods
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import ChangeEstimate
 from vsd_analytics.stats.family import judge_family

@@ -2,7 +2,7 @@
 
 The arithmetic is `vsd_analytics.stats.before_after`, the weeks are those of `change_weeks`. This file finds the areas
 to compare with and refuses what would be no comparison: another calibration, engine or rule, too little recorded. Days
-are paired by weekday over the camera-hours recorded in both (`vsd_analytics.figures.panels`). The leading rate is
+are paired by weekday over the camera-hours recorded in both (`vsd_analytics.figures.periods`). The leading rate is
 person-time in violation per open hour; its share of person-time says how much of it is not people who left.
 """
 
@@ -37,7 +37,8 @@ from vsd_analytics.figures.change_weeks import (
     windows_of,
 )
 from vsd_analytics.figures.compare import span, why_not
-from vsd_analytics.figures.panels import FloorHours, Ints, Period, Place, TwoPeriods, positions
+from vsd_analytics.figures.panels import FloorHours, Ints, Place, positions
+from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.result import Design, Reason, State
 from vsd_analytics.settings import FLOOR_CELL_M, Settings
 from vsd_analytics.site.model import Area, Site

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.figures.neighbours import LEVELS, RoomLevel, density_edges, level_of
-from vsd_analytics.figures.panels import Period
 from vsd_analytics.figures.people_present import Presence
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import RateEstimate

@@ -22,7 +22,8 @@ import shapely
 
 from vsd_analytics.figures.close_time import close_time
 from vsd_analytics.figures.mixing import pair_time
-from vsd_analytics.figures.panels import Array, Ints, Period
+from vsd_analytics.figures.panels import Array, Ints
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import is_small, too_few
 from vsd_analytics.figures.week.results import CloseByCrowding, CloseInClasses, CloseInDays

@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.figures.floor_days import NO_FLOOR
-from vsd_analytics.figures.panels import Array, Flags, Period, Place, TwoPeriods
+from vsd_analytics.figures.panels import Array, Flags, Place
+from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.rates import (
     NOT_RECORDED,
     encounter_rate_change,

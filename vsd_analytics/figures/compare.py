@@ -1,6 +1,6 @@
 """Did it change, and what made it change: two periods of a floor over the same hours (M0, M7, M3, M23).
 
-Only camera-hours recorded in both periods are compared, days paired by weekday (`vsd_analytics.figures.panels`); the
+Only camera-hours recorded in both periods are compared, days paired by weekday (`vsd_analytics.figures.periods`); the
 arithmetic is `vsd_analytics.stats.changes`. The log change of how often splits into people and risk per person-hour.
 """
 
@@ -17,7 +17,8 @@ from vsd_analytics.figures import close_time, rates
 from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
 from vsd_analytics.figures.comparable import other_intervals, rules_used
 from vsd_analytics.figures.mixing import mixing_change
-from vsd_analytics.figures.panels import WEEK, FloorHours, Period, TwoPeriods
+from vsd_analytics.figures.panels import WEEK, FloorHours
+from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.instants import parse_range
 from vsd_analytics.site.model import Area, Floor, Site

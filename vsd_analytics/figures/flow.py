@@ -16,7 +16,8 @@ import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.figures.links import Links, links
-from vsd_analytics.figures.panels import Array, Flags, Ints, Period, Place, positions
+from vsd_analytics.figures.panels import Array, Flags, Ints, Place, positions
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.visits import NO_TRACK_IDS, NOBODY, per_open_hour, sends_ids
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area

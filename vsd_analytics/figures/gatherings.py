@@ -24,7 +24,8 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.groups import NOTHING
 from vsd_analytics.figures.operator_counts import local_instant
-from vsd_analytics.figures.panels import FloorHours, Period, Place, positions
+from vsd_analytics.figures.panels import FloorHours, Place, positions
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import not_measured, violation_rate_level
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Floor

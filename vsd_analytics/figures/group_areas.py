@@ -6,7 +6,8 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from vsd_analytics.figures.panels import Period, Place
+from vsd_analytics.figures.panels import Place
+from vsd_analytics.figures.periods import Period
 
 
 def between_groups_by_area(period: Period, able: Collection[str]) -> Mapping[str | None, Place]:

@@ -18,7 +18,8 @@ import numpy as np
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.operator_counts import local_instant
-from vsd_analytics.figures.panels import FloorHours, Period, Place
+from vsd_analytics.figures.panels import FloorHours, Place
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import encounter_rate_level, violation_rate_level
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.result import Reason, State

@@ -11,7 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.panels import Period, positions
+from vsd_analytics.figures.panels import positions
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.track_links import IN_WAVES, LinkedShare, TrackEnds, link_counts, linked_share
 

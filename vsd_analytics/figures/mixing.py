@@ -10,7 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.panels import Array, Flags, FloorHours, Period, Place, TwoPeriods, positions
+from vsd_analytics.figures.panels import Array, Flags, FloorHours, Place, positions
+from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.result import Reason
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.stats.decomposition import Mixing, MixingChange, compare_mixing, mixing

@@ -10,7 +10,8 @@ import numpy as np
 
 from vsd_analytics.figures.close_time import SECONDS, close_share, knows_distances
 from vsd_analytics.figures.groups import PURGED
-from vsd_analytics.figures.panels import Array, Period, Place, positions
+from vsd_analytics.figures.panels import Array, Place, positions
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import not_measured
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.estimates import RateEstimate

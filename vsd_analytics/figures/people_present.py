@@ -15,7 +15,8 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.figures.close_time import SECONDS, in_units
-from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Array, Flags, Period, Place
+from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Array, Flags, Place
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import NOT_RECORDED, history, not_measured
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor

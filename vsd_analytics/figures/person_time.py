@@ -13,7 +13,8 @@ import numpy as np
 
 from vsd_analytics.figures.close_time import SECONDS, close_share, close_time, in_units, knows_distances
 from vsd_analytics.figures.groups import PURGED, camera_lives
-from vsd_analytics.figures.panels import Period, Place
+from vsd_analytics.figures.panels import Place
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import history, not_measured
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.result import Reason
@@ -67,7 +68,8 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
         able: Cameras whose track ids tell who moves together; None = asked of these days (`camera_lives`).
 
     Example:
-        >>> from vsd_analytics.figures.panels import FloorHours, Period
+        >>> from vsd_analytics.figures.panels import FloorHours
+        >>> from vsd_analytics.figures.periods import Period
         >>> period = Period(FloorHours(warehouse, floor=floor), date(2026, 11, 9), date(2026, 11, 15))
         >>> vsd.person_time(period).people.state
         'ok'

@@ -19,8 +19,9 @@ from vsd_analytics.figures.forecast import (
     SeriesForecast,
     series_forecast,
 )
-from vsd_analytics.figures.panels import FloorHours, Period
+from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.people_present import Presence
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.slots import iso_week, open_hours
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area

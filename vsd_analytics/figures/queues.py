@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.panels import Array, Flags, Ints, Period, positions
+from vsd_analytics.figures.panels import Array, Flags, Ints, positions
 from vsd_analytics.figures.people_present import (
     NOBODY,
     PeopleQuantile,
@@ -20,6 +20,7 @@ from vsd_analytics.figures.people_present import (
     hours_that_stand_for_all,
     why_not_all,
 )
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids, person_s_by_day
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area

@@ -6,7 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from vsd_analytics.figures.panels import WEEK, Array, Panel, Period, Place, TwoPeriods
+from vsd_analytics.figures.panels import WEEK, Array, Panel, Place
+from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.changes import compare_encounter_rates, compare_exposure, compare_violation_rates
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate

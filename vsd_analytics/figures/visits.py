@@ -12,7 +12,8 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.panels import Array, Flags, FloorHours, Ints, Period, Place, positions
+from vsd_analytics.figures.panels import Array, Flags, FloorHours, Ints, Place, positions
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import NOT_RECORDED, not_measured
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area

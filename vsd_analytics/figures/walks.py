@@ -15,7 +15,8 @@ from typing import Final, Literal
 
 import numpy as np
 
-from vsd_analytics.figures.panels import Array, Period
+from vsd_analytics.figures.panels import Array
+from vsd_analytics.figures.periods import Period
 
 Ways = Literal["one", "both", "any"]
 MIN_PEOPLE: Final = 5

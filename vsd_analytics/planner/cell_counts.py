@@ -18,7 +18,8 @@ import shapely
 from numpy.typing import NDArray
 
 from vsd_analytics.figures.maps import ExcessMap, excess_map
-from vsd_analytics.figures.panels import Flags, Period, positions
+from vsd_analytics.figures.panels import Flags, positions
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
 from vsd_analytics.planner.rounding import merge_small_counts

@@ -8,7 +8,8 @@ from datetime import date, datetime, timedelta
 
 import numpy as np
 
-from vsd_analytics.figures.panels import Array, Flags, Ints, Period, Place, TwoPeriods
+from vsd_analytics.figures.panels import Array, Flags, Ints, Place
+from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.planner.rounding import merge_small_counts
 from vsd_analytics.result import Reason

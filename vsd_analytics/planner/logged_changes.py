@@ -18,7 +18,8 @@ from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.before_after import before_after
 from vsd_analytics.figures.change_weeks import WEEKS, local_day, windows_of
 from vsd_analytics.figures.compare import Days
-from vsd_analytics.figures.panels import WEEK, Array, Flags, Ints, Period, Place, TwoPeriods
+from vsd_analytics.figures.panels import WEEK, Array, Flags, Ints, Place
+from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.week.model_map import Extent
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.figures.week.redesigns import redesigns

@@ -20,7 +20,8 @@ from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_time import change_close_share, close_time
 from vsd_analytics.figures.compare import why_not
 from vsd_analytics.figures.hotspot_export import without_small
-from vsd_analytics.figures.panels import WEEK, Array, Flags, Period, Place
+from vsd_analytics.figures.panels import WEEK, Array, Flags, Place
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import findings, recording, timetable
 from vsd_analytics.figures.week.density import FloorGrid

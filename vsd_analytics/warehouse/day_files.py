@@ -226,16 +226,15 @@ def no_longer_stored(site: Site) -> list[Path]:
     return [
         p.path
         for root, names in stored.items()
-        for name in _names_in(root)
+        for name in _ever_stored()
         if name not in names
         for p in list_parts(root, name, site.site_id)
     ]
 
 
-def _names_in(root: Path) -> list[str]:
-    """Return the relations with a folder in one of the folders of facts, those of older versions among them."""
-    others = {FOLDER.name, WEEKS, beside.FOLDER.name}
-    return sorted(p.name for p in root.iterdir() if p.name not in others) if root.is_dir() else []
+def _ever_stored() -> Iterable[str]:
+    """Return the relations of which this version or an older one may have stored files."""
+    return relations("staging", "facts", "marts")
 
 
 def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
@@ -250,14 +249,14 @@ def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
     within = {"first_hour": min(near) * 24, "last_hour": max(near) * 24 + 23}
     found: list[Path] = []
     for root in (site.root / "facts", *beside.folders(site)):
-        for name in _names_in(root):
+        for name in _ever_stored():
             parts = list_parts(root, name, site.site_id, **within)
             found += [p.path for p in parts if p.hour // 24 in own]
-        for name in _names_in(root / FOLDER.name):
+        for name in _ever_stored():
             parts = list_parts(root / FOLDER.name, name, site.site_id, **within)
             found += [p.path for p in parts if p.hour // 24 in near]
         within["first_hour"] -= (DAYS - 1) * 24
-        for name in _names_in(root / WEEKS):
+        for name in _ever_stored():
             weeks = list_parts(root / WEEKS, name, site.site_id, **within)
             found += [p.path for p in weeks if near & set(range(p.hour // 24, p.hour // 24 + DAYS))]
     return found

@@ -1,4 +1,4 @@
-"""The marts of one floor around one week, and the week beside the week before (`vsd_analytics.figures.panels`).
+"""The marts of one floor around one week, and the week beside the week before (`vsd_analytics.figures.periods`).
 
 A study of other days in a row is made of the same parts: its "week" is these days, and the week before as many days.
 """
@@ -12,7 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from vsd_analytics.figures.operator_counts import begun_until_ms
-from vsd_analytics.figures.panels import WEEK, Flags, FloorHours, Panel, Period, Place, TwoPeriods
+from vsd_analytics.figures.panels import WEEK, Flags, FloorHours, Panel, Place
+from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.week.hidden_counts import HiddenWeek, hidden_week
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Calibration, Camera, Floor

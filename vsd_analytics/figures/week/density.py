@@ -11,7 +11,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from vsd_analytics.figures.panels import Array, Flags, Period, positions
+from vsd_analytics.figures.panels import Array, Flags, positions
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week import bands as heat
 from vsd_analytics.figures.week.data import WeekData

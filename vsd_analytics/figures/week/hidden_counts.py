@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vsd_analytics.figures.panels import Array, FloorHours, Period, Place
+from vsd_analytics.figures.panels import Array, FloorHours, Place
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, K, held_back, is_small, too_few
 from vsd_analytics.result import Reason
 
