@@ -117,6 +117,7 @@ def test_a_build_removes_the_pairs_that_an_older_version_stored(site: Site) -> N
     assert {note.path for note in found.notes} >= {p for p in before if "beside" not in p.parts}
     build(site)
     assert [p for p in before if p.exists()] == []
+    assert not list((site.root / "facts").rglob("pairs")), "not even an empty folder is left"
     assert not verify(site).notes
 
 

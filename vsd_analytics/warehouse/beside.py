@@ -14,7 +14,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from vsd_analytics.site.model import Site
@@ -78,16 +78,3 @@ def surplus(site: Site) -> list[Path]:
     others = [path for path in folders(site) if path != current]
     n_kept = MOST - (current is not None)
     return [path for other in others[: max(0, len(others) - n_kept)] for path in other.rglob("*.parquet")]
-
-
-def remove_empty(root: Path, paths: Iterable[Path]) -> None:
-    """Remove the folders of other settings that the removal of files left empty.
-
-    Args:
-        root: The folder `facts`.
-        paths: The files that were removed.
-    """
-    top = root / FOLDER.name
-    for path in sorted({p for file in paths for p in file.parents if p.is_relative_to(top)}, reverse=True):
-        with contextlib.suppress(OSError):  # not empty
-            path.rmdir()

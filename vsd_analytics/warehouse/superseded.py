@@ -9,13 +9,12 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from vsd_analytics.store.durable import is_temporary, make_dirs, remove
 from vsd_analytics.store.layout import list_parts
 from vsd_analytics.store.published import published_files, sweep_generations
-from vsd_analytics.warehouse import beside
 from vsd_analytics.warehouse.sealed import SealedRange
 
 
@@ -85,7 +84,7 @@ def clear(root: Path, paths: Sequence[Path], *, has_published: bool = False) -> 
         going = [path for path in paths if path.relative_to(root.parent) not in published]
         for path in going:
             remove(path)
-        beside.remove_empty(root, going)
+        _remove_empty(root, going)
         if has_published:
             sweep_generations(root.parent)
     except BlockingIOError:
@@ -93,3 +92,11 @@ def clear(root: Path, paths: Sequence[Path], *, has_published: bool = False) -> 
     finally:
         os.close(fd)
     return True
+
+
+def _remove_empty(root: Path, paths: Iterable[Path]) -> None:
+    """Remove the folders below `root` that the removal of files left empty. Nobody writes into them under the lock."""
+    folders = {p for file in paths for p in file.parents if p != root and p.is_relative_to(root)}
+    for path in sorted(folders, reverse=True):
+        with contextlib.suppress(OSError):  # not empty
+            path.rmdir()
