@@ -10,6 +10,7 @@ import contextlib
 import fcntl
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 
 from vsd_analytics.store.durable import is_temporary, make_dirs, remove
@@ -96,7 +97,7 @@ def clear(root: Path, paths: Sequence[Path], *, has_published: bool = False) -> 
 
 def _remove_empty(root: Path, paths: Iterable[Path]) -> None:
     """Remove the folders below `root` that the removal of files left empty. Nobody writes into them under the lock."""
-    folders = {p for file in paths for p in file.parents if p != root and p.is_relative_to(root)}
-    for path in sorted(folders, reverse=True):
-        with contextlib.suppress(OSError):  # not empty
-            path.rmdir()
+    for deepest in sorted({path.parent for path in paths}):
+        with contextlib.suppress(OSError):  # the first that is not empty ends the climb
+            for folder in takewhile(root.__ne__, (deepest, *deepest.parents)):
+                folder.rmdir()
