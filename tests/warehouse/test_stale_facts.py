@@ -120,6 +120,19 @@ def test_an_area_that_asks_for_visits_recomputes_its_stays_only(root: Path, tmp_
     assert set(facts) == {"area_stays", "walk_cells", "track_ends"}
 
 
+def test_facts_of_areas_go_when_nothing_is_asked_of_areas_any_more(root: Path) -> None:
+    area = Area("till", "Till", "ground", ((0, 0), (4, 0), (4, 4), (0, 4)), has_visits=True)
+    silent = project(root)
+    before = fact_files(silent)
+    assert not {name.split("/")[0] for name in before} & {"area_stays", "walk_cells", "track_ends"}
+    build(replace(silent, areas=(area,)))
+    assert {name.split("/")[0] for name in fact_files(silent)} > {"area_stays", "walk_cells", "track_ends"}
+    build(silent)
+    assert fact_files(silent) == before
+    with open_days(silent) as warehouse:
+        assert warehouse.rows("select count(*) as n from area_stays") == [{"n": 0}]
+
+
 def test_positions_and_owners_are_those_of_their_time(root: Path) -> None:
     turned = project(root, camera("cam", OLD, scaled(0.015, since_ms=CHANGE_MS)), camera("side", SIDE))
     with open_days(turned) as warehouse:
