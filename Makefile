@@ -13,7 +13,7 @@ BIN    := $(VENV)/bin
 # Python saves the compiled modules and tests: compiling them anew takes each of the two workers ten seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo check test prove docs lint screenshots site sbom clean
+.PHONY: demo check test tests prove docs lint screenshots site sbom clean
 
 demo: $(VENV)/.installed
 	rm -rf vsd-demo
@@ -30,7 +30,10 @@ check: $(VENV)/.installed-test $(VENV)/.linted-sql
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not browser and not realdata and not simulation and not long" $(FAST)
 
-test: $(VENV)/.installed-test lint
+test: $(VENV)/.installed-test
+	$(MAKE) --no-print-directory --jobs 2 lint tests
+
+tests: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 lint: $(VENV)/.installed-test $(VENV)/.linted-sql

@@ -17,7 +17,9 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 # the same examples in every run, and none fails for being slow: machines are noisy
-settings.register_profile("steady", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "steady", deadline=None, derandomize=True, max_examples=40, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.load_profile("steady")
 
 REPOSITORY = Path(__file__).resolve().parent.parent

@@ -137,12 +137,12 @@ def every(seconds: int, messages: Any) -> list[dict[str, Any]]:
 
 def test_another_frame_rate_is_reported_and_compared(tmp_path: Path) -> None:
     before, now = two_weeks()
-    report = w.report(w.world(tmp_path, toml(), before, every(20, now)))
+    report = w.report(w.world(tmp_path, toml(), before, every(40, now)))
     assert report.state == "normal"
     (line,) = [line for line in report.log if line.kind == "detected"]
     assert line.at == w.rome(0, 0)
     assert line.text == (
-        "Camera 1: a frame every 20 seconds instead of every 10 seconds. This alone changes counts by a few percent."
+        "Camera 1: a frame every 40 seconds instead of every 20 seconds. This alone changes counts by a few percent."
     )
     assert line.text in text_of(render_html(report))
 

@@ -20,8 +20,8 @@ from vsd_analytics.warehouse.sqlfiles import figure_headers
 Figures = Mapping[str, Mapping[str, Any]]
 HOURLY = {w.QUEUE: 20, w.DOOR: 12, w.AISLE: 6}
 N = 21 * sum(HOURLY.values())
-"""Violations of a whole week: 3 open hours a day; each is two people for 20 seconds."""
-CLOSE_H = N * 40 / 3600
+"""Violations of a whole week: 3 open hours a day; each is two people for two frames."""
+CLOSE_H = N * 2 * w.CLOSE_S / 3600
 EXPOSURE_H = 21 + CLOSE_H
 ENGINE = "[engine]\nprecision = 0.9\nrecall = 0.8\n"
 STATES = ("ok", "not_enough_data", "not_measurable")
@@ -83,7 +83,7 @@ def test_what_was_planted_is_reported(told: Figures) -> None:
     assert told["M7"]["value"] == pytest.approx(N / EXPOSURE_H, rel=1e-3)
     assert told["M8"]["value"] == N
     assert told["M4"]["value"] == 2 * N + 7  # one of them is there all day, every day
-    assert values(told, "M10", "value", "what")["median"] == 20
+    assert values(told, "M10", "value", "what")["median"] == w.CLOSE_S
     assert values(told, "M11", "share", "from_m")[1.5] == 1
     assert values(told, "M21", "share", "least")[2] == 1
     assert told["M22"]["value"] == 0
@@ -110,7 +110,7 @@ def test_levels_of_people_have_the_interval_of_days(told: Figures) -> None:
 def test_the_fullest_quarter_hour_is_reported_with_its_start(told: Figures) -> None:
     (peak,) = [row for row in told["M5"]["rows"] if row["what"] == "fullest quarter-hour"]
     # twenty slots of 40 s begin at each hour; in each, two more people for every place that has violations left
-    assert peak["people"] == pytest.approx(1 + 2 * 20 / 40 * (1 + 12 / 22.5 + 6 / 22.5), rel=0.1)
+    assert peak["people"] == pytest.approx(1 + 2 * w.CLOSE_S / 40 * (1 + 12 / 22.5 + 6 / 22.5), rel=0.1)
     assert peak["start"].startswith("2026-11-")
     assert peak["start"].endswith(":00:00+01:00")
 

@@ -18,7 +18,7 @@ from vsd_analytics.report.pages.week import render_html
 
 WAITING = {"M39", "M40", "M41"}
 PAIRS = {w.QUEUE: 20}
-"""Twenty pairs an hour stand in the queue for two frames of 10 s each."""
+"""Twenty pairs an hour stand in the queue for two frames of 20 s each."""
 
 
 def asking(*, cameras: tuple[str, ...] = ("cam-1",), language: str = "en", name: str = "Queue") -> str:
@@ -40,29 +40,29 @@ def values(figure: dict[str, Any], hour: int | None = None) -> dict[str, Any]:
 
 
 def test_report_page_and_commands_have_the_planted_people(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """A pair of people for 20 s every 180 s: two people for a ninth of the time, so one more than the capacity."""
+    """A pair of people for 40 s every 180 s: two people for two ninths of the time, so one more than the capacity."""
     site = w.world(tmp_path, asking(name="<b>Q</b>{{ 7*7 }}"), w.messages(w.steady(PAIRS)))
     report = w.report(site)
     found = json.loads(to_json(report))["figures"]
-    assert values(found["M39"])["mean"] == pytest.approx(2 / 9, rel=1e-3)
-    assert values(found["M39"], 10)["mean"] == pytest.approx(2 / 9, rel=1e-3)
+    assert values(found["M39"])["mean"] == pytest.approx(4 / 9, rel=1e-3)
+    assert values(found["M39"], 10)["mean"] == pytest.approx(4 / 9, rel=1e-3)
     assert values(found["M39"])["90 % of the time"] == 2
     use = values(found["M41"])
     for what in ("at least 60 % full", "full or over", "over", "mean people beyond it"):
-        assert use[what] == pytest.approx(1 / 9, rel=1e-3), what
+        assert use[what] == pytest.approx(2 / 9, rel=1e-3), what
     (median,) = (r for r in found["M40"]["rows"] if r["what"] == "median")
     assert (median["value"], median["reason"]) == (None, "needs at least 10 people who are served, has 0")
     page = render_html(report)
     assert "<b>Q</b>" not in page
     assert "&lt;b&gt;Q&lt;/b&gt;{{ 7*7 }}, capacity 1" in page
-    assert "On average 0.22 people wait" in page
+    assert "On average 0.44 people wait" in page
     code, out, _ = vsd(tmp_path, capsys, "queue", "--week", "2026-W46")
     assert code == 1, "no waiting time of a queue that has an end"
     assert "at most 2" in out
     code, out, _ = vsd(tmp_path, capsys, "capacity", "--week", "2026-W46", "--json")
     (place,) = json.loads(out)["places"]
     assert code == 0
-    assert place["time_over"]["value"] == pytest.approx(1 / 9, rel=1e-3)
+    assert place["time_over"]["value"] == pytest.approx(2 / 9, rel=1e-3)
 
 
 def test_a_report_that_nobody_asked_has_neither_figures_nor_section(
@@ -100,7 +100,7 @@ def test_the_table_of_queues_has_the_hours_of_the_report_and_holds_back_the_same
     shown = {None if pd.isna(hour) else hour: None if pd.isna(value) else value for hour, value in rows}
     assert shown == pytest.approx(said, abs=1e-6)
     assert shown[10] is None
-    assert shown[11] == pytest.approx(2 / 9, rel=1e-3)
+    assert shown[11] == pytest.approx(4 / 9, rel=1e-3)
 
 
 def test_a_week_in_which_one_of_two_cameras_was_silent_is_unknown_and_names_it(

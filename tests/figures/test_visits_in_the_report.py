@@ -38,7 +38,7 @@ def test_the_report_has_the_planted_visits_and_the_page_names_their_area(tmp_pat
     (row,) = found["M35"]["rows"]
     assert row["area"] == "queue"
     assert row["value"] == pytest.approx(40, rel=1e-3)  # twenty pairs an hour
-    assert {r["what"]: r["value"] for r in found["M36"]["rows"]}["median"] == pytest.approx(20)
+    assert {r["what"]: r["value"] for r in found["M36"]["rows"]}["median"] == pytest.approx(w.CLOSE_S)
     page = render_html(report)
     assert "Visits of Queue" in page
     assert "How long visits of Queue last: median" in page

@@ -45,8 +45,8 @@ POINTS: Mapping[worlds.Place, tuple[str | None, int]] = {
 """Where violations happen: the area (None: the rest of the floor) and the camera that sees it."""
 PLACES = ("queue", "door", None)
 SETTINGS = "[analysis]\nhotspot_days = 14\nhotspot_min_days = 4\nhotspot_min_violations = 20\n"
-CLOSE_H = 20 / 3600
-"""Time that each of the two people of a violation is too close: two frames of ten seconds."""
+CLOSE_H = worlds.CLOSE_S / 3600
+"""Time that each of the two people of a violation is too close: two frames."""
 Key = tuple[int, int, int, int]
 """Week, point, day, hour."""
 Weights = Mapping[Key, float]

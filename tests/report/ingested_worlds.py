@@ -1,7 +1,7 @@
 """Small worlds that reach a report the way real data do: engine messages, ingest, store, facts, marts.
 
-A world is made of pairs that stand 1.5 m apart for ten seconds, so its violations are known without counting. Frames
-come every ten seconds in opening hours; one more person stands alone, so that nobody's absence is not nobody seen.
+A world is made of pairs that stand 1.5 m apart in two frames, so its violations are known without counting. Frames
+come every twenty seconds in opening hours; one more person stands alone, so that nobody's absence is not nobody seen.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ from vsd_analytics.site.model import Site
 
 MONDAY = date(2026, 11, 9)
 BEFORE = MONDAY - timedelta(days=7)
-STEP_MS = 10_000
+STEP_MS = 20_000
+CLOSE_S = 40
+"""Each of the two people of a violation is too close for two frames."""
 SLOT_MS = 40_000
 Place = tuple[float, float]
 Counts = Callable[[int, int], Mapping[Place, int]]

@@ -23,7 +23,8 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
         return {w.QUEUE: 20 + day, w.DOOR: 12 + day % 4, w.AISLE: 9 + (day * 5) % 4}
 
     root = tmp_path_factory.mktemp("shop")
-    w.world(root, w.toml(), w.messages(busy, monday=w.BEFORE), w.messages(busy))
+    streams = [w.messages(busy, monday=monday, hours=(9, 10)) for monday in (w.BEFORE, w.MONDAY)]
+    w.world(root, w.toml(opening='{ mon-sun = "09:00-10:00" }'), *streams)
     return root
 
 

@@ -20,8 +20,8 @@ def busy(day: int, hour: int) -> dict[w.Place, int]:
 
 @pytest.fixture
 def shop(tmp_path: Path) -> Path:
-    streams = w.messages(busy, monday=w.BEFORE), w.messages(busy)
-    return w.world(tmp_path, w.toml(), *streams).root
+    streams = [w.messages(busy, monday=monday, hours=(9, 10)) for monday in (w.BEFORE, w.MONDAY)]
+    return w.world(tmp_path, w.toml(opening='{ mon-sun = "09:00-10:00" }'), *streams).root
 
 
 def test_missing_reports_are_made_and_pages_that_are_there_stay(shop: Path, capsys: pytest.CaptureFixture[str]) -> None:

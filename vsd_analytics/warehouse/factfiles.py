@@ -96,6 +96,8 @@ class FactWriter:
 
 def _with_texts(rows: pa.Table) -> pa.Table:
     """Return rows with texts for dictionaries: these may have names that no row of the file has."""
+    if not any(pa.types.is_dictionary(f.type) for f in rows.schema):
+        return rows
     return rows.cast(
         pa.schema([(f.name, pa.string() if pa.types.is_dictionary(f.type) else f.type) for f in rows.schema])
     )

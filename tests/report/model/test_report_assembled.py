@@ -165,8 +165,7 @@ def test_the_command_and_the_service_know_what_is_over(begun_week: Site, capsys:
 
 
 def test_a_week_that_is_nearly_over_is_compared_over_the_hours_that_are(tmp_path: Path) -> None:
-    streams = w.messages(busy, monday=w.BEFORE), w.messages(busy, days=range(6))
-    site = w.world(tmp_path, w.toml(), *streams)
+    site = w.world(tmp_path, toml(), messages(busy, monday=w.BEFORE), messages(busy, days=range(6)))
     report = w.report(site, clock=w.rome(6, 8))
     assert report.state == "normal"
     assert report.coverage.share == pytest.approx(1.0)
@@ -190,7 +189,7 @@ def test_no_data_week_names_each_cameras_last_record(tmp_path: Path) -> None:
     site = w.world(tmp_path, toml(cameras=("cam-1", "cam-2")), *streams)
     report = w.report(site)
     assert report.state == "no_data"
-    last = w.rome(6, 9, 59, monday=w.BEFORE).replace(second=50)
+    last = w.rome(6, 9, 59, monday=w.BEFORE).replace(second=40)
     assert [c.last_record for c in report.coverage.cameras] == [last, last]
     assert report.maps == ()
     assert report.areas == ()

@@ -63,8 +63,8 @@ def test_a_hotspot_counts_the_violations_of_the_people_who_stand_in_it(week: Wee
 
 
 def test_time_too_close_of_areas_and_hours_is_that_of_the_people_who_stand_there(week: WeekReport) -> None:
-    """Two people of each violation, 20 s each; one more person stands alone on the rest of the floor."""
-    hour_h = {name: 2 * n * 20 / 3600 for name, n in (("queue", 20), ("door", 6), (None, 5))}
+    """Two people of each violation, for two frames; one more person stands alone on the rest of the floor."""
+    hour_h = {name: 2 * n * w.CLOSE_S / 3600 for name, n in (("queue", 20), ("door", 6), (None, 5))}
     shares = {a.area_id: a.close_share.value for a in week.areas if a.close_share is not None}
     assert shares == {"queue": 1.0, "door": 1.0, None: pytest.approx(hour_h[None] / (1 + hour_h[None]))}
     whole = sum(hour_h.values()) / (1 + sum(hour_h.values()))

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 from pathlib import Path
 
 import pytest
 import shapely
 from report import ingested_worlds as w
 
+from vsd_analytics.config import load_site
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.geometry.calibration_files import calibration_id, read_matrix
 from vsd_analytics.report.draw.floor_plan import floor_map
@@ -34,23 +36,34 @@ def state_error(folder: Path, *, camera_id: str, far_sd_m: float) -> None:
     (matrix.parent / f"{camera_id}.toml").write_text(f'[[calibration]]\nhomography = "calibration/{matrix.name}"\n')
 
 
-def world(folder: Path, *, far_sd_m: float | None) -> WeekReport:
-    """Return the week of a floor with violations at the queue, near, and in the aisle, far from the camera."""
-    if far_sd_m is not None:
-        state_error(folder, camera_id="cam-1", far_sd_m=far_sd_m)
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a floor with violations at the queue, near, and in the aisle, far from the camera. Tests copy it."""
     config = w.toml(camera="view = [[0, 0], [20, 0], [20, 12], [0, 12]]\n", site="distance_m = 2.0\n")
     counts = w.steady({w.QUEUE: 20, w.AISLE: 30})
-    return finish(w.report(w.world(folder, config, w.messages(counts, monday=w.BEFORE), w.messages(counts))))
+    streams = w.messages(counts, monday=w.BEFORE), w.messages(counts)
+    return w.world(tmp_path_factory.mktemp("stored"), config, *streams).root
+
+
+def report(root: Path) -> WeekReport:
+    return finish(w.report(load_site(root)))
 
 
 @pytest.fixture(scope="module")
-def stated(tmp_path_factory: pytest.TempPathFactory) -> WeekReport:
-    return world(tmp_path_factory.mktemp("stated"), far_sd_m=1.4)
+def unstated(stored: Path) -> WeekReport:
+    return report(stored)
 
 
 @pytest.fixture(scope="module")
-def unstated(tmp_path_factory: pytest.TempPathFactory) -> WeekReport:
-    return world(tmp_path_factory.mktemp("unstated"), far_sd_m=None)
+def stated(stored: Path, unstated: WeekReport, tmp_path_factory: pytest.TempPathFactory) -> WeekReport:
+    return report(with_error(stored, tmp_path_factory.mktemp("stated"), far_sd_m=1.4))
+
+
+def with_error(stored: Path, folder: Path, *, far_sd_m: float) -> Path:
+    """Return a copy of the floor, with its facts, whose camera's calibration states an error."""
+    root = Path(shutil.copytree(stored, folder / "shop"))
+    state_error(root, camera_id="cam-1", far_sd_m=far_sd_m)
+    return root
 
 
 def floor_of(polygons: tuple[tuple[tuple[tuple[float, float], ...], ...], ...]) -> shapely.Geometry:
@@ -79,13 +92,13 @@ def test_the_page_says_what_dots_mean(stated: WeekReport) -> None:
     assert "On the dotted floor distances are too uncertain to tell." in page
 
 
-def test_floor_without_a_stated_error_is_coloured_as_before(unstated: WeekReport, tmp_path: Path) -> None:
+def test_floor_without_a_stated_error_is_coloured_as_before(stored: Path, unstated: WeekReport, tmp_path: Path) -> None:
     assert unstated.maps[0].uncertain == ()
     assert floor_of(unstated.maps[0].bands[0].polygons).contains(AISLE)
     page = render_html(unstated)
     assert "dotted floor" not in page
     assert "Too far from the camera" not in page
-    certain = world(tmp_path, far_sd_m=0.9)
+    certain = report(with_error(stored, tmp_path, far_sd_m=0.9))
     assert certain.maps[0].uncertain == ()
     assert certain.maps[0].bands == unstated.maps[0].bands
 
@@ -106,11 +119,11 @@ def test_the_card_of_a_spot_has_the_error_at_that_spot(stated: WeekReport, unsta
     assert "position error not known" in render_html(unstated)
 
 
-def test_error_of_another_matrix_is_not_taken(tmp_path: Path, unstated: WeekReport) -> None:
-    state_error(tmp_path, camera_id="cam-1", far_sd_m=1.4)
-    path = tmp_path / "calibration" / "cam-1-from-people.json"
+def test_error_of_another_matrix_is_not_taken(stored: Path, unstated: WeekReport, tmp_path: Path) -> None:
+    root = with_error(stored, tmp_path, far_sd_m=1.4)
+    path = root / "calibration" / "cam-1-from-people.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"calibration_id": "00000000"}))
-    assert world(tmp_path, far_sd_m=None).maps[0].bands == unstated.maps[0].bands
+    assert report(root).maps[0].bands == unstated.maps[0].bands
 
 
 def test_dots_on_a_picture_are_white_with_a_dark_edge(stated: WeekReport) -> None:

