@@ -26,6 +26,8 @@ DIGEST = b"vsd.digest"
 ROW_GROUP = 250_000
 """A row group ends with the first hour that brings it to this many rows. So the writer of a day holds few rows, and
 where row groups end depends on the rows alone."""
+FEW_ROWS = 100
+"""A file with fewer rows is not compressed: zstd takes longer to begin with each column than it saves a disk's block."""
 _INSTANTS = ("ts_ms", "started_ms", "ended_ms", "first_ms", "last_ms", "_from_ms", "_to_ms")
 _NAMES = frozenset(["company", *(name for name, kind in ENUMS.items() if kind == "track_name")])
 _SPREAD = frozenset(["cx", "before_ms", "after_ms"])
@@ -81,7 +83,7 @@ class FactWriter:
             self._writer = pq.ParquetWriter(
                 self._sink,
                 rows.schema.remove_metadata(),
-                compression="zstd",
+                compression="none" if rows.num_rows < FEW_ROWS else "zstd",
                 write_page_checksum=True,
                 # Arrow's own schema would say what Parquet's says.
                 store_schema=False,
