@@ -6,6 +6,7 @@ import json
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, ClassVar
 
 from vsd_analytics.errors import InputError, Where
@@ -50,7 +51,7 @@ class JsonMessages(ABC):
                     reason = "line-too-long" if not record else "bad-json"
                     frames.reject(number, reason, "this is no JSON object", record)
                 else:
-                    for reason, detail in self.add(message, frames, options, number):
+                    for reason, detail in frames.attempt(partial(self.take, message, frames, options, number)):
                         frames.reject(number, reason, detail, record)
                 if frames.n_rows >= BATCH_ROWS:
                     yield frames.batch(done, first_line="")
@@ -62,18 +63,6 @@ class JsonMessages(ABC):
 
     def check(self, options: IngestOptions) -> None:  # noqa: B027 - most formats have nothing to check
         """Raise UsageError (E101) when messages cannot be read as the user says."""
-
-    def add(
-        self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int
-    ) -> list[tuple[str, str]]:
-        """Add what one message says; return reason and detail of what cannot be used: persons of it, or all of it."""
-        try:
-            self.take(message, frames, options, number)
-        except BadRowError as bad:
-            frames.wrong_persons()  # the whole message is named once
-            reason, detail = bad.args
-            return [(reason, detail)]
-        return frames.wrong_persons()
 
     @abstractmethod
     def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
