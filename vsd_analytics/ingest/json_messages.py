@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, ClassVar
 
-from vsd_analytics.errors import InputError, Where
-from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Source, bytes_read
+from vsd_analytics.errors import InputError
+from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Source, bytes_read, damaged_after
 from vsd_analytics.ingest.envelopes import as_object, text_before, with_body
 from vsd_analytics.ingest.frame_rows import FrameRows
 from vsd_analytics.ingest.json_values import json_values
@@ -140,20 +140,10 @@ def _one_after_the_other(
     """Yield objects that span lines."""
 
     def damaged(number: int, text: str, error: Exception) -> InputError:
-        return _damaged(source, number, text, error)
+        return damaged_after(source, number, why=f"it is not JSON: {str(error)[:200]}", what="message", text=text)
 
     for number, found, text, done in json_values(source, value_max_bytes=options.line_max_bytes, damaged=damaged):
         if isinstance(found, dict):
             yield number, with_body(found), json.dumps(found).encode(), done
         else:
             yield number, None, text.encode("utf-8", "replace"), done
-
-
-def _damaged(source: Source, number: int, text: str, error: Exception) -> InputError:
-    return InputError(
-        f"{source.file_name} is damaged after message {number:,}",
-        code="E205",
-        where=Where(source.name, number + 1, text),
-        why=f"it is not JSON: {str(error)[:200]}",
-        fix="copy or export the file again; the messages before the damage are stored",
-    )
