@@ -131,9 +131,9 @@ def test_a_change_of_the_whole_site_is_shown_and_not_judged(known: PlannerData) 
     said = change_words(by_text(known, "Floor"))
     assert said.verdict.startswith("Cannot tell: it concerns the whole site")
     assert said.rows == ()
-    assert said.has_map
+    assert said.spans
     late = change_words(by_text(known, "Cameras"))
-    assert not late.has_map
+    assert not late.spans
 
 
 @pytest.mark.parametrize(
