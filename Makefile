@@ -21,8 +21,8 @@ demo: $(VENV)/.installed
 
 # What `make check` runs: folders and files without a demo project, a browser or a loop over simulated weeks.
 FAST := $(addprefix tests/, test_architecture.py test_light_imports.py cli/test_site_commands.py config \
-        docs/test_contributing.py docs/test_docs.py docs/test_words.py geometry report/pages report/words \
-        sql/test_sql_files.py stats)
+        docs/test_contributing.py docs/test_docs.py docs/test_words.py figures/test_figures_catalogue.py geometry \
+        report/pages report/words sql stats)
 
 check: $(VENV)/.installed-test $(VENV)/.linted-sql
 	$(BIN)/ruff format --check --quiet .

@@ -49,18 +49,29 @@ def test_the_adapter_example_reads_its_format(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setitem(adapters.SPECIFIC, "acme", "vsd_analytics.ingest.acme:Acme")
     path = tmp_path / "hall.txt"
-    path.write_text("#acme 1\n0.5;p1;1.25;3\nnonsense\n1.5;p1;1.5;3\n", encoding="utf-8")
+    path.write_text(
+        "#acme 1\n2025-11-10T09:00:00Z;2;p1@1.25,3 p2@far,3\nnonsense\n2025-11-10T09:00:01Z;0;\n"
+        "2025-11-10T09:00:02Z;2;p1@1.5,3 p2@2,3.5",
+        encoding="utf-8",
+    )
     options = IngestOptions(camera="cam-1")
 
     adapter = recognise.find_adapter(Source(path), options)
     (batch,) = adapter.read(Source(path), options)
 
     assert adapter.name == "acme"
-    assert batch.table("observations").select(["camera", "ts_ms", "x_m"]).to_pylist() == [
-        {"camera": "cam-1", "ts_ms": 500, "x_m": 1.25},
-        {"camera": "cam-1", "ts_ms": 1500, "x_m": 1.5},
+    start_ms = 1_762_765_200_000
+    assert batch.table("frames").select(["ts_ms", "n_persons"]).to_pylist() == [
+        {"ts_ms": start_ms, "n_persons": 2},
+        {"ts_ms": start_ms + 1000, "n_persons": 0},
+        {"ts_ms": start_ms + 2000, "n_persons": 2},
     ]
-    assert [(r.line, r.reason) for r in batch.rejected] == [(3, "not-a-number")]
+    assert batch.table("observations").select(["camera", "track", "x_m"]).to_pylist() == [
+        {"camera": "cam-1", "track": "p1", "x_m": 1.25},
+        {"camera": "cam-1", "track": "p1", "x_m": 1.5},
+        {"camera": "cam-1", "track": "p2", "x_m": 2.0},
+    ]
+    assert [(r.line, r.reason) for r in batch.rejected] == [(2, "not-a-number"), (3, "wrong-number-of-fields")]
 
 
 @pytest.fixture

@@ -29,15 +29,15 @@ def page_id(path: Path) -> str:
 
 @pytest.mark.parametrize("name", GENERATED)
 def test_generated_page_is_what_the_code_says(name: str) -> None:
-    """Run `make docs` after changing a setting, a command or the header of a SQL file."""
-    assert (REPOSITORY / "docs" / name).read_text(encoding="utf-8") == reference.PAGES[name]()
+    is_current = (REPOSITORY / "docs" / name).read_text(encoding="utf-8") == reference.PAGES[name]()
+    assert is_current, f"docs/{name} follows settings, help texts and SQL headers: run `make docs`, see git diff"
 
 
 @pytest.mark.parametrize("name", sorted(reference.PARTS))
 def test_generated_part_of_a_page_is_what_the_code_says(name: str) -> None:
-    """Run `make docs` after changing the header of a SQL file."""
     text = (REPOSITORY / "docs" / name).read_text(encoding="utf-8")
-    assert reference.with_part(text, reference.PARTS[name]()) == text
+    is_current = reference.with_part(text, reference.PARTS[name]()) == text
+    assert is_current, f"a part of docs/{name} follows SQL headers: run `make docs`, see git diff"
 
 
 def test_every_command_has_help_an_example_and_an_entry() -> None:

@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -51,7 +52,13 @@ def test_every_figure_of_the_headers_is_made_by_one_function_and_no_other_is() -
 
     for name in catalogue.FILES_OF_SPACE:  # imported where a place asks for them
         importlib.import_module(f"{catalogue.__name__}.{name}")
-    assert set(MAKERS) == {f.metric for f in figure_headers()}
+    assert set(MAKERS) == {f.metric for f in figure_headers()}, "a header needs an @figure of its id, and the reverse"
+
+
+def test_every_figure_of_the_headers_has_its_words() -> None:
+    words = tomllib.loads((REPOSITORY / "reports/wording/figures.toml").read_text(encoding="utf-8"))
+    assert list(words) == sorted((f.metric for f in figure_headers()), key=lambda metric: int(metric[1:]))
+    assert [metric for metric, parts in words.items() if "json_unit" not in parts] == []
 
 
 def test_two_functions_for_one_figure_are_refused() -> None:
@@ -68,11 +75,8 @@ def test_the_three_files_of_the_example_put_a_figure_on_the_page_and_into_the_js
     (tree / "sql/marts/long_violations.sql").write_text(sql, encoding="utf-8")
     code = tree / "vsd_analytics/figures/catalogue/long_violations.py"
     code.write_text(example("figure-code"), encoding="utf-8")
-    words = tree / "reports/wording/en.toml"
-    text = words.read_text(encoding="utf-8")
-    for table, mark in (("more", "figure-words"), ("reason.unit", "figure-unit")):
-        text = text.replace(f"\n[{table}]\n", f"\n[{table}]\n{example(mark)}", 1)
-    words.write_text(text, encoding="utf-8")
+    with (tree / "reports/wording/figures.toml").open("a", encoding="utf-8") as words:
+        words.write(f"\n{example('figure-words')}")
     site = w.world(tmp_path / "project", w.toml(), w.messages(w.steady({w.QUEUE: 4, w.DOOR: 2})))
 
     done = subprocess.run(

@@ -216,4 +216,4 @@ def test_the_judge_tells_rows_lost_and_a_hang(judge: Judge, monkeypatch: pytest.
 
     monkeypatch.setattr(frames.MessageRows, "add", forgetful)
     with pytest.raises(WrongRowsError):
-        _ = [run_case(judge, number, seed=1) for number in range(0, 200, len(WORLDS))]
+        _ = [run_case(judge, number, seed=1) for number in range(0, 50 * len(WORLDS), len(WORLDS))]

@@ -64,10 +64,10 @@ def _week(base: PlannerData, rng: Any, n: float, below: int) -> Any:
         axis=1,
     )
     fine = fine[:, np.lexsort((fine[1], fine[0]))]
-    lying = cell_counts.WeekCells(
-        violations=cell_counts._given(keys[:, lies], [counts.ravel()[lies]], grid=grid, across=2, below=below),
+    cells = cell_counts.WeekCells(
+        violations=cell_counts._merged(keys[:, lies], [counts.ravel()[lies]], grid=grid, across=2, below=below),
         fine=fine[:, fine[2] >= below],
-        time=cell_counts._given(
+        time=cell_counts._merged(
             keys[:, stands],
             [tracks[stands], exposure[stands], close[stands]],
             grid=grid,
@@ -78,7 +78,7 @@ def _week(base: PlannerData, rng: Any, n: float, below: int) -> Any:
         unit_ms=100,
         excess=base.week.cells.excess if base.week.cells is not None else None,  # type: ignore[arg-type]
     )  # fmt: skip
-    return replace(base.week, panel=panel, cells=lying)
+    return replace(base.week, panel=panel, cells=cells)
 
 
 def _profile() -> Any:

@@ -22,7 +22,7 @@ from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.planner.change_words import change_words
-from vsd_analytics.planner.logged_changes import ChangeSide, Lying, PlannerChange
+from vsd_analytics.planner.logged_changes import CellSums, ChangeSide, PlannerChange
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
 from vsd_analytics.report.model.assemble import week_report
@@ -123,17 +123,17 @@ def test_neither_side_of_a_change_nor_what_two_changes_share_tells_a_small_count
     assert [n for n in apart if 0 < abs(n) < 5] == []
 
 
-def cells(lying: Lying) -> tuple[list[int], ...]:
-    return lying.camera.tolist(), lying.cell.tolist(), lying.values[0].tolist()
+def cells(sums: CellSums) -> tuple[list[int], ...]:
+    return sums.camera.tolist(), sums.cell.tolist(), sums.values[0].tolist()
 
 
 def test_a_change_of_the_whole_site_is_shown_and_not_judged(known: PlannerData) -> None:
     said = change_words(by_text(known, "Floor"))
     assert said.verdict.startswith("Cannot tell: it concerns the whole site")
     assert said.rows == ()
-    assert said.has_map
+    assert said.spans
     late = change_words(by_text(known, "Cameras"))
-    assert not late.has_map
+    assert not late.spans
 
 
 @pytest.mark.parametrize(
@@ -189,17 +189,17 @@ def dense_side(page: PlannerData, seed: int) -> ChangeSide:
     cells = page.week.cells
     assert cells is not None
 
-    def lying(rows: Any) -> Lying:
+    def summed(rows: Any) -> CellSums:
         key, first = np.unique(rows.camera * 10**6 + rows.cell, return_index=True)
         sums = np.add.reduceat(rows.values, first, axis=1)
         values = np.rint(sums * rng.uniform(3, 5, sums.shape)).astype(np.int64)
-        return Lying(camera=key // 10**6, cell=key % 10**6, values=values)
+        return CellSums(camera=key // 10**6, cell=key % 10**6, values=values)
 
     totals = {k: getattr(page.week.panel, k).sum(axis=2) * 4 for k in ("n", "exposure_ms", "close_ms")}
     recorded_ms = page.week.panel.recorded_ms.sum(axis=1) * 4
     days = (planted.FIRST, planted.MONDAY)
     return ChangeSide(
-        days=days, recorded_ms=recorded_ms, violations=lying(cells.violations), time=lying(cells.time), **totals
+        days=days, recorded_ms=recorded_ms, violations=summed(cells.violations), time=summed(cells.time), **totals
     )
 
 

@@ -108,9 +108,9 @@ def report(
     if is_mailed and out == "-":
         raise UsageError("a mail is a file", fix="--out DIR, or leave --out away: it goes to mail/ of the project")
     options = report_mail.MailOptions(
-        sender=sender, to=to, subject=subject, is_sent=is_sent, is_again=is_again, is_zipped=is_zipped
+        sender=sender, to=to, is_sent=is_sent, is_again=is_again, subject=subject, is_zipped=is_zipped
     )
-    sender, to = report_mail.checked(project, options) if is_mailed else (None, ())
+    options = report_mail.checked(project, options) if is_mailed else options
     reports = make_reports(project, week=week, days=days, floor_id=floor_id)
     every = [_files(project, r, figure=figure, paper=paper) for r in reports]
     kinds = expanded(kinds, every[0])
@@ -131,7 +131,7 @@ def report(
     for files in every if is_mailed else ():
         where = Path(out) if out is not None else project.root / report_mail.FOLDER
         try:
-            paths.append(report_mail.mail_week(project, files, options=options, sender=sender, to=to, out=where))
+            paths.append(report_mail.mail_week(project, files, options=options, out=where))
         except VsdError as error:
             failed.append(error)
     if is_mailed or PAGES & set(kinds):
@@ -139,18 +139,7 @@ def report(
     for path in paths:
         click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")
     for report in reports:
-        if report.is_so_far:
-            least = report.rules.min_coverage
-            project.say(
-                f"{report.week.iso} is not over: the page compares and ranks nothing before {least:.0%} of its open "
-                "hours are recorded"
-            )
-        elif report.state in ("no_data", "too_incomplete"):
-            floor = "" if len(project.site.floors) == 1 else f" of {report.site.floor_name}"
-            project.say(
-                f"{report.week.iso}{floor}: {_share(report)} of the open hours were recorded, so the "
-                "page gives no change and no ranking; vsd coverage shows which hours, --week makes another week"
-            )
+        _say_what_lacks(project, report)
     warning = report_mail.late(project, every[0], week=week or "last") if is_sent and days is None else None
     if warning is not None:
         click.echo(render_error(warning, word="warning"), err=True)
@@ -162,6 +151,22 @@ def report(
     if is_opened and paths:
         click.launch(str(paths[0]))
     return code
+
+
+def _say_what_lacks(project: Project, report: WeekReport) -> None:
+    """Say why a page compares and ranks nothing, where too little was recorded or the week is not over."""
+    if report.is_so_far:
+        least = report.rules.min_coverage
+        project.say(
+            f"{report.week.iso} is not over: the page compares and ranks nothing before {least:.0%} of its open "
+            "hours are recorded"
+        )
+    elif report.state in ("no_data", "too_incomplete"):
+        floor = "" if len(project.site.floors) == 1 else f" of {report.site.floor_name}"
+        project.say(
+            f"{report.week.iso}{floor}: {_share(report)} of the open hours were recorded, so the "
+            "page gives no change and no ranking; vsd coverage shows which hours, --week makes another week"
+        )
 
 
 def remember_questions(project: Project, reports: list[WeekReport]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,27 +31,27 @@ LOG = "sent.jsonl"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MailOptions:
-    """What the command line says about the mail; it wins over `[mail]`.
+    """What the command line says about the mail; where it says nothing, `checked` takes sender and `to` from `[mail]`.
 
     Attributes:
         sender: `--from`.
         to: `--to`.
-        subject: `--subject`.
         is_sent: `--send`.
         is_again: `--again`.
+        subject: `--subject`.
         is_zipped: `--zip`.
     """
 
     sender: str | None
     to: tuple[str, ...]
-    subject: str | None
     is_sent: bool
     is_again: bool
-    is_zipped: bool
+    subject: str | None = None
+    is_zipped: bool = False
 
 
-def checked(project: Project, options: MailOptions) -> tuple[str | None, tuple[str, ...]]:
-    """Return sender and recipients, refusing what cannot be sent before anything is computed.
+def checked(project: Project, options: MailOptions) -> MailOptions:
+    """Return the options with sender and recipients, refusing what cannot be sent before anything is computed.
 
     Raises:
         UsageError: E101, an address is none.
@@ -72,16 +72,14 @@ def checked(project: Project, options: MailOptions) -> tuple[str | None, tuple[s
         if not to:
             raise _cannot_send("there is nobody to send it to", 'to = ["manager@example.org"], or --to')
         password_of(route, environ=os.environ)
-    return sender, to
+    return replace(options, sender=sender, to=to)
 
 
 def _cannot_send(what: str, fix: str) -> MailError:
     return MailError(what, code="E801", fix=f"in vsd.toml: [mail] {fix}; without --send the mail is only written")
 
 
-def mail_week(
-    project: Project, files: ReportFiles, *, options: MailOptions, sender: str | None, to: tuple[str, ...], out: Path
-) -> Path:
+def mail_week(project: Project, files: ReportFiles, *, options: MailOptions, out: Path) -> Path:
     """Write the mail of one report and, if asked, send it.
 
     Returns:
@@ -104,8 +102,8 @@ def mail_week(
     base = project.site.base_url
     mail = make_mail(
         files.report,
-        sender=sender,
-        to=to,
+        sender=options.sender,
+        to=options.to,
         subject=options.subject,
         date=project.now.astimezone(project.site.zone) if options.is_sent else None,
         link=None if base is None else f"{base}/{quote(files.stem)}.html",
@@ -114,7 +112,7 @@ def mail_week(
     [path] = write(out, {f"{files.stem}.eml": as_bytes(mail)})
     if options.is_sent and project.site.mail is not None:
         week = Week(floor_id=files.report.site.floor_id, week=files.report.week.iso)
-        send(project, mail, week, route=project.site.mail, to=to, is_again=options.is_again)
+        send(project, mail, week, route=project.site.mail, to=options.to, is_again=options.is_again)
     return path
 
 

@@ -73,19 +73,15 @@ def today(
         raise UsageError("--json prints the figures and nothing else", fix="vsd today --json")
     if not is_mailed and (to or sender or is_again):
         raise UsageError("--to, --from and --again go with a mail", fix="--mail, or --mail --send")
-    options = report_mail.MailOptions(
-        sender=sender, to=to, subject=None, is_sent=is_sent, is_again=is_again, is_zipped=False
-    )
-    sender, to = report_mail.checked(project, options) if is_mailed else (None, ())
+    options = report_mail.MailOptions(sender=sender, to=to, is_sent=is_sent, is_again=is_again)
+    mail = report_mail.checked(project, options) if is_mailed else None
     found = _today(project, floor_id)
     if is_published:
         _publish(project, found)
     if as_json:
         emit_json(rounded({"today": [asdict(card) for card in found]}))
     else:
-        paths = [
-            path for card in found for path in _write(project, card, out, options, sender, to, is_mailed=is_mailed)
-        ]
+        paths = [path for card in found for path in _write(project, card, out, mail)]
         if is_opened:
             click.launch(str(paths[0]))
     return 1 if any(card.silent for card in found) else 0
@@ -143,17 +139,8 @@ def _today(project: Project, floor_id: str | None) -> list[Today]:
         return [figures.today(warehouse, at, floor_id=f) for f in floors]
 
 
-def _write(
-    project: Project,
-    card: Today,
-    out: str | None,
-    options: MailOptions,
-    sender: str | None,
-    to: tuple[str, ...],
-    *,
-    is_mailed: bool,
-) -> list[Path]:
-    """Print a card, write its page and, if asked, its mail; return the files."""
+def _write(project: Project, card: Today, out: str | None, options: MailOptions | None) -> list[Path]:
+    """Print a card, write its page and, with options of a mail, its mail; return the files."""
     from vsd_analytics.cli import report_mail
     from vsd_analytics.cli.report_formats import write
     from vsd_analytics.figures.today import first_day
@@ -170,15 +157,14 @@ def _write(
     floor = "" if len(site.floors) == 1 else f"-{card.floor_id}"
     folder = Path(out) if out is not None else project.root / "reports"
     paths = write(folder, {f"today{floor}.html": today_html(page).encode()})
-    if is_mailed:
-        mail = today_mail(
-            page, sender=sender, to=to, date=project.now.astimezone(site.zone) if options.is_sent else None
-        )
+    if options is not None:
+        date = project.now.astimezone(site.zone) if options.is_sent else None
+        mail = today_mail(page, sender=options.sender, to=options.to, date=date)
         target = Path(out) if out is not None else project.root / report_mail.FOLDER
         paths += write(target, {f"today{floor}.eml": as_bytes(mail)})
     for path in paths:
         click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")
-    if options.is_sent and site.mail is not None:
+    if options is not None and options.is_sent and site.mail is not None:
         day = Week(floor_id=card.floor_id or "", week=card.at.date().isoformat())
-        report_mail.send(project, mail, day, route=site.mail, to=to, is_again=options.is_again)
+        report_mail.send(project, mail, day, route=site.mail, to=options.to, is_again=options.is_again)
     return paths

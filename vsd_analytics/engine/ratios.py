@@ -55,12 +55,6 @@ class Ratios:
             return self.horizontal, self.vertical
         return 1 - self.horizontal, 1 - self.vertical
 
-    def converted(self, convention: Convention) -> Ratios:
-        """Return the same trapezoid in a convention."""
-        if convention == self.convention:
-            return self
-        return Ratios(1 - self.horizontal, 1 - self.vertical, convention)
-
     def homography(self, size_px: tuple[int, int]) -> Array:
         """Return the map from picture to floor plane, 3x3; the plane's unit is a pixel at the picture's bottom edge.
 

@@ -176,7 +176,8 @@ def _best_guess(ends: Array, length: Array) -> Array | None:
         a, b = _unit(first[k] * down), _unit(second[k] * down)
         if not np.isfinite([a, b]).all() or abs(a @ b) > 0.05:
             continue
-        axes = np.column_stack([a, _unit(b - (a @ b) * a), np.cross(a, _unit(b - (a @ b) * a))])
+        across = _unit(b - (a @ b) * a)
+        axes = np.column_stack([a, across, np.cross(a, across)])
         tilt, roll = _tilt_and_roll(axes)
         if tilt < MIN_TILT_RAD or abs(roll) > MAX_ROLL_RAD:
             continue

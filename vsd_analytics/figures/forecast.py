@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from vsd_analytics.figures.slots import Floats, Slots, iso_week, load_slots, open_hours
 from vsd_analytics.result import Reason, State
 from vsd_analytics.stats.forecast import (
-    MIN_WEEKS,
     Chances,
     ForecastScore,
     WeekForecast,
@@ -214,7 +213,7 @@ def _gatherings(slots: Slots, counted: tuple[ArrayLike, ArrayLike] | None, open_
     if counted is None:
         return SeriesForecast(unit, denominator, (), None, None, 0, None, "not_measurable", NO_GATHERINGS)
     n, x_h = (np.asarray(a, dtype=np.float64)[1:] for a in counted)
-    made = chances(n, x_h, open_h=open_h, min_weeks=MIN_WEEKS)
+    made = chances(n, x_h, open_h=open_h)
     rows = _rows(slots.monday, open_h, made) if made.state == "ok" else ()
     return SeriesForecast(unit, denominator, rows, None, None, made.n_recorded_weeks, None, made.state, made.reason)
 

@@ -31,9 +31,7 @@ class OthersMet:
     long_share: ShareEstimate
 
 
-def others_met(
-    warehouse: Warehouse, cameras: Collection[str], *, first: date, last: date, seed: int = SEED
-) -> OthersMet:
+def others_met(warehouse: Warehouse, cameras: Collection[str], *, first: date, last: date) -> OthersMet:
     """Return how many others people met in a range, and the share of them with 15 minutes too close to one.
 
     Args:
@@ -41,7 +39,6 @@ def others_met(
         cameras: Ids of the cameras whose track ids last (`groups.camera_lives`).
         first: First site day.
         last: Last site day.
-        seed: Of the bootstrap.
     """
     settings = warehouse.site.settings
     rows = warehouse.table(
@@ -55,7 +52,7 @@ def others_met(
     days, code = np.unique(day, return_inverse=True)
     return OthersMet(
         met=count_quantiles(
-            rows["n_met"].to_numpy(), day, seed=seed, confidence=settings.confidence, min_days=settings.min_days
+            rows["n_met"].to_numpy(), day, seed=SEED, confidence=settings.confidence, min_days=settings.min_days
         ),
         long_share=share_by_days(
             np.bincount(code, weights=is_long, minlength=len(days)),

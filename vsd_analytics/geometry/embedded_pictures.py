@@ -138,51 +138,49 @@ def _covers(length: str | None, whole: str) -> bool:
         return False
 
 
-def picture_image(path: Path, *, width_px: int = 640, max_bytes: int = MAX_BYTES) -> tuple[str, tuple[int, int]]:
+def picture_image(path: Path, *, width_px: int = 640) -> tuple[str, tuple[int, int]]:
     """Return an empty camera scene as a grey WebP data URI and the size of the original in pixels.
 
     Args:
         path: PNG or JPG file.
         width_px: Width it is made smaller to.
-        max_bytes: Quality is lowered until it fits.
 
     Raises:
         ReportError: The file is no picture (E501).
     """
     import cv2
-    import numpy as np
 
     grey = _decode(path, flags=cv2.IMREAD_GRAYSCALE)
-    height, width = grey.shape[:2]
-    factor = min(1.0, width_px / width)
-    small = cv2.resize(grey, (round(width * factor), max(1, round(height * factor))), interpolation=cv2.INTER_AREA)
-    for quality in (60, 40, 20, 5):
-        encoded = cv2.imencode(".webp", small, [cv2.IMWRITE_WEBP_QUALITY, quality])[1]
-        if encoded.nbytes <= max_bytes:
-            break
-    return data_uri(np.asarray(encoded).tobytes(), kind="webp"), (width, height)
+    return _small_webp(grey, width_px=width_px, max_bytes=MAX_BYTES, qualities=(60, 40, 20, 5))
 
 
-def photo_image(path: Path, *, width_px: int = 1600, max_bytes: int = 500_000) -> tuple[str, tuple[int, int]]:
+def photo_image(path: Path) -> tuple[str, tuple[int, int]]:
     """Return a picture in colour as a WebP data URI and the size of the original in pixels.
 
     Args:
         path: PNG or JPG file.
-        width_px: Width it is made smaller to.
-        max_bytes: Quality is lowered until it fits.
 
     Raises:
         ReportError: The file is no picture (E501).
     """
     import cv2
-    import numpy as np
 
     # as stored: the pixels of a calibration know nothing of a photo's orientation tag
     bgr = _decode(path, flags=cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-    height, width = bgr.shape[:2]
+    return _small_webp(bgr, width_px=1600, max_bytes=500_000, qualities=(85, 70, 50, 30))
+
+
+def _small_webp(
+    picture: NDArray[Any], *, width_px: int, max_bytes: int, qualities: tuple[int, ...]
+) -> tuple[str, tuple[int, int]]:
+    """Return a picture of this width as a data URI, of the first quality that fits, and its size before."""
+    import cv2
+    import numpy as np
+
+    height, width = picture.shape[:2]
     factor = min(1.0, width_px / width)
-    small = cv2.resize(bgr, (round(width * factor), max(1, round(height * factor))), interpolation=cv2.INTER_AREA)
-    for quality in (85, 70, 50, 30):
+    small = cv2.resize(picture, (round(width * factor), max(1, round(height * factor))), interpolation=cv2.INTER_AREA)
+    for quality in qualities:
         encoded = cv2.imencode(".webp", small, [cv2.IMWRITE_WEBP_QUALITY, quality])[1]
         if encoded.nbytes <= max_bytes:
             break

@@ -256,6 +256,19 @@ def empty(source: Source) -> InputError:
     )
 
 
+def damaged_after(
+    source: Source, number: int, *, why: str, what: str = "record", text: str | None = None
+) -> InputError:
+    """Return the error of a file of which only so many records can be read: E205."""
+    return InputError(
+        f"{source.file_name} is damaged after {what} {number:,}",
+        code="E205",
+        where=Where(source.name, number + 1, text),
+        why=why,
+        fix="copy or export the file again; the records before the damage are stored",
+    )
+
+
 def bytes_read(stream: IO[bytes]) -> int:
     """Return how far a stream of `Source.open` has read its file, in bytes on disk."""
     raw = getattr(stream, "raw", None)

@@ -8,6 +8,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from vsd_analytics.errors import InputError, Where
+from vsd_analytics.ingest.adapter import Source
+
 
 def text_lengths(column: pa.Array) -> np.ndarray:
     """Return the bytes of each cell of a text, 0 of others."""
@@ -37,3 +40,19 @@ def is_text(kind: Any) -> bool:
     """Return whether a type is text, or bytes that may be text."""
     checks = (pa.types.is_string, pa.types.is_large_string, pa.types.is_binary, pa.types.is_large_binary)
     return any(check(kind) for check in checks)
+
+
+def holds_text(kind: Any) -> bool:
+    """Return whether a type is text, also by way of a dictionary."""
+    return is_text(kind.value_type if pa.types.is_dictionary(kind) else kind)
+
+
+def no_such_type(source: Source, why: str) -> InputError:
+    """Return the error of a column of a type that cannot be read: E203."""
+    return InputError(
+        f"{source.file_name} has a column of a type that cannot be read",
+        code="E203",
+        where=Where(source.name),
+        why=why,
+        fix="write numbers, texts and timestamps into plain columns; --map names the right ones",
+    )

@@ -14,9 +14,9 @@ from typing import IO, Final
 import numpy as np
 import pyarrow as pa
 
-from vsd_analytics.errors import InputError, Where
-from vsd_analytics.ingest.adapter import BATCH_ROWS, Rejected, Source
-from vsd_analytics.ingest.arrow_cells import is_text, plain, text_lengths
+from vsd_analytics.errors import InputError
+from vsd_analytics.ingest.adapter import BATCH_ROWS, Rejected, Source, damaged_after
+from vsd_analytics.ingest.arrow_cells import holds_text, no_such_type, plain, text_lengths
 from vsd_analytics.ingest.limits import records_max, too_many_records, unpacked_max, unpacks_too_far
 from vsd_analytics.ingest.raw import rejected
 from vsd_analytics.ingest.table_file import Chunk, Header, repeated_names, unique_names
@@ -55,7 +55,7 @@ class ArrowTable:
         for i in wanted.values():
             if not self.can_read(i):
                 kind = f"{self.header.names[i][:80]} is a {str(self._schema.field(i).type)[:80]}"
-                raise self._no_such_type(kind)
+                raise no_such_type(self._source, kind)
         self._done = 0
         with pa.OSFile(str(self._source.path), "rb") as raw, pa.ipc.open_file(raw) as file:
             for number in range(file.num_record_batches):
@@ -72,20 +72,14 @@ class ArrowTable:
         except InputError:
             raise
         except (pa.ArrowNotImplementedError, pa.ArrowTypeError) as error:
-            raise self._no_such_type(str(error)[:200]) from None
+            raise no_such_type(self._source, str(error)[:200]) from None
         except _DAMAGE as error:
-            raise InputError(
-                f"{self._source.file_name} is damaged after record {self._done:,}",
-                code="E205",
-                where=Where(self._source.name, self._done + 1),
-                why=f"it is no whole Arrow file: {str(error)[:200]}",
-                fix="copy or export the file again; the records before the damage are stored",
-            ) from None
+            why = f"it is no whole Arrow file: {str(error)[:200]}"
+            raise damaged_after(self._source, self._done, why=why) from None
 
     def has_text(self, column: int) -> bool:
         """Return whether a column holds texts."""
-        kind = self._schema.field(column).type
-        return is_text(kind.value_type if pa.types.is_dictionary(kind) else kind)
+        return holds_text(self._schema.field(column).type)
 
     def can_read(self, column: int) -> bool:
         """Return whether a column is of a type that can be read: no list and no struct."""
@@ -130,15 +124,6 @@ class ArrowTable:
         if n_bytes > unpacked_max(size, self._source.settings):
             settings = self._source.settings
             raise unpacks_too_far(self._source.name, n_bytes=size, settings=settings, found=n_bytes)
-
-    def _no_such_type(self, why: str) -> InputError:
-        return InputError(
-            f"{self._source.file_name} has a column of a type that cannot be read",
-            code="E203",
-            where=Where(self._source.name),
-            why=why,
-            fix="write numbers, texts and timestamps into plain columns; --map names the right ones",
-        )
 
 
 class _Flat:

@@ -248,25 +248,11 @@ def _missing(
     named: str | None = None,
     taken: Collection[str] = (),
 ) -> InputError:
+    """Return the error of a table that lacks a column that is needed: E203, with the nearest of its own."""
     shown = [n for n in header.names if not n.startswith("_")]
     found = f"found: {', '.join(n[:40] for n in shown[:20])}"
-    if shown and header.line is not None and all(is_number(n) for n in shown):
-        return InputError(
-            f"{source.file_name} has no column {column!r}",
-            code="E203",
-            where=Where(source.name, header.line, header.text),
-            why=f"{why}; the first line holds numbers, so the file seems to have no header",
-            fix="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
-        )
-    if column == "ts" and set(shown) >= _ULTRALYTICS:
-        return InputError(
-            f"{source.file_name} has neither times nor frame numbers",
-            code="E203",
-            where=Where(source.name, header.line, header.text),
-            why="these are results of ultralytics for one picture, and they do not say which",
-            fix="let it write a file for each frame (save_txt=True), then: vsd engine run labels/ --camera ID --size "
-            "WIDTHxHEIGHT --hz 25 --start INSTANT --out frames.jsonl",
-        )
+    if (other := _other_file(source, column, header, shown, why)) is not None:
+        return other
     is_pair = proposed is not None and not {"x_a_m", "distance_m"}.isdisjoint(proposed)
     renames = (
         dict(proposed or {})
@@ -276,10 +262,10 @@ def _missing(
     near = renames.get(ours or column)
     counts = [n for n in shown if n.lower() in _COUNTS]
     if column == "x_m" and counts and near not in shown:
-        return InputError(
-            f"{source.file_name} has counts of people and no places",
-            code="E203",
-            where=Where(source.name, header.line, header.text),
+        return _unfit(
+            source,
+            header,
+            "has counts of people and no places",
             why=f"{counts[0][:40]!r} says how many people, and distances need the place of each; {found}",
             fix="let the engine write a row for each person and frame: time, id, and metres or a box in pixels",
         )
@@ -298,3 +284,30 @@ def _missing(
         why=f"{why}; {found}",
         fix=fix,
     )
+
+
+def _other_file(source: Source, column: str, header: Header, shown: list[str], why: str) -> InputError | None:
+    """Return the error of a file that no renamed column makes a table: one without a header, or of one picture."""
+    if shown and header.line is not None and all(is_number(n) for n in shown):
+        return _unfit(
+            source,
+            header,
+            f"has no column {column!r}",
+            why=f"{why}; the first line holds numbers, so the file seems to have no header",
+            fix="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
+        )
+    if column == "ts" and set(shown) >= _ULTRALYTICS:
+        return _unfit(
+            source,
+            header,
+            "has neither times nor frame numbers",
+            why="these are results of ultralytics for one picture, and they do not say which",
+            fix="let it write a file for each frame (save_txt=True), then: vsd engine run labels/ --camera ID --size "
+            "WIDTHxHEIGHT --hz 25 --start INSTANT --out frames.jsonl",
+        )
+    return None
+
+
+def _unfit(source: Source, header: Header, what: str, *, why: str, fix: str) -> InputError:
+    where = Where(source.name, header.line, header.text)
+    return InputError(f"{source.file_name} {what}", code="E203", where=where, why=why, fix=fix)

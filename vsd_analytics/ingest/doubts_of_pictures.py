@@ -6,18 +6,21 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, picture_px
+from vsd_analytics.ingest.sample import Sample
+from vsd_analytics.ingest.table_head import TableHead
 from vsd_analytics.ingest.telling_names import letters, side_named
+
+Array = npt.NDArray[np.float64]
 
 _BOX_SIDES: Final = {"right": "size", "bottom": "size", "width": "corner", "height": "corner"}
 """Sides of a box, and what the name of their column must not say."""
 
 HALF_SHARE: Final = 0.55
 """Feet that all lie this near to the upper left corner, in both directions: the engine saw a picture half as large."""
-
-
 WIDE_SHARE: Final = 0.8
 CORNER_SHARE: Final = 0.99
 SHARES: Final = 1000
@@ -39,18 +42,24 @@ def _square_side(places: pd.DataFrame) -> int | None:
 
 def _pixels(case: Case) -> Iterator[Doubt]:
     """W226: positions in the picture that are no pixels of it."""
-    sample = case.sample
-    places = sample.rows[["u", "v"]].dropna()
-    if len(places) < 3 or sample.has_floor:
+    places = case.sample.rows[["u", "v"]].dropna()
+    if len(places) < 3 or case.sample.has_floor:
         return
-    names = {} if case.head is None else case.head.plan.names
+    if case.head is not None:
+        yield from _columns(case.head)
+        yield from _boxes(case.head, places)
+    yield from _scale(case, places["u"].to_numpy(), places["v"].to_numpy())
+
+
+def _columns(head: TableHead) -> Iterator[Doubt]:
+    """Yield doubts whether columns hold feet, or the corners of boxes, by their names."""
+    names = head.plan.names
     centre = [theirs for ours, theirs in names.items() if ours in ("left", "top") and "cent" in theirs.lower()]
     if centre:
         what = f"a box's corner is read from {centre[0][:80]!r}, which names its centre"
         fix = "--map center_x=...,center_y=...,width=...,height=..."
         yield Doubt("W226", what, "foot points would be half a box away", fix, is_sure=True)
-    ignored = () if case.head is None else case.head.ignored
-    if "u_px" in names and len([n for n in ignored if side_named(n) == "size"]) >= 2:
+    if "u_px" in names and len([n for n in head.ignored if side_named(n) == "size"]) >= 2:
         yield Doubt(
             "W226",
             f"{names['u_px'][:80]!r} is read as a point, and the file has the size of a box beside it",
@@ -73,78 +82,94 @@ def _pixels(case: Case) -> Iterator[Doubt]:
             "--map center_x=...,center_y=...,width=...,height=... if it is the centre, as ultralytics has it",
             is_note=True,
         )
-    if case.head is not None and case.head.n_wide > WIDE_SHARE * case.head.n_boxes > 0:
+
+
+def _boxes(head: TableHead, places: pd.DataFrame) -> Iterator[Doubt]:
+    """Yield doubts whether the sides of boxes are the ones they are read as."""
+    if head.n_wide > WIDE_SHARE * head.n_boxes > 0:
         yield Doubt(
             "W226",
-            f"{case.head.n_wide:,} of {case.head.n_boxes:,} boxes are clearly wider than high",
+            f"{head.n_wide:,} of {head.n_boxes:,} boxes are clearly wider than high",
             "people who stand are higher than wide: the axes, or sides and sizes, may be exchanged",
             "map each side to the column that holds it: --map left=...,top=...,right=...,bottom=...",
         )
-    is_slim = case.head is not None and case.head.n_slim > 0.5 * case.head.n_boxes > 0
-    if case.head is not None and is_slim and (side := _square_side(places)) is not None:
+    if head.n_slim > 0.5 * head.n_boxes > 0 and (side := _square_side(places)) is not None:
         yield Doubt(
             "W226",
-            f"no position is beyond {side:,}, and {case.head.n_slim:,} of {case.head.n_boxes:,} boxes are too slim",
+            f"no position is beyond {side:,}, and {head.n_slim:,} of {head.n_boxes:,} boxes are too slim",
             f"pictures that were stretched to a square of {side:,} pixels, or shares of {side:,}, look like this",
             f"divide by {side:,}, and read them with --size WIDTHxHEIGHT, if they are",
         )
-    if case.head is not None and case.head.n_like_corners > max(5 * ROWS_MIN, CORNER_SHARE * case.head.n_boxes):
+    if head.n_like_corners > max(5 * ROWS_MIN, CORNER_SHARE * head.n_boxes):
         yield Doubt(
             "W226",
-            f"the width and height of {case.head.n_like_corners:,} of {case.head.n_boxes:,} boxes are larger than "
+            f"the width and height of {head.n_like_corners:,} of {head.n_boxes:,} boxes are larger than "
             "their left and top sides",
             "hardly anybody is so near to the upper left corner: they seem to be the far corner of the box",
             "--map left=...,top=...,right=...,bottom=... if they are",
         )
-    wrong = [theirs for ours, theirs in names.items() if side_named(theirs) == _BOX_SIDES.get(ours, "")]
+    names = head.plan.names.items()
+    wrong = [theirs for ours, theirs in names if side_named(theirs) == _BOX_SIDES.get(ours, "")]
     if wrong:
         is_size = side_named(wrong[0]) == "size"
         what = f"{wrong[0][:80]!r} names the {'size' if is_size else 'far corner'} of a box, and is read as the other"
         fix = "--map left=...,top=...," + ("width=...,height=..." if is_size else "right=...,bottom=...")
         yield Doubt("W226", what, "foot points would be elsewhere in the picture", fix, is_sure=True)
-    if case.head is not None and case.head.n_upside_down > 0.5 * case.head.n_boxes:
-        what = f"the bottom of {case.head.n_upside_down:,} of {case.head.n_boxes:,} boxes is above their top"
+    if head.n_upside_down > 0.5 * head.n_boxes:
+        what = f"the bottom of {head.n_upside_down:,} of {head.n_boxes:,} boxes is above their top"
         why = "y seems to point up, or top and bottom are exchanged; pixels are counted from the upper edge down"
         yield Doubt(
             "W226", what, why, "export y from the upper edge, or map top and bottom the other way", is_sure=True
         )
-    u, v = places["u"].to_numpy(), places["v"].to_numpy()
+
+
+def _scale(case: Case, u: Array, v: Array) -> Iterator[Doubt]:
+    """Yield doubts whether positions are pixels, and of a picture of this size."""
     size = case.options.size_px or picture_px(case)
+    if (shares := _shares(u, v, size)) is not None:
+        yield shares
+    elif size is None:
+        yield from _size_unknown(u, v)
+    elif len(u) >= ROWS_MIN:
+        yield from _size_known(case.sample, u, v, size)
+
+
+def _shares(u: Array, v: Array, size_px: tuple[int, int] | None) -> Doubt | None:
+    """Return the doubt about positions that all are shares of the picture."""
     if ((u >= -0.1) & (u <= 1.1) & (v >= -0.1) & (v <= 1.1)).all():
-        shown = "1280x720" if size is None else f"{size[0]}x{size[1]}"
-        yield Doubt(
+        shown = "1280x720" if size_px is None else f"{size_px[0]}x{size_px[1]}"
+        return Doubt(
             "W226",
             "all positions are between 0 and 1: shares of the picture, not pixels",
             "everybody would stand on one pixel",
             f"--size {shown} (width and height of the picture) converts them",
             is_sure=True,
         )
-        return
     if ((np.abs(u) <= 1.1) & (np.abs(v) <= 1.1)).all():
         what = "all positions are between -1 and 1: shares of the picture from its middle, not pixels"
         fix = "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT: (1 + x) / 2 and (1 - y) / 2"
-        yield Doubt("W226", what, "everybody would stand on one pixel", fix, is_sure=True)
-        return
-    if size is None and len(places) >= ROWS_MIN and max(np.quantile(u, 0.9), np.quantile(v, 0.9)) > PICTURE_MAX_PX:
+        return Doubt("W226", what, "everybody would stand on one pixel", fix, is_sure=True)
+    return None
+
+
+def _size_unknown(u: Array, v: Array) -> Iterator[Doubt]:
+    if len(u) >= ROWS_MIN and max(np.quantile(u, 0.9), np.quantile(v, 0.9)) > PICTURE_MAX_PX:
         what = f"positions reach to u {u.max():,.0f}, v {v.max():,.0f}"
         why = f"hardly any camera has more than {PICTURE_MAX_PX:,} pixels: engines count to 8191 or 10000 like this"
         yield Doubt("W226", what, why, "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT")
-    if (
-        size is None
-        and len(places) >= 5 * ROWS_MIN
-        and max(np.quantile(u, 0.99), np.quantile(v, 0.99)) <= PICTURE_MIN_PX
-    ):
+    if len(u) >= 5 * ROWS_MIN and max(np.quantile(u, 0.99), np.quantile(v, 0.99)) <= PICTURE_MIN_PX:
         yield Doubt(
             "W226",
             f"nobody is beyond u {u.max():,.0f}, v {v.max():,.0f}",
             "hardly any camera has so few pixels: metres of the floor, or percents of the picture, look like this",
             "--map x_m=...,y_m=... if they are metres; picture_px of the camera in vsd.toml if it has so few pixels",
         )
-    if size is None or len(places) < ROWS_MIN:
-        return
-    width, height = size
+
+
+def _size_known(sample: Sample, u: Array, v: Array, size_px: tuple[int, int]) -> Iterator[Doubt]:
+    width, height = size_px
     beyond = float(((u < -0.02 * width) | (u > 1.02 * width) | (v < -0.02 * height) | (v > 1.1 * height)).mean())
-    is_percent = u.max() <= 100 and v.max() <= 100 and min(size) >= 300
+    is_percent = u.max() <= 100 and v.max() <= 100 and min(size_px) >= 300
     if is_percent and max(u.max(), v.max()) > 20:
         yield Doubt(
             "W226",
@@ -154,7 +179,7 @@ def _pixels(case: Case) -> Iterator[Doubt]:
             is_sure=True,
         )
         return
-    is_corner = np.quantile(u, 0.99) < 0.05 * width and np.quantile(v, 0.99) < 0.05 * height
+    is_corner = bool(np.quantile(u, 0.99) < 0.05 * width and np.quantile(v, 0.99) < 0.05 * height)
     if beyond > 0.1 or is_corner:
         extent = sample.extent("u", "v")
         assert extent is not None
@@ -166,7 +191,7 @@ def _pixels(case: Case) -> Iterator[Doubt]:
             "calibrate with the resolution that the engine works at; --map x_m=...,y_m=... if they are metres",
             is_sure=beyond > 0.5 or is_corner,
         )
-    elif len(places) >= 5 * ROWS_MIN and (share := max(u.max() / width, v.max() / height)) <= HALF_SHARE:
+    elif len(u) >= 5 * ROWS_MIN and (share := max(u.max() / width, v.max() / height)) <= HALF_SHARE:
         yield Doubt(
             "W226",
             f"everybody would be in the upper left {share:.0%} of the picture of {width} x {height} pixels",

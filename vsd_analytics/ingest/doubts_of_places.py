@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from vsd_analytics.config.file_columns import FILE_BOX, METRES
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, floor_bounds_m, quoted
@@ -44,7 +45,19 @@ UNIT: Final = _UNIT.format("mm", "cm", "ft")
 
 def _units(case: Case) -> Iterator[Doubt]:
     """W220: positions that are not metres."""
-    names: Mapping[str, str] = {} if case.head is None else case.head.plan.names
+    if case.head is not None:
+        yield from _named_units(case.head.plan.names)
+    sample = case.sample
+    if not sample.has_floor or sample.is_pairs:
+        return
+    speeds = sample.speeds_m_s()
+    yield from _too_fast(sample, speeds)
+    is_walking = len(speeds) >= ROWS_MIN and 0 < float(np.median(speeds)) <= SPEED_MAX_M_S
+    yield from _far_out(case, is_walking=is_walking)
+
+
+def _named_units(names: Mapping[str, str]) -> Iterator[Doubt]:
+    """Yield doubts about columns whose names say another unit; names are theirs by ours."""
     if "x_m" in names and names["x_m"] == names.get("y_m"):
         what = f"x_m and y_m are both read from {names['x_m'][:80]!r}"
         yield Doubt("W220", what, "everybody would be on one line", "map each to a column of its own", is_sure=True)
@@ -82,10 +95,10 @@ def _units(case: Case) -> Iterator[Doubt]:
                 "--map x_m=...,y_m=... : columns that name their unit are converted to metres",
                 is_sure=True,
             )
-    sample = case.sample
-    if not sample.has_floor or sample.is_pairs:
-        return
-    speeds = sample.speeds_m_s()
+
+
+def _too_fast(sample: Sample, speeds: npt.NDArray[np.float64]) -> Iterator[Doubt]:
+    """Yield the doubt about people who would move faster than people do; speeds are those of all steps, m/s."""
     if len(speeds) >= ROWS_MIN and (median := float(np.median(speeds))) > SPEED_MAX_M_S:
         what = f"people would move at {median:,.0f} m/s: half of the steps are faster"
         yield Doubt(
@@ -103,8 +116,6 @@ def _units(case: Case) -> Iterator[Doubt]:
         what = f"a tenth of the steps of a second or longer would be faster than {fast:.1f} m/s"
         why = "hardly anybody runs; feet and other units read as metres look like this, and ids that change people"
         yield Doubt("W220", what, why, "--unit ft (or yd, dm) if they are; else look at the track ids")
-    is_walking = len(speeds) >= ROWS_MIN and 0 < float(np.median(speeds)) <= SPEED_MAX_M_S
-    yield from _far_out(case, is_walking=is_walking)
 
 
 def _unit_fix(sample: Sample) -> str:

@@ -73,7 +73,7 @@ class FrameRows:
         self._rejected.append(rejected(line, reason=reason, detail=detail, record=record))
 
     def person(self, read: Callable[[], SeenPerson]) -> SeenPerson | None:
-        """Return one person of the next frame; None where that person cannot be used, which `wrong_persons` names."""
+        """Return one person of the next frame; None where that person cannot be used, which `attempt` names."""
         try:
             return read()
         except BadRowError as bad:
@@ -81,7 +81,17 @@ class FrameRows:
             self._wrong.setdefault(reason, []).append(detail)
             return None
 
-    def wrong_persons(self) -> list[tuple[str, str]]:
+    def attempt(self, add: Callable[[], None]) -> list[tuple[str, str]]:
+        """Call what adds one frame; return reason and detail of what cannot be used: persons of it, or all of it."""
+        try:
+            add()
+        except BadRowError as bad:
+            self._wrong_persons()  # the whole frame is named once
+            reason, detail = bad.args
+            return [(reason, detail)]
+        return self._wrong_persons()
+
+    def _wrong_persons(self) -> list[tuple[str, str]]:
         """Return reason and detail of the persons that could not be used since the last call, once for each reason."""
         found = [(r, d[0] if len(d) == 1 else f"{d[0]}; {len(d)} persons of the frame") for r, d in self._wrong.items()]
         self._wrong = {}
@@ -98,7 +108,7 @@ class FrameRows:
                 added, because it would count as a frame without people.
         """
         usable = [(number, person) for number, person in enumerate(seen) if person is not None]
-        if seen and not usable and (wrong := self.wrong_persons()):
+        if seen and not usable and (wrong := self._wrong_persons()):
             raise BadRowError(*wrong[0])
         if len(seen) > self._options.persons_max:
             raise BadRowError(TOO_MANY, too_many_people(len(seen), self._options))

@@ -6,10 +6,11 @@ import json
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, ClassVar
 
-from vsd_analytics.errors import InputError, Where
-from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Source, bytes_read
+from vsd_analytics.errors import InputError
+from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Source, bytes_read, damaged_after
 from vsd_analytics.ingest.envelopes import as_object, text_before, with_body
 from vsd_analytics.ingest.frame_rows import FrameRows
 from vsd_analytics.ingest.json_values import json_values
@@ -50,7 +51,7 @@ class JsonMessages(ABC):
                     reason = "line-too-long" if not record else "bad-json"
                     frames.reject(number, reason, "this is no JSON object", record)
                 else:
-                    for reason, detail in self.add(message, frames, options, number):
+                    for reason, detail in frames.attempt(partial(self.take, message, frames, options, number)):
                         frames.reject(number, reason, detail, record)
                 if frames.n_rows >= BATCH_ROWS:
                     yield frames.batch(done, first_line="")
@@ -62,18 +63,6 @@ class JsonMessages(ABC):
 
     def check(self, options: IngestOptions) -> None:  # noqa: B027 - most formats have nothing to check
         """Raise UsageError (E101) when messages cannot be read as the user says."""
-
-    def add(
-        self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int
-    ) -> list[tuple[str, str]]:
-        """Add what one message says; return reason and detail of what cannot be used: persons of it, or all of it."""
-        try:
-            self.take(message, frames, options, number)
-        except BadRowError as bad:
-            frames.wrong_persons()  # the whole message is named once
-            reason, detail = bad.args
-            return [(reason, detail)]
-        return frames.wrong_persons()
 
     @abstractmethod
     def take(self, message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
@@ -151,20 +140,10 @@ def _one_after_the_other(
     """Yield objects that span lines."""
 
     def damaged(number: int, text: str, error: Exception) -> InputError:
-        return _damaged(source, number, text, error)
+        return damaged_after(source, number, why=f"it is not JSON: {str(error)[:200]}", what="message", text=text)
 
     for number, found, text, done in json_values(source, value_max_bytes=options.line_max_bytes, damaged=damaged):
         if isinstance(found, dict):
             yield number, with_body(found), json.dumps(found).encode(), done
         else:
             yield number, None, text.encode("utf-8", "replace"), done
-
-
-def _damaged(source: Source, number: int, text: str, error: Exception) -> InputError:
-    return InputError(
-        f"{source.file_name} is damaged after message {number:,}",
-        code="E205",
-        where=Where(source.name, number + 1, text),
-        why=f"it is not JSON: {str(error)[:200]}",
-        fix="copy or export the file again; the messages before the damage are stored",
-    )

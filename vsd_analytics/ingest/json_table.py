@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from vsd_analytics.errors import InputError, Where
-from vsd_analytics.ingest.adapter import IngestOptions, Source, empty
+from vsd_analytics.ingest.adapter import IngestOptions, Source, damaged_after, empty
 from vsd_analytics.ingest.cell_texts import CellTable
 from vsd_analytics.ingest.json_guess import guessed_mapping
 from vsd_analytics.ingest.json_values import json_values
@@ -59,13 +59,7 @@ class JsonTable(CellTable):
 
     def _damaged(self, number: int, text: str, error: Exception) -> InputError:
         why = str(error) if len(text) < self._max else f"an object is longer than {self._max:,} bytes (line_max_bytes)"
-        return InputError(
-            f"{self._source.file_name} is damaged after object {number:,}",
-            code="E205",
-            where=Where(self._source.name, number + 1, text),
-            why=f"it is not JSON: {why[:200]}",
-            fix="copy or export the file again; the records before the damage are stored",
-        )
+        return damaged_after(self._source, number, why=f"it is not JSON: {why[:200]}", what="object", text=text)
 
     def _deeper(self, guess: str) -> InputError:
         return InputError(

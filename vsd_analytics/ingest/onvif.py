@@ -236,32 +236,29 @@ class _Reader:
             self._wrong = self._wrong or bad
 
     def _finish(self) -> None:
-        """Add the frame that ends."""
-        try:
-            if self._wrong is not None:
-                raise self._wrong
-            assert self._at is not None
-            self._frames.check_view(self._view)
-            seen, others = [], {NOT_A_PERSON: 0, NO_CLASS: 0, PART_OF_A_PERSON: 0, NO_BOX: 0}
-            for each in self._objects:
-                kind = self._kind(each)
-                if each.parent is not None:
-                    others[PART_OF_A_PERSON] += 1
-                elif kind in PERSONS and each.is_pictured_only:
-                    others[NO_BOX] += 1
-                elif kind in PERSONS:
-                    seen.append(self._frames.person(partial(self._person, each)))
-                else:
-                    others[NOT_A_PERSON if kind else NO_CLASS] += 1
-            self._frames.add(self._camera, self._at, seen, line=self.n_frames)
-            self._frames.dropped.update(others)
-            wrong = self._frames.wrong_persons()
-        except BadRowError as bad:
-            self._frames.wrong_persons()  # the whole frame is named once
-            wrong = [bad.args]
-        for reason, detail in wrong:
+        """Add the frame that ends; what cannot be used goes to quarantine."""
+        for reason, detail in self._frames.attempt(self._add):
             self._frames.reject(self.n_frames, reason, detail, f"frame {self._at} with {len(self._objects)} objects")
         self._clear()
+
+    def _add(self) -> None:
+        if self._wrong is not None:
+            raise self._wrong
+        assert self._at is not None
+        self._frames.check_view(self._view)
+        seen, others = [], {NOT_A_PERSON: 0, NO_CLASS: 0, PART_OF_A_PERSON: 0, NO_BOX: 0}
+        for each in self._objects:
+            kind = self._kind(each)
+            if each.parent is not None:
+                others[PART_OF_A_PERSON] += 1
+            elif kind in PERSONS and each.is_pictured_only:
+                others[NO_BOX] += 1
+            elif kind in PERSONS:
+                seen.append(self._frames.person(partial(self._person, each)))
+            else:
+                others[NOT_A_PERSON if kind else NO_CLASS] += 1
+        self._frames.add(self._camera, self._at, seen, line=self.n_frames)
+        self._frames.dropped.update(others)
 
     def _kind(self, each: _Object) -> str:
         """Return the class of an object: the most likely of this frame, else that of an earlier one; "" = unknown."""

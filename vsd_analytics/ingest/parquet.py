@@ -16,8 +16,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import InputError, Where
-from vsd_analytics.ingest.adapter import BATCH_ROWS, Rejected, Source
-from vsd_analytics.ingest.arrow_cells import is_text, plain, text_lengths
+from vsd_analytics.ingest.adapter import BATCH_ROWS, Rejected, Source, damaged_after
+from vsd_analytics.ingest.arrow_cells import holds_text, no_such_type, plain, text_lengths
 from vsd_analytics.ingest.limits import MB, records_max, too_many, too_many_records, unpacked_max, unpacks_too_far
 from vsd_analytics.ingest.parquet_pages import PageError, ParquetPage, pages
 from vsd_analytics.ingest.raw import rejected
@@ -125,20 +125,13 @@ class ParquetTable:
         try:
             yield
         except (pa.ArrowNotImplementedError, pa.ArrowTypeError, pa.ArrowKeyError) as error:
-            raise self._no_such_type(str(error)[:200]) from None
+            raise no_such_type(self._source, str(error)[:200]) from None
         except (pa.ArrowException, PageError, OSError) as error:
-            raise InputError(
-                f"{self._source.file_name} is damaged after record {self._done:,}",
-                code="E205",
-                where=Where(self._source.name, self._done + 1),
-                why=str(error)[:200],
-                fix="copy or export the file again; the records before the damage are stored",
-            ) from None
+            raise damaged_after(self._source, self._done, why=str(error)[:200]) from None
 
     def has_text(self, column: int) -> bool:
         """Return whether a column holds texts."""
-        kind = self._schema.field(column).type
-        return is_text(kind.value_type if pa.types.is_dictionary(kind) else kind)
+        return holds_text(self._schema.field(column).type)
 
     def can_read(self, column: int) -> bool:
         """Return whether a column is of a type that can be read: no list and no struct, and its cells are short."""
@@ -152,7 +145,9 @@ class ParquetTable:
         """Return the number of the stored column of this name: lists and structs have none, they have parts."""
         at = self._leaves.get(name)
         if at is None or self._metadata.schema.column(at).max_repetition_level:
-            raise self._no_such_type(f"{name[:80]} is a {str(self._schema.field(self.names.index(name)).type)[:80]}")
+            raise no_such_type(
+                self._source, f"{name[:80]} is a {str(self._schema.field(self.names.index(name)).type)[:80]}"
+            )
         length = self._metadata.schema.column(at).length
         if length is not None and length > self._settings.cell_max_bytes:
             allowed = int(self._settings.cell_max_bytes)
@@ -243,15 +238,6 @@ class ParquetTable:
 
     def _done_bytes(self, n_rows: int) -> int:
         return self._source.size_bytes * n_rows // max(1, self.n_rows)
-
-    def _no_such_type(self, why: str) -> InputError:
-        return InputError(
-            f"{self._source.file_name} has a column of a type that cannot be read",
-            code="E203",
-            where=Where(self._source.name),
-            why=why,
-            fix="write numbers, texts and timestamps into plain columns; --map names the right ones",
-        )
 
 
 def _whole(column: pa.Array | pa.ChunkedArray) -> pa.Array:

@@ -90,7 +90,7 @@ class AlarmEngine:
             The events that are due now, in order of time.
         """
         heard: dict[str, int] = {}
-        for camera_id, ts_ms, instant in self._instants(tables, heard):
+        for camera_id, ts_ms, instant in self._instants(tables):
             if instant is None:
                 self.n_late += 1
             elif ts_ms > heard.get(camera_id, -1):
@@ -141,9 +141,7 @@ class AlarmEngine:
             self.n_instants = sum(stream.n_instants for stream in self._streams.values())
         return sorted(events, key=lambda e: e.order)
 
-    def _instants(
-        self, tables: Mapping[TableName, pa.Table], heard: dict[str, int]
-    ) -> Iterator[tuple[str, int, Instant | None]]:
+    def _instants(self, tables: Mapping[TableName, pa.Table]) -> Iterator[tuple[str, int, Instant | None]]:
         """Add every record to its instant and yield the instant; None when it has been handled already."""
         for camera_id, ts_ms, n_pairs in _rows(tables, "frames", "n_pairs"):
             if (stream := self._streams.get(camera_id)) is not None:

@@ -312,16 +312,14 @@ class Publisher:
     Args:
         broker: Address and login.
         password: Password of its user; None = none.
-        timeout_s: Longest wait for the connection, and for each acknowledgement.
+        what: What is published, for the name of the connection and messages.
 
     Raises:
         LiveError: E710, no connection (on entering).
     """
 
-    def __init__(
-        self, broker: Broker, *, password: str | None, what: str = "alarms", timeout_s: float = TIMEOUT_S
-    ) -> None:
-        self._broker, self._what, self._timeout_s = broker, what, timeout_s
+    def __init__(self, broker: Broker, *, password: str | None, what: str = "alarms") -> None:
+        self._broker, self._what = broker, what
         self._client = make_client(broker, client_id=f"{broker.client_id}-{what}", password=password)
         self._refusal: str | None = None
 
@@ -338,7 +336,7 @@ class Publisher:
         except (OSError, ValueError) as error:
             raise self._unreachable(str(error)) from None
         self._client.loop_start()
-        if not ready.wait(self._timeout_s) or self._refusal is not None:
+        if not ready.wait(TIMEOUT_S) or self._refusal is not None:
             self._client.loop_stop()
             raise self._unreachable(self._refusal or "the broker does not answer")
         return self
@@ -351,7 +349,7 @@ class Publisher:
         """Publish with QoS 1 and wait for the acknowledgement; return whether it came."""
         sent = self._client.publish(topic, payload, qos=1, retain=retain)
         with contextlib.suppress(RuntimeError, ValueError):
-            sent.wait_for_publish(self._timeout_s)
+            sent.wait_for_publish(TIMEOUT_S)
         return bool(sent.is_published())
 
     def _unreachable(self, why: str) -> LiveError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from vsd_analytics.errors import UsageError
@@ -59,7 +60,7 @@ class MappedReader:
             return
         for message in found if isinstance(found, list) else [found]:
             if isinstance(message, dict):
-                wrong = self._reader.add(message, self._rows, self._options, number)
+                wrong = self._rows.attempt(partial(self._reader.take, message, self._rows, self._options, number))
             else:
                 wrong = [("bad-json", f"this is no JSON object: {str(message)[:40]!r}")]
             for reason, detail in wrong:

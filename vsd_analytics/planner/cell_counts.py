@@ -79,7 +79,7 @@ def grid_of(extent: Extent) -> CellGrid | None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LyingCounts:
+class CellCounts:
     """Violations and person-time of a week by camera, cell and hour.
 
     Attributes:
@@ -94,8 +94,8 @@ class LyingCounts:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WeekCells(LyingCounts):
-    """What lies where in a week: what `LyingCounts` has, and how it lies inside the cells.
+class WeekCells(CellCounts):
+    """Counts and times of a week by cell, where violations are inside the cells, and the excess.
 
     Attributes:
         fine: Violations of the whole week by camera and cell of the report's map, which tell how those of a cell of
@@ -132,13 +132,13 @@ class CellsAsked:
 
 
 def week_cells(data: WeekData, period: Period, asked: CellsAsked) -> WeekCells:
-    """Return what lies where in a week, how it lies inside the cells, and the week's excess."""
-    lying = lying_counts(data, asked)
+    """Return the counts and times of a week by cell, where violations are inside the cells, and the week's excess."""
+    cells = counts_by_cell(data, asked)
     excess = excess_map(data.warehouse, floor=data.floor, first=period.first, last=period.last)
-    return WeekCells(lying.violations, lying.time, lying.unit_ms, fine=_fine(data, asked), excess=excess)
+    return WeekCells(cells.violations, cells.time, cells.unit_ms, fine=_fine(data, asked), excess=excess)
 
 
-def lying_counts(data: WeekData, asked: CellsAsked) -> LyingCounts:
+def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
     """Return the violations and the person-time of a week by camera, cell and hour."""
     slots, grid, hidden = asked.slots, asked.grid, asked.hidden
     x0, y0, x1, y1 = (end / CELL_M for end in asked.extent)
@@ -162,10 +162,10 @@ def lying_counts(data: WeekData, asked: CellsAsked) -> LyingCounts:
     taken = asked.used[camera, slot] & (start_ms[slot] == rows["hour_start_ms"].to_numpy())
     keys = np.stack((camera, slot, x, y, data.hours.day[slots][slot], asked.shared[camera, slot]))[:, taken]
     n, tracks, *times = (v[taken] for v in (n, tracks, *times))
-    is_able, stood = data.whole.cameras[keys[0]] & (hidden is not None), times[0] > 0
+    is_able, has_time = data.whole.cameras[keys[0]] & (hidden is not None), times[0] > 0
     unit_ms = _unit(*times)
-    return LyingCounts(
-        violations=_given(
+    return CellCounts(
+        violations=_merged(
             keys[:, is_able],
             [n[is_able]],
             grid=grid,
@@ -173,9 +173,9 @@ def lying_counts(data: WeekData, asked: CellsAsked) -> LyingCounts:
             below=asked.below,
             places=_places(data, grid, hidden=hidden or ()),
         ),
-        time=_given(
-            keys[:, stood],
-            [np.maximum(tracks, 1)[stood], *(_rounded(v[stood], unit_ms) for v in times)],
+        time=_merged(
+            keys[:, has_time],
+            [np.maximum(tracks, 1)[has_time], *(_rounded(v[has_time], unit_ms) for v in times)],
             grid=grid,
             across=n_across,
             below=asked.below,
@@ -226,7 +226,7 @@ def _fine(data: WeekData, asked: CellsAsked) -> Ints:
     return np.stack((keys[0][kept], keys[2][kept], given[kept]))
 
 
-def _given(
+def _merged(
     keys: Ints,
     values: list[Ints],
     *,
@@ -242,7 +242,7 @@ def _given(
 
     Args:
         keys: Camera, slot, column and row of the cell of half a metre, day, compared or not; one column per row.
-        values: What lies there; the first decides what is small.
+        values: Counts or times there; the first decides what is small.
         grid: The squares.
         across: Cells along a side of a square.
         below: Counts from 1 to just under this are small.

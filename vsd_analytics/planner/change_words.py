@@ -42,7 +42,6 @@ class ChangeWords:
         notes: Whom it is compared with, and what moved elsewhere.
         cautions: What the data could not rule out.
         spans: The days before and after; empty where there are none yet.
-        has_map: There are matched weeks to draw.
     """
 
     number: int
@@ -54,7 +53,6 @@ class ChangeWords:
     notes: tuple[str, ...]
     cautions: tuple[str, ...]
     spans: tuple[str, ...]
-    has_map: bool
 
 
 def change_words(change: PlannerChange) -> ChangeWords:
@@ -72,7 +70,6 @@ def change_words(change: PlannerChange) -> ChangeWords:
         notes=_notes(result) if result is not None and is_ok else (),
         cautions=tuple(reason_text(r) for r in (*result.doubts, *result.cautions)) if result is not None else (),
         spans=tuple(_span(side) for side in sides),
-        has_map=bool(sides),
     )
 
 

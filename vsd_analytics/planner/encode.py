@@ -77,8 +77,8 @@ def _cell_bytes(week: PlannerWeek, grid: cell_counts.CellGrid | None) -> list[by
     across = round(cell_counts.SQUARE_M / cell_counts.CELL_M)
     per_square = round(cell_counts.SQUARE_M / cell_counts.FINE_M) ** 2
 
-    lying = week.cells
-    ratio = lying.excess
+    cells = week.cells
+    ratio = cells.excess
     if ratio.grid is None or ratio.values is None:
         excess = [varints([0, 0, ORIGIN, ORIGIN])]
     else:
@@ -86,9 +86,9 @@ def _cell_bytes(week: PlannerWeek, grid: cell_counts.CellGrid | None) -> list[by
         whole = np.nan_to_num(np.rint(ratio.values * 100) + 1, nan=0.0)
         excess = [varints([n_x, n_y, ORIGIN + ratio.grid.cx, ORIGIN + ratio.grid.cy]), varints(whole)]
     return [
-        *_table(lying.violations, grid.n_squares * across**2),
-        *_part(sparse(lying.fine[0] * grid.n_squares * per_square + lying.fine[1], lying.fine[2])),
-        *_table(lying.time, grid.n_squares, varints([lying.unit_ms])),
+        *_table(cells.violations, grid.n_squares * across**2),
+        *_part(sparse(cells.fine[0] * grid.n_squares * per_square + cells.fine[1], cells.fine[2])),
+        *_table(cells.time, grid.n_squares, varints([cells.unit_ms])),
         *_part(excess),
     ]
 

@@ -35,8 +35,8 @@ UNIT_MS: Final = 100
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Lying:
-    """What lies where in some weeks.
+class CellSums:
+    """Counts or times of some weeks by camera and cell.
 
     Attributes:
         camera, cell: Of each row, by camera and cell, rising.
@@ -67,8 +67,8 @@ class ChangeSide:
     n: Ints
     exposure_ms: Ints
     close_ms: Ints
-    violations: Lying | None
-    time: Lying | None
+    violations: CellSums | None
+    time: CellSums | None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -82,7 +82,6 @@ class PlannerChange:
         area: The area it names; None = the whole site.
         result: What it did, as in the report; None where the whole site is concerned.
         before, after: The matched weeks; None where there are none yet.
-        why_no_weeks: Why there are none.
         hidden: Why the figures of a place are not given in these weeks, by place.
     """
 
@@ -93,7 +92,6 @@ class PlannerChange:
     result: Redesign | None
     before: ChangeSide | None
     after: ChangeSide | None
-    why_no_weeks: Reason | None
     hidden: Mapping[int, Reason]
 
 
@@ -120,7 +118,7 @@ class _Week:
 
     slots: Ints
     panel: HourPanel
-    lying: cell_counts.LyingCounts | None
+    cells: cell_counts.CellCounts | None
     hidden: Mapping[int, Reason]
 
 
@@ -164,9 +162,9 @@ def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> Plann
     result = None
     if entry.area_id is not None:
         [result] = redesigns(data, [before_after(data.warehouse, number)], shown_days=MOST_WEEKS * 7)
-        spans, why = (result.before, result.after), result.reason
+        spans = result.before, result.after
     else:
-        windows, why = windows_of(data.warehouse, entry, area_id="", weeks=WEEKS)
+        windows, _ = windows_of(data.warehouse, entry, area_id="", weeks=WEEKS)
         spans = (None, None) if windows is None else (windows.before, windows.after)
     sides: list[ChangeSide | None] = [None, None]
     hidden: dict[int, Reason] = {}
@@ -182,7 +180,6 @@ def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> Plann
         result=result,
         before=sides[0],
         after=sides[1],
-        why_no_weeks=why if sides[0] is None else None,
         hidden=dict(sorted(hidden.items())),
     )
 
@@ -203,28 +200,28 @@ class _Weeks:
         shape = (len(self._counted.places), len(self._data.ids))
         sums = {name: np.zeros(shape, dtype=np.int64) for name in ("n", "exposure_ms", "close_ms")}
         recorded_ms = np.zeros(shape[1], dtype=np.int64)
-        lying: dict[str, list[Ints]] = {"violations": [], "time": []}
+        parts: dict[str, list[Ints]] = {"violations": [], "time": []}
         for monday in _mondays(days):
             week = self._week(monday)
             taken = used[:, week.slots]
             recorded_ms += (week.panel.recorded_ms * taken).sum(axis=1)
             for name in sums:
                 sums[name] += (getattr(week.panel, name) * taken).sum(axis=2)
-            if week.lying is None:
+            if week.cells is None:
                 continue
-            for name, unit in (("violations", 1), ("time", week.lying.unit_ms)):
-                rows: cell_counts.Rows = getattr(week.lying, name)
+            for name, unit in (("violations", 1), ("time", week.cells.unit_ms)):
+                rows: cell_counts.Rows = getattr(week.cells, name)
                 kept = taken[rows.camera, rows.slot]
-                lying[name].append(
+                parts[name].append(
                     np.concatenate(([rows.camera[kept]], [rows.cell[kept]], rows.values[:, kept] * unit))
                 )
-        has_map = bool(lying["time"])
+        has_map = bool(parts["time"])
         return ChangeSide(
             days=days,
             recorded_ms=recorded_ms,
             **sums,
-            violations=_summed(lying["violations"], unit=1) if has_map else None,
-            time=_summed(lying["time"], unit=UNIT_MS) if has_map else None,
+            violations=_summed(parts["violations"], unit=1) if has_map else None,
+            time=_summed(parts["time"], unit=UNIT_MS) if has_map else None,
         )
 
     def _week(self, monday: date) -> _Week:
@@ -247,7 +244,7 @@ class _Weeks:
         )
         slots = open_slots(data, days)
         grid = None if counted.extent is None else cell_counts.grid_of(counted.extent)
-        lying = None
+        cells = None
         if grid is not None and counted.extent is not None and slots.size:
             asked = cell_counts.CellsAsked(
                 slots=slots,
@@ -258,8 +255,8 @@ class _Weeks:
                 below=below,
                 hidden=None if 0 in hidden else [a for k, a in enumerate(counted.areas, 1) if k in hidden],
             )
-            lying = cell_counts.lying_counts(data, asked)
-        return _Week(slots, panel, lying, hidden)
+            cells = cell_counts.counts_by_cell(data, asked)
+        return _Week(slots, panel, cells, hidden)
 
 
 def _mondays(days: Days) -> list[date]:
@@ -267,11 +264,11 @@ def _mondays(days: Days) -> list[date]:
     return [first + k * WEEK for k in range((days[1] - first).days // 7 + 1)]
 
 
-def _summed(parts: Sequence[Ints], *, unit: int) -> Lying:
+def _summed(parts: Sequence[Ints], *, unit: int) -> CellSums:
     """Return rows (camera, cell, values) added up by camera and cell, in units."""
     rows = np.concatenate(parts, axis=1)
     keys, at = np.unique(rows[:2], axis=1, return_inverse=True)
     values = np.zeros((len(rows) - 2, keys.shape[1]), dtype=np.int64)
     for total, column in zip(values, rows[2:], strict=True):
         np.add.at(total, at.ravel(), column)
-    return Lying(camera=keys[0], cell=keys[1], values=(values + unit // 2) // unit)
+    return CellSums(camera=keys[0], cell=keys[1], values=(values + unit // 2) // unit)

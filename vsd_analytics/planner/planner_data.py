@@ -410,7 +410,7 @@ def _week(data: TwoWeeks, period: Period, *, places: tuple[PlaceRow, ...], shown
         shared=shared,
     )
     grid = None if shown is None else cell_counts.grid_of(shown.extent)
-    lying = None
+    cells = None
     is_ranked = _share(period) >= data.site.settings.min_coverage
     if shown is not None and grid is not None:
         slots = open_slots(data, period.days)
@@ -424,9 +424,9 @@ def _week(data: TwoWeeks, period: Period, *, places: tuple[PlaceRow, ...], shown
             below=below,
             hidden=None if 0 in hidden else [p.area for k, p in enumerate(places) if k in hidden],
         )
-        lying = cell_counts.week_cells(data, period, asked)
+        cells = cell_counts.week_cells(data, period, asked)
     ref = WeekRef.of(period.first, zone=data.site.timezone)
-    return PlannerWeek(ref=ref, panel=panel, cells=lying, is_ranked=is_ranked, hidden=hidden)
+    return PlannerWeek(ref=ref, panel=panel, cells=cells, is_ranked=is_ranked, hidden=hidden)
 
 
 def _share(period: Period) -> float:

@@ -61,7 +61,6 @@ def judge_family(
     figures: Sequence[tuple[ChangeEstimate, Sequence[ChangeEstimate]]],
     *,
     confidence: float = DEFAULTS.confidence,
-    false_share: float = FALSE_SHARE,
     about_same_share: float = DEFAULTS.about_same_share,
 ) -> tuple[tuple[FamilyVerdict, ...], ...]:
     """Return verdicts on the areas of a floor, all figures of all areas one family.
@@ -69,7 +68,6 @@ def judge_family(
     Args:
         figures: For each figure the floor's change and those of its areas.
         confidence: That the intervals of the changes have, and those returned.
-        false_share: False discovery rate.
         about_same_share: As for `verdict_of`.
 
     Returns:
@@ -80,7 +78,7 @@ def judge_family(
     q = iter(q_values(p))
     return tuple(
         tuple(
-            _judged(area, next(q), pulled, false_share=false_share, about_same_share=about_same_share)
+            _judged(area, next(q), pulled, about_same_share=about_same_share)
             for area, pulled in zip(areas, _pulled(floor, areas, confidence=confidence), strict=True)
         )
         for floor, areas in figures
@@ -175,16 +173,15 @@ def _judged(
     q_value: float | None,
     pulled: tuple[float, float, float] | None,
     *,
-    false_share: float,
     about_same_share: float,
 ) -> FamilyVerdict:
     if q_value is None:
         return FamilyVerdict(change.verdict, None, None, None, None)
     if pulled is None:  # no violation in one of the periods: a ratio of 0, or none
-        verdict = change.verdict if q_value <= false_share else "cannot_tell"
+        verdict = change.verdict if q_value <= FALSE_SHARE else "cannot_tell"
         return FamilyVerdict(verdict, q_value, change.theta, change.lo, change.hi)
     theta, lo, hi = pulled
     said: Verdict = verdict_of(lo, hi, about_same_share=about_same_share)
     own: Verdict = verdict_of(change.lo, change.hi, about_same_share=about_same_share)
-    is_said = said == own and (said not in CLEAR or q_value <= false_share)
+    is_said = said == own and (said not in CLEAR or q_value <= FALSE_SHARE)
     return FamilyVerdict(said if is_said else "cannot_tell", q_value, theta, lo, hi)

@@ -126,13 +126,11 @@ def forecast_week(
     is_count: bool,
     open_h: npt.ArrayLike | None = None,
     share: float = DEFAULTS.forecast_share,
-    min_weeks: int = MIN_WEEKS,
-    max_weeks: int = MAX_WEEKS,
 ) -> WeekForecast:
     """Forecast the week after the last row.
 
     level_w = what week w counted / what is usual in the hours it recorded; usual week m_s = median over the last
-    `max_weeks` recorded weeks of rate_ws / level_w; forecast m_s exp(0.7 sum_w 2^-age ln level_w / sum_w 2^-age).
+    `MAX_WEEKS` recorded weeks of rate_ws / level_w; forecast m_s exp(0.7 sum_w 2^-age ln level_w / sum_w 2^-age).
     Range: the outer quantiles of a negative binomial (counts) or a gamma (amounts) with that mean and
     var = (noise mean / open hours + dispersion mean^2) (1 + pi / (2 k)), noise and dispersion pooled over the hours
     (see `hour_of_week.spread`), the last factor because the median of k weeks is itself uncertain.
@@ -143,30 +141,28 @@ def forecast_week(
         is_count: True for counts of events; False for amounts such as person-hours.
         open_h: Open hours of each slot of the next week, shape (168,): nothing is forecast where it is 0. None = 1.
         share: Share of hours the range is to hold.
-        min_weeks: Recorded weeks the forecast, and each hour of it, needs.
-        max_weeks: Recorded weeks of an hour that are used at most.
 
     Returns:
-        The forecast per open hour, with state "not_enough_data" and its reason below `min_weeks`.
+        The forecast per open hour, with state "not_enough_data" and its reason below `MIN_WEEKS`.
 
     Raises:
         ValueError: Shapes do not fit, or a number is negative or infinite.
     """
     weeks = as_weeks(n, x_h)
     hours = np.ones(SLOTS) if open_h is None else np.asarray(open_h, dtype=np.float64)
-    k = np.minimum((weeks.x_h > 0).sum(axis=0), max_weeks)
-    is_estimated = (k >= min_weeks) & (hours > 0)
-    if (reason := _why_not(weeks, is_estimated, min_weeks=min_weeks)) is not None:
+    k = np.minimum((weeks.x_h > 0).sum(axis=0), MAX_WEEKS)
+    is_estimated = (k >= MIN_WEEKS) & (hours > 0)
+    if (reason := _why_not(weeks, is_estimated)) is not None:
         nothing = np.full(SLOTS, np.nan)
         unknown = Spread(0.0, 0.0)
         return WeekForecast(
             nothing, nothing, nothing, nothing, k, 1.0, float("nan"), unknown, share, weeks.n_recorded,
             "not_enough_data", reason,
         )  # fmt: skip
-    usual_week, levels = _levelled(weeks, is_count=is_count, max_weeks=max_weeks)
+    usual_week, levels = _levelled(weeks, is_count=is_count)
     level = _late_level(levels)
     mean = np.where(is_estimated, usual_week * level, np.nan)
-    varies = spread(weeks.latest(max_weeks), is_count=is_count, min_weeks=min_weeks)
+    varies = spread(weeks.latest(MAX_WEEKS), is_count=is_count, min_weeks=MIN_WEEKS)
     more = 1 + np.pi / 2 / np.maximum(k, 1)
     lo, hi = _range(mean, varies, open_h=hours, more=more, share=share, is_count=is_count)
     return WeekForecast(
@@ -181,8 +177,6 @@ def chances(
     x_h: npt.ArrayLike,
     *,
     open_h: npt.ArrayLike | None = None,
-    min_weeks: int = MIN_WEEKS,
-    max_weeks: int = MAX_WEEKS,
 ) -> Chances:
     """Tell how likely at least one event is in each hour of the week after the last row: for what is rare.
 
@@ -193,22 +187,20 @@ def chances(
         n: Events, shape (n_weeks, 168), oldest first.
         x_h: Recorded open hours, same shape; 0 or NaN = not recorded.
         open_h: Open hours of each slot of the next week, shape (168,); None = 1.
-        min_weeks: Recorded weeks the forecast, and each hour of it, needs.
-        max_weeks: Recorded weeks of an hour that are used at most.
 
     Returns:
-        Rates and probabilities, with state "not_enough_data" and its reason below `min_weeks`.
+        Rates and probabilities, with state "not_enough_data" and its reason below `MIN_WEEKS`.
 
     Raises:
         ValueError: Shapes do not fit, or a number is negative or infinite.
     """
     weeks = as_weeks(n, x_h)
     hours = np.ones(SLOTS) if open_h is None else np.asarray(open_h, dtype=np.float64)
-    late = weeks.latest(max_weeks)
+    late = weeks.latest(MAX_WEEKS)
     k = (late.x_h > 0).sum(axis=0)
-    is_estimated = (k >= min_weeks) & (hours > 0)
+    is_estimated = (k >= MIN_WEEKS) & (hours > 0)
     nothing = np.full(SLOTS, np.nan)
-    if (reason := _why_not(weeks, is_estimated, min_weeks=min_weeks)) is not None:
+    if (reason := _why_not(weeks, is_estimated)) is not None:
         return Chances(nothing, nothing, k, weeks.n_recorded, "not_enough_data", reason)
     events, exposure = late.n.sum(axis=0)[is_estimated], late.x_h.sum(axis=0)[is_estimated]
     m = float(events.sum() / exposure.sum())
@@ -261,23 +253,23 @@ def _no_score(forecast: WeekForecast, reason: Reason | None) -> ForecastScore:
     return ForecastScore(None, None, None, forecast.share, None, None, 0, "not_enough_data", reason)
 
 
-def _why_not(weeks: Weeks, is_estimated: Bools, *, min_weeks: int) -> Reason | None:
-    if weeks.n_recorded < min_weeks:
-        return Reason("forecast.weeks", least=min_weeks, has=weeks.n_recorded)
+def _why_not(weeks: Weeks, is_estimated: Bools) -> Reason | None:
+    if weeks.n_recorded < MIN_WEEKS:
+        return Reason("forecast.weeks", least=MIN_WEEKS, has=weeks.n_recorded)
     if not is_estimated.any():
-        return Reason("forecast.hours", least=min_weeks)
+        return Reason("forecast.hours", least=MIN_WEEKS)
     return None
 
 
-def _levelled(weeks: Weeks, *, is_count: bool, max_weeks: int) -> tuple[Floats, Floats]:
+def _levelled(weeks: Weeks, *, is_count: bool) -> tuple[Floats, Floats]:
     """Return the usual week at level 1, shape (168,), and each week's level, NaN where it recorded too little."""
-    plain = usual(weeks.latest(max_weeks), is_count=is_count)
+    plain = usual(weeks.latest(MAX_WEEKS), is_count=is_count)
     levels = np.full(len(weeks.n), np.nan)
     week = plain
     for _ in range(2):  # the usual week needs the levels, the levels the usual week; twice is enough
         levels = _levels(weeks, week, is_count=is_count)
         at_one = np.where(np.isnan(levels), 1.0, levels)[:, None]
-        week = usual(Weeks(weeks.n, weeks.x_h * at_one).latest(max_weeks), is_count=is_count)
+        week = usual(Weeks(weeks.n, weeks.x_h * at_one).latest(MAX_WEEKS), is_count=is_count)
     return week, levels
 
 

@@ -41,6 +41,7 @@ LARGEST_TAU: Final = 3.0
 NAMED_SHARE: Final = 0.25
 """The middle and the usual variance are of the others as long as no more than this share is named."""
 ERROR: Final = 0.04
+"""Chance to name any site that does not differ."""
 ROUNDS: Final = 30
 CLOSE_ENOUGH: Final = 1e-10
 
@@ -62,14 +63,13 @@ class Funnel:
     differs: npt.NDArray[np.bool_]
 
 
-def funnel(logs: npt.ArrayLike, variances: npt.ArrayLike, df: npt.ArrayLike, *, error: float = ERROR) -> Funnel | None:
+def funnel(logs: npt.ArrayLike, variances: npt.ArrayLike, df: npt.ArrayLike) -> Funnel | None:
     """Return which sites differ (formulas: this module).
 
     Args:
         logs: Log ratios, shape (n_sites,).
         variances: Their variances from days and weeks, same shape, above 0.
         df: Degrees of freedom of the variances, same shape.
-        error: Chance to name any site that does not differ.
 
     Returns:
         None with fewer than 4 sites: they do not tell how sites usually differ.
@@ -82,7 +82,7 @@ def funnel(logs: npt.ArrayLike, variances: npt.ArrayLike, df: npt.ArrayLike, *, 
         middle, tau2, tau_df = usual(y[~differs], v[~differs])
         s2 = v + tau2
         p: Floats = 2 * stdtr(s2**2 / (v**2 / own_df + tau2**2 / tau_df), -np.abs(y - middle) / np.sqrt(s2))
-        found = ~differs & _holm(np.where(differs, 2.0, p), n=int((~differs).sum()), error=error)
+        found = ~differs & _holm(np.where(differs, 2.0, p), n=int((~differs).sum()))
         if not found.any():
             return Funnel(middle, math.sqrt(tau2), p, differs)
         if (differs | found).sum() > NAMED_SHARE * len(y):
@@ -127,10 +127,10 @@ def _middle(y: Floats, s2: Floats) -> float:
     return middle
 
 
-def _holm(p: Floats, *, n: int, error: float) -> npt.NDArray[np.bool_]:
+def _holm(p: Floats, *, n: int) -> npt.NDArray[np.bool_]:
     """Return which of the n smallest p values pass Holm's step-down."""
     order = np.argsort(p, kind="stable")[:n]
-    fails = p[order] * (n - np.arange(n)) > error
+    fails = p[order] * (n - np.arange(n)) > ERROR
     passed = int(np.argmax(fails)) if fails.any() else n
     found = np.zeros(len(p), dtype=np.bool_)
     found[order[:passed]] = True

@@ -82,7 +82,6 @@ def net_effect(
     x_after_h: npt.ArrayLike,
     *,
     confidence: float = 0.95,
-    min_reference_weeks: int = MIN_REFERENCE_WEEKS,
 ) -> NetEffect:
     """Return the change of the whole floor and the contribution of each place to it.
 
@@ -93,7 +92,6 @@ def net_effect(
         n_after: The same after, shape (n_places, n).
         x_after_h: The same after, shape (n,).
         confidence: Confidence level.
-        min_reference_weeks: Weeks before that an interval needs.
 
     Raises:
         ValueError: Shapes do not fit, or a number is negative or infinite.
@@ -102,8 +100,8 @@ def net_effect(
     if len(n_b) != len(n_a):
         raise ValueError("both periods must have the same places")
     m, n = len(x_b), len(x_a)
-    if m < min_reference_weeks:
-        return _refused(Reason("redesign.reference_weeks", least=min_reference_weeks, has=m), m, n)
+    if m < MIN_REFERENCE_WEEKS:
+        return _refused(Reason("redesign.reference_weeks", least=MIN_REFERENCE_WEEKS, has=m), m, n)
     if n == 0:
         return _refused(Reason("redesign.week_after", days=0), m, n)
     if not (n_b.any() and n_a.any()):

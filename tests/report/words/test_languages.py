@@ -71,7 +71,9 @@ def test_every_language_has_a_catalogue_and_a_tag() -> None:
 
 @pytest.mark.parametrize("language", OTHERS)
 def test_no_sentence_is_missing_and_none_is_left_over(language: str) -> None:
-    assert sentences(language).keys() == sentences(DEFAULT).keys()
+    ours, english = sentences(language).keys(), sentences(DEFAULT).keys()
+    assert sorted(english - ours) == [], f"{language}.toml or figures.toml of reports/wording lacks these"
+    assert sorted(ours - english) == [], f"only {language} has these: add the English sentence, or delete them"
 
 
 @pytest.mark.parametrize("language", OTHERS)

@@ -1,9 +1,8 @@
 """The catalogue of a report: its figures by id, M0 onwards, as the JSON report gives them.
 
 Every file of this folder is part of it: a function with `@figure("M30")` before it makes that figure. Those of how a
-space is used are imported where a place of the floor asks for them. docs/figures.md
-defines them all; it is made from the headers of the SQL files. A figure with a sentence `more.M30_all` has its line
-in the report's table of further figures.
+space is used are imported where a place of the floor asks for them. docs/figures.md defines them all; it is made from
+the headers of the SQL files. Their words are in `reports/wording/figures.toml`.
 
 Nothing in a figure tells of one person: no track ids, no count under `mask_below`, no ranking of a week recorded too
 little for one.

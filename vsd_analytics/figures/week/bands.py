@@ -17,6 +17,8 @@ MAP_AXES: Final = 2
 """Maps are rows by columns."""
 RING_POINTS: Final = 3
 """Fewer corners enclose nothing."""
+PER_CURVE: Final = 3
+"""Points on each curved piece of an outline."""
 SMALLEST_PX2: Final = 4.0
 """Smaller patches on a camera picture cannot be seen."""
 
@@ -28,7 +30,6 @@ def heat_bands(
     origin_m: Point,
     steps: Sequence[float],
     tolerance_m: float | None = None,
-    min_area_m2: float | None = None,
 ) -> tuple[MapBand, ...]:
     """Return the outlines of the floor whose density is at least each step.
 
@@ -41,7 +42,6 @@ def heat_bands(
         origin_m: Lower left corner of cell [0, 0], floor metres.
         steps: Lower ends of the bands, rising.
         tolerance_m: Largest shift of an outline by simplification; default a third of a cell.
-        min_area_m2: Outlines enclosing less are left out; default one cell.
 
     Returns:
         One band per step that is reached, weakest first. Each polygon is its outer ring, counter-clockwise, and its
@@ -60,7 +60,7 @@ def heat_bands(
     y = origin_m[1] + (np.arange(n_y) - 0.5) * cell_m
     generator = contourpy.contour_generator(x, y, padded, fill_type=contourpy.FillType.OuterOffset)
     tolerance = cell_m / 3 if tolerance_m is None else tolerance_m
-    smallest = cell_m**2 if min_area_m2 is None else min_area_m2
+    smallest = cell_m**2
     bands = []
     for lower in steps:
         filled: Any = generator.filled(lower, np.inf)
@@ -81,13 +81,12 @@ def heat_bands(
     return tuple(bands)
 
 
-def sampled(ring: Ring, *, sharp: Sequence[bool], per_curve: int = 3) -> Ring:
+def sampled(ring: Ring, *, sharp: Sequence[bool]) -> Ring:
     """Return points of the curve that the page draws through a ring: quadratic pieces between midpoints of its edges.
 
     Args:
         ring: The ring.
         sharp: For each point, whether the curve runs straight to it and on, as along a wall.
-        per_curve: Points on each curved piece.
     """
     n = len(ring)
     found: list[Point] = []
@@ -96,8 +95,8 @@ def sampled(ring: Ring, *, sharp: Sequence[bool], per_curve: int = 3) -> Ring:
             found.append(control)
             continue
         ends = [((control[0] + p[0]) / 2, (control[1] + p[1]) / 2) for p in (ring[k - 1], ring[(k + 1) % n])]
-        for i in range(per_curve):
-            t = (i + 0.5) / per_curve
+        for i in range(PER_CURVE):
+            t = (i + 0.5) / PER_CURVE
             weights = ((1 - t) ** 2, 2 * t * (1 - t), t**2)
             points = (ends[0], control, ends[1])
             x, y = (sum(w * p[axis] for w, p in zip(weights, points, strict=True)) for axis in (0, 1))

@@ -34,6 +34,8 @@ WALL_WIDTH_M: Final = 0.5
 ON_EDGE_M: Final = 0.002
 """A band's corner this near to a fixture's edge was made by it."""
 ROOM: Final = "#f1ede3"
+DOTS_APART: Final = 9
+"""SVG units between the dots of uncertain floor."""
 _NARROW, _SLIM, _WIDE = frozenset("ijl.,:;'|! "), frozenset("frtI()-"), frozenset("mwMW@%")
 
 
@@ -95,14 +97,14 @@ def hatch_defs(frame: Frame, *, hatch: str, clip: str, step: float = 9) -> Marku
     return el("defs", pattern + el("clipPath", el("rect", **frame.whole), id=clip))
 
 
-def dot_defs(*, dots: str, is_picture: bool, step: float = 9) -> Markup:
-    """Return the pattern of floor whose distances are too uncertain, dots `step` SVG units apart.
+def dot_defs(*, dots: str, is_picture: bool) -> Markup:
+    """Return the pattern of floor whose distances are too uncertain.
 
     On a picture, which may be bright or dark, they are white with a dark edge.
     """
     look = {"fill": WHITE, "stroke": INK, "stroke_width": 0.7} if is_picture else {"class_": "dd", "fill": HATCH}
-    dot = el("circle", **look, cx=step / 2, cy=step / 2, r=round(step * (0.22 if is_picture else 0.16), 1))
-    return el("defs", el("pattern", dot, id=dots, width=step, height=step, patternUnits="userSpaceOnUse"))
+    dot = el("circle", **look, cx=DOTS_APART / 2, cy=DOTS_APART / 2, r=2.0 if is_picture else 1.4)
+    return el("defs", el("pattern", dot, id=dots, width=DOTS_APART, height=DOTS_APART, patternUnits="userSpaceOnUse"))
 
 
 def uncertain(polygons: Sequence[Polygon], frame: Frame, *, dots: str) -> Markup:

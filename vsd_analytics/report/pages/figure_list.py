@@ -1,8 +1,4 @@
-"""Further figures of the catalogue as rows of a table; the catalogue of sentences says which, under `more`.
-
-A figure with `more.M30_all` has one line with its value, under this name. With `more.M30`, it has a line for each of
-its rows instead; the places of that sentence are columns of the rows. Its unit is `more.M30_unit`, a share without it.
-"""
+"""Further figures of the catalogue as rows of a table; `reports/wording/figures.toml` says which, and how."""
 
 from __future__ import annotations
 
@@ -32,40 +28,40 @@ class FigureRow:
 
 def more_figures(report: WeekReport) -> tuple[FigureRow, ...]:
     """Return figures of the catalogue that are nowhere else on the page, in its order; absent ones are left out."""
-    named = [key for key in report.figures if has(f"more.{key}_all")]
+    named = [key for key in report.figures if has(f"more.{key}.name")]
     return tuple(row for key in sorted(named, key=lambda key: int(key[1:])) for row in _lines(report, key))
 
 
 def _lines(report: WeekReport, key: str) -> Iterator[FigureRow]:
     figure, unit = report.figures[key], report.rules.distance_unit
-    name = say(f"more.{key}_all", distance=fmt.distance(report.rules.distance_m, unit))
+    name = say(f"more.{key}.name", distance=fmt.distance(report.rules.distance_m, unit))
     if figure.state != "ok":
         reason = terms.sentence(reason_text(figure.reason) or say("words.too_little_data"))
         yield FigureRow(name=name, value="", likely="", unit="", reason=reason)
-    elif not has(f"more.{key}"):
+    elif not has(f"more.{key}.row"):
         yield from _line(key, name, {"value": figure.value, "lo": figure.lo, "hi": figure.hi})
     else:
         for row in figure.rows or ():
-            yield from _line(key, say(f"more.{key}", plural=None, **_texts(row, unit)), row)
+            yield from _line(key, say(f"more.{key}.row", plural=None, **_texts(row, unit)), row)
             if row.get("calibration_lo") is not None:
                 yield _calibrated(row, unit)
 
 
 def _calibrated(row: Mapping[str, Any], unit: str) -> FigureRow:
     """Return the ends of M26 at the legal distance if all distances are off by what the calibrations state."""
-    name = say("more.M26_calibrated", distance_m=fmt.distance(row["distance_m"], unit))
+    name = say("more.M26.calibrated", distance_m=fmt.distance(row["distance_m"], unit))
     lo, hi = fmt.percent(row["calibration_lo"]), row["calibration_hi"]
-    value = say("more.M26_from", low=lo) if hi is None else say("format.and", first=lo, last=fmt.percent(hi))
+    value = say("more.M26.from", low=lo) if hi is None else say("format.and", first=lo, last=fmt.percent(hi))
     return FigureRow(name=name, value=value, likely=fmt.MISSING, unit="")
 
 
 def _line(key: str, name: str, row: Mapping[str, Any]) -> Iterator[FigureRow]:
     if (value := row.get("value", row.get(SHARE))) is None:
         return
-    is_share = row.get("unit") == SHARE or not has(f"more.{key}_unit")
+    is_share = row.get("unit") == SHARE or not has(f"more.{key}.unit")
     write, lo, hi = fmt.percent if is_share else fmt.number, row.get("lo"), row.get("hi")
     likely = fmt.MISSING if lo is None or hi is None else say("format.and", first=write(lo), last=write(hi))
-    yield FigureRow(name=name, value=write(value), likely=likely, unit="" if is_share else say(f"more.{key}_unit"))
+    yield FigureRow(name=name, value=write(value), likely=likely, unit="" if is_share else say(f"more.{key}.unit"))
 
 
 def _text(name: str, value: Any, unit: str) -> str:

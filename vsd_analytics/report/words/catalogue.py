@@ -1,8 +1,9 @@
-"""Every sentence of the page, in one catalogue for each language: `reports/wording/en.toml`; code asks for them by key.
+"""Every sentence of the page, in one catalogue for each language; code asks for them by key.
+
+`reports/wording/en.toml` has the sentences of a language; `figures.toml` beside it has the words of figures in each.
 
 A sentence has named places, `{name}`, which callers fill with text that `report.format` has made; a number never
-becomes text here. Where a sentence hangs on how many there are, its entry is a table of plural forms. Another language
-is another file of the same keys.
+becomes text here. Where a sentence hangs on how many there are, its entry is a table of plural forms.
 """
 
 from __future__ import annotations
@@ -134,8 +135,21 @@ _DAYS: ContextVar[SpokenDays | None] = ContextVar("days", default=None)
 @cache
 def catalogue(language: str = DEFAULT) -> Mapping[str, str | Mapping[str, str]]:
     """Return all sentences of a language by key; plural forms are tables with `one` and `other`."""
-    path = shipped("reports") / "wording" / f"{language}.toml"
-    return dict(_flat(tomllib.loads(path.read_text(encoding="utf-8"))))
+    return dict(_flat(_wording(language))) | _of_figures(language)
+
+
+def _wording(name: str) -> dict[str, Any]:
+    return tomllib.loads((shipped("reports") / "wording" / f"{name}.toml").read_text(encoding="utf-8"))
+
+
+def _of_figures(language: str) -> dict[str, str]:
+    """Return the words of figures: `reason.unit.M30` for the JSON file, and `more.M30.name` and such for the page."""
+    return {
+        f"reason.unit.{metric}" if part == "json_unit" else f"more.{metric}.{part}": said[language]
+        for metric, parts in _wording("figures").items()
+        for part, said in parts.items()
+        if language in said
+    }
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
