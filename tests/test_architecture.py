@@ -6,6 +6,7 @@ import ast
 import re
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -44,6 +45,16 @@ def modules() -> Iterator[tuple[str, Path]]:
 KNOWN = dict(modules())
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def nodes(tree: ast.AST) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(tree))
+
+
 def is_for_types(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
 
@@ -51,9 +62,9 @@ def is_for_types(node: ast.AST) -> bool:
 def imports(path: Path, *, with_types: bool = True) -> set[str]:
     """Return the modules of the package that a file imports anywhere, inside functions and, if asked, for types."""
     found: set[str] = set()
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    skipped = {id(n) for node in ast.walk(tree) if is_for_types(node) for n in ast.walk(node)}
-    for node in ast.walk(tree):
+    of_file = nodes(parsed(path))
+    skipped = {id(n) for node in of_file if is_for_types(node) for n in ast.walk(node)}
+    for node in of_file:
         if not with_types and id(node) in skipped:
             continue
         if isinstance(node, ast.Import):
@@ -102,7 +113,7 @@ def test_nothing_imports_in_a_circle_not_even_inside_functions() -> None:
 def test_no_two_classes_have_one_name() -> None:
     places: defaultdict[str, list[str]] = defaultdict(list)
     for name, path in KNOWN.items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in nodes(parsed(path)):
             if isinstance(node, ast.ClassDef):
                 places[node.name].append(name)
     assert {name: found for name, found in places.items() if len(found) > 1} == {}
@@ -110,7 +121,7 @@ def test_no_two_classes_have_one_name() -> None:
 
 def compared_texts(tree: ast.AST) -> Iterator[tuple[int, str]]:
     """Yield the strings that code compares something with: ==, in, match, and the keys it looks up by name."""
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         compared: list[ast.expr] = []
         match node:
             case ast.Compare():
@@ -130,7 +141,7 @@ def test_code_compares_codes_and_never_sentences() -> None:
     prose = [
         f"{path.relative_to(PACKAGE)}:{line} compares {text!r}"
         for _, path in modules()
-        for line, text in compared_texts(ast.parse(path.read_text(encoding="utf-8")))
+        for line, text in compared_texts(parsed(path))
         if " " in text.strip()
     ]
     assert prose == []
@@ -153,7 +164,7 @@ HELP = {"_f", "described"}
 def prose(tree: ast.AST) -> Iterator[tuple[int, str]]:
     """Yield the texts with a space that code may hand on: no docstring, error, help, SQL, script or type."""
     skipped: set[int] = set()
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         match node:
             case ast.Expr(value=ast.Constant()) | ast.Raise() | ast.Assert():
                 skipped |= {id(n) for n in ast.walk(node)}
@@ -163,7 +174,7 @@ def prose(tree: ast.AST) -> Iterator[tuple[int, str]]:
                 skipped |= {id(n) for n in ast.walk(annotation)}
                 if isinstance(annotation, ast.Name) and annotation.id == "TypeAlias" and node.value is not None:
                     skipped.add(id(node.value))
-    for node in ast.walk(tree):
+    for node in nodes(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in skipped:
             is_prose = len(re.findall(r"[^\W\d_]{2,}", node.value)) > 1 and " " in node.value.strip()
             if is_prose and not SQL.search(node.value) and "'use strict'" not in node.value:
@@ -177,11 +188,7 @@ def test_figures_and_planner_give_codes_and_no_words() -> None:
         for name in SENTENCELESS
         for p in ([PACKAGE / name] if name.endswith(".py") else PACKAGE.glob(f"{name}/**/*.py"))
     ]
-    found = {
-        f"{path.relative_to(PACKAGE)}:{line} {text!r}"
-        for path in files
-        for line, text in prose(ast.parse(path.read_text(encoding="utf-8")))
-    }
+    found = {f"{path.relative_to(PACKAGE)}:{line} {text!r}" for path in files for line, text in prose(parsed(path))}
     assert found == set()
 
 

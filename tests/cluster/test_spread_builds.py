@@ -39,7 +39,7 @@ def three_days(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project with three days of one camera, an hour each, without facts."""
     root = tmp_path_factory.mktemp("three") / "project"
     root.mkdir()
-    return made_up_site.write_site(root, n_records=60_000, n_cameras=1, open_h=1).root
+    return made_up_site.write_site(root, n_records=9_000, n_cameras=1, open_h=1, interval_s=5).root
 
 
 def copy(project: Path, to: Path) -> Site:

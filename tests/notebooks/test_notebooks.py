@@ -101,6 +101,6 @@ def test_relations_named_in_the_docs_can_be_queried(demo_project: Path) -> None:
     }
     names |= {*re.findall(r"^### (\w+)$", rest.partition("## Staging")[0], re.M), "located", "pairs"}
     assert {"params", "calendar", "owner_cells", "violations", "exposure"} <= names
-    with open_warehouse(load_site(demo_project), date(2026, 11, 9), date(2026, 11, 15)) as warehouse:
+    with open_warehouse(load_site(demo_project), date(2026, 11, 15), date(2026, 11, 15)) as warehouse:
         for name in sorted(names):
             assert len(run_query(warehouse, f"select * from {name} limit 1")) <= 1

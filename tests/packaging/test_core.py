@@ -75,11 +75,10 @@ def vsd(*commands: list[str]) -> list[Done]:
     return [Done(*ended) for ended in json.loads(done.stdout)]
 
 
-@pytest.fixture(scope="module")
-def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("core")
+def project(folder: Path, *, more: str = "") -> Path:
+    folder.mkdir()
     alarm = '[[alarm]]\nid = "full"\nkind = "gathering"\nfor_s = 5\n'
-    (folder / "vsd.toml").write_text(site_text("cam-1", more=alarm), encoding="utf-8")
+    (folder / "vsd.toml").write_text(site_text("cam-1", more=alarm + more), encoding="utf-8")
     rows = "".join(f"2026-11-09T09:00:{s:02}Z,{i},{s / 10 + i},{i}\n" for s in range(60) for i in range(3))
     (folder / "a.csv").write_text("ts,track_id,x_m,y_m\n" + rows, encoding="utf-8")
     return folder
@@ -91,43 +90,49 @@ def test_the_core_is_a_part_of_the_whole_with_the_same_versions() -> None:
     assert {"matplotlib", "cv2", "scipy", "jinja2"} <= set(left_out())
 
 
-def test_commands_that_take_records_in_need_no_other_library(root: Path) -> None:
-    commands = [
-        "check a.csv",
-        "ingest a.csv",
-        "imports",
-        "quarantine list",
-        "alarms",
-        "verify",
-        "log list",
-        "doctor",
-        "export --out out.parquet",
-        "listen --broker-config",
-        "schema frame",
-        "hours",
-        "heatmap --format csv",
-    ]
-    words = [[str(root / w) if "." in w else w for w in command.split()] for command in commands]
-    done = vsd(*(["-C", str(root), "--now", "2026-11-10", *of_command] for of_command in words))
-    assert {c: ended.err for c, ended in zip(commands, done, strict=True) if ended.code} == {}
+TAKE_IN = (
+    "check a.csv",
+    "ingest a.csv",
+    "imports",
+    "quarantine list",
+    "alarms",
+    "verify",
+    "log list",
+    "doctor",
+    "export --out out.parquet",
+    "listen --broker-config",
+    "schema frame",
+    "hours",
+    "heatmap --format csv",
+)
+MAKE_FIGURES = ("report --week 2026-W46", "hotspots", "today", "forecast")
+LISTEN = "listen --once --connect-timeout 1"
 
 
-def test_listening_needs_no_other_library(root: Path) -> None:
-    listen = ["-C", str(root), "listen", "--once", "--connect-timeout", "1"]
-    assert "error[E703]" in vsd(listen)[0].err
-    with (root / "vsd.toml").open("a", encoding="utf-8") as toml:
-        toml.write('[mqtt]\nhost = "127.0.0.1"\nport = 1\n')
-    assert "error[E701]" in vsd(listen)[0].err
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Done]:
+    """Return how each command ended; the last listens to a broker that does not answer. One process runs them all."""
+    folder = tmp_path_factory.mktemp("core")
+    silent, at_broker = project(folder / "a"), project(folder / "b", more='[mqtt]\nhost = "127.0.0.1"\nport = 1\n')
+    asked = [(command, ["-C", str(silent), "--now", "2026-11-10", *command.split()]) for command in TAKE_IN]
+    asked += [(c, ["-C", str(silent), "--now", "2026-11-20", *c.split(), "--json"]) for c in MAKE_FIGURES]
+    asked += [(LISTEN, ["-C", str(silent), *LISTEN.split()]), ("broker", ["-C", str(at_broker), *LISTEN.split()])]
+    words = [[str(silent / w) if w in ("a.csv", "out.parquet") else w for w in command] for _, command in asked]
+    return dict(zip((name for name, _ in asked), vsd(*words), strict=True))
 
 
-def test_commands_that_make_figures_say_what_to_install(root: Path) -> None:
-    commands = ["report --week 2026-W46", "hotspots", "today", "forecast"]
-    ingest, *done = vsd(
-        ["-C", str(root), "--now", "2026-11-10", "ingest", str(root / "a.csv")],
-        *(["-C", str(root), "--now", "2026-11-20", *command.split(), "--json"] for command in commands),
-    )
-    assert ingest.code in (0, 1)
-    for command, ended in zip(commands, done, strict=True):
+def test_commands_that_take_records_in_need_no_other_library(done: dict[str, Done]) -> None:
+    assert {command: done[command].err for command in TAKE_IN if done[command].code} == {}
+
+
+def test_listening_needs_no_other_library(done: dict[str, Done]) -> None:
+    assert "error[E703]" in done[LISTEN].err
+    assert "error[E701]" in done["broker"].err
+
+
+def test_commands_that_make_figures_say_what_to_install(done: dict[str, Done]) -> None:
+    for command in MAKE_FIGURES:
+        ended = done[command]
         told = json.loads(ended.out)
         assert (ended.code, told["code"]) == (2, "E107"), command
         assert "pip install vsd-analytics" in told["fix"]

@@ -104,10 +104,9 @@ def test_installed_wheel_makes_a_report(scripts: Path, tmp_path: Path) -> None:
     vsd = scripts / "vsd"
 
     _run(vsd, "--now", "2026-11-17T12:00", "ingest", "frames.jsonl", folder=tmp_path)
-    _run(vsd, "report", "--week", "2026-W46", "--format", "html", "--out", "reports", folder=tmp_path)
-    twin = json.loads(_run(vsd, "report", "--week", "2026-W46", "--format", "json", "--out", "-", folder=tmp_path))
+    _run(vsd, "report", "--week", "2026-W46", "--format", "html,json", "--out", "reports", folder=tmp_path)
 
-    page = (tmp_path / "reports" / "2026-W46.html").read_text(encoding="utf-8")
+    page, text = ((tmp_path / "reports" / f"2026-W46.{form}").read_text(encoding="utf-8") for form in ("html", "json"))
     assert "Riverside Store" in page
     assert "<style" in page, "the style sheet of the wheel stands in the page"
-    assert twin["level"]["violations"] == sum(week.violations.values())
+    assert json.loads(text)["level"]["violations"] == sum(week.violations.values())

@@ -61,11 +61,9 @@ def test_the_key_of_the_last_purged_day_goes_where_no_record_of_it_is_left(tmp_p
     assert keys(root) == [DAYS[2]]
 
 
-def test_a_purge_of_everything_leaves_no_key(tmp_path: Path) -> None:
-    root = make_project(tmp_path / "p", toml=TOML.replace("pseudonyms = false", ""))
-    vsd(root, "ingest", str(three_days(root)))
-    vsd(root, "purge", "--older-than", "2026-11-12", "--force", "--forget-keys")
-    assert keys(root) == []
+def test_a_purge_of_everything_leaves_no_key(project: Path) -> None:
+    vsd(project, "purge", "--older-than", "2026-11-12", "--force", "--forget-keys")
+    assert keys(project) == []
 
 
 def test_records_of_a_forgotten_day_are_refused_and_others_stored(project: Path) -> None:

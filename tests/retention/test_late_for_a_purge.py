@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from aged_projects import DAYS, NOW, TERMS, day, litter, make_project, messages, three_days, vsd, write
+from aged_projects import DAYS, NOW, TERMS, day, litter, messages, vsd, write
 from purge_crashes import Crash, watched
 
 from vsd_analytics.config import load_site
@@ -17,14 +17,6 @@ from vsd_analytics.ingest.pipeline import ingest
 from vsd_analytics.retention.purge import purge_older
 from vsd_analytics.store import Store
 from vsd_analytics.store.quarantine import QuarantineEntry, entries, files
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    root = make_project(tmp_path / "p")
-    vsd(root, "ingest", str(three_days(root)))
-    vsd(root, "build")
-    return root
 
 
 def late_file(root: Path) -> Path:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from aged_projects import DAYS, TERMS, audit, litter, make_project, messages, seals_of, three_days, vsd, write
+from aged_projects import DAYS, TERMS, audit, litter, messages, seals_of, vsd, write
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import StoreError, UsageError
@@ -34,19 +33,6 @@ def figures(root: Path) -> tuple[str, str]:
     return vsd(root, "hours", "--range", ALL, "--by", "camera", "--json"), vsd(
         root, "heatmap", "--range", ALL, "--json"
     )
-
-
-@pytest.fixture(scope="module")
-def stored_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = make_project(tmp_path_factory.mktemp("kept") / "p")
-    vsd(root, "ingest", str(three_days(root)))
-    vsd(root, "build")
-    return root
-
-
-@pytest.fixture
-def project(stored_once: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(stored_once, tmp_path / "p"))
 
 
 def test_wrong_camera_undone_and_right_one_ingested_is_as_if_never_wrong(project: Path, tmp_path: Path) -> None:
@@ -118,12 +104,6 @@ def test_dry_run_guard_and_wrong_words(project: Path) -> None:
     assert audit(project) == []
 
 
-@pytest.fixture
-def sealed(project: Path) -> Path:
-    vsd(project, "purge", "--older-than", DAYS[2], "--force")
-    return project
-
-
 def by_camera(root: Path) -> dict[str, list[dict[str, Any]]]:
     rows = json.loads(vsd(root, "hours", "--range", ALL, "--by", "camera", "--json"))["hours"]
     return {c: [r for r in rows if r["camera_id"] == c] for c in ("cam-1", "cam-2")}
@@ -133,42 +113,42 @@ def morning_facts(root: Path) -> list[Path]:
     return list((root / "sealed").rglob(f"date={DAYS[0]}/09-*.parquet"))
 
 
-def test_a_camera_goes_out_of_sealed_facts_and_the_other_stays(sealed: Path) -> None:
-    before = by_camera(sealed)
-    assert [p for p in morning_facts(sealed) if "area_counts" in p.parts and pq.read_metadata(p).num_rows]
-    told = json.loads(vsd(sealed, "purge", "--camera", "cam-1", "--range", MORNING, "--json"))
+def test_a_camera_goes_out_of_sealed_facts_and_the_other_stays(purged: Path) -> None:
+    before = by_camera(purged)
+    assert [p for p in morning_facts(purged) if "area_counts" in p.parts and pq.read_metadata(p).num_rows]
+    told = json.loads(vsd(purged, "purge", "--camera", "cam-1", "--range", MORNING, "--json"))
     assert told["range"]["sealed_hours"] == 2
-    after = by_camera(sealed)
+    after = by_camera(purged)
     assert after["cam-2"] == before["cam-2"]
     changed = [b["start"] for b, a in zip(before["cam-1"], after["cam-1"], strict=True) if a != b]
     assert changed == [f"{DAYS[0]}T10:00:00+01:00", f"{DAYS[0]}T11:00:00+01:00"]
     assert all(r["person_records"] is None for r in after["cam-1"] if r["start"] in changed)
-    for path in morning_facts(sealed):
+    for path in morning_facts(purged):
         rows = pq.ParquetFile(path).read()
         if "camera_id" in rows.column_names:
             assert "cam-1" not in rows["camera_id"].to_pylist()
         else:
             assert rows.num_rows == 0, "a sum over all cameras still holds the one that is gone"
-    assert litter(sealed) == []
-    assert seals_of(sealed).damaged() == []
-    assert "nothing to remove" in vsd(sealed, "purge", "--camera", "cam-1", "--range", MORNING)
+    assert litter(purged) == []
+    assert seals_of(purged).damaged() == []
+    assert "nothing to remove" in vsd(purged, "purge", "--camera", "cam-1", "--range", MORNING)
 
 
-def test_everybody_goes_out_of_sealed_facts(sealed: Path) -> None:
-    vsd(sealed, "purge", "--range", f"{DAYS[0]}T01:00..{DAYS[1]}T01:00")
-    hours = json.loads(vsd(sealed, "hours", "--range", DAYS[0], "--json"))["hours"]
+def test_everybody_goes_out_of_sealed_facts(purged: Path) -> None:
+    vsd(purged, "purge", "--range", f"{DAYS[0]}T01:00..{DAYS[1]}T01:00")
+    hours = json.loads(vsd(purged, "hours", "--range", DAYS[0], "--json"))["hours"]
     assert {h["state"] for h in hours} == {"no_data"}
-    late = write(sealed / "late.jsonl", messages(camera="cam-1", day=DAYS[0], hours=(9,)))
-    assert "sealed-hour" in json.loads(vsd(sealed, "ingest", str(late), "--json", code=1))["sources"][0]["quarantined"]
+    late = write(purged / "late.jsonl", messages(camera="cam-1", day=DAYS[0], hours=(9,)))
+    assert "sealed-hour" in json.loads(vsd(purged, "ingest", str(late), "--json", code=1))["sources"][0]["quarantined"]
 
 
-def test_a_range_that_cuts_a_sealed_hour_is_refused_whole(sealed: Path) -> None:
-    before = by_camera(sealed)
+def test_a_range_that_cuts_a_sealed_hour_is_refused_whole(purged: Path) -> None:
+    before = by_camera(purged)
     with pytest.raises(StoreError) as caught:
-        purge_range(load_site(sealed), camera_id="cam-1", first_ms=ms(9, 30), after_ms=ms(11, 0), terms=TERMS)
+        purge_range(load_site(purged), camera_id="cam-1", first_ms=ms(9, 30), after_ms=ms(11, 0), terms=TERMS)
     assert caught.value.code == "E312"
     assert "09:00Z" in str(caught.value.fix)
-    assert by_camera(sealed) == before
+    assert by_camera(purged) == before
 
 
 def ms(hour: int, minute: int) -> int:

@@ -1,13 +1,12 @@
-"""One simulated Saturday before and one after the display was moved, and one small project, shared by these tests."""
+"""One simulated Saturday before and one after the display was moved, shared by these tests."""
 
 from __future__ import annotations
 
 from datetime import date
-from pathlib import Path
 
 import pytest
 
-from vsd_analytics.simulate import DemoTruth, simulate_day, write_demo_project
+from vsd_analytics.simulate import simulate_day
 from vsd_analytics.simulate.demo_project import opening
 from vsd_analytics.simulate.people import SimulatedDay
 
@@ -25,9 +24,3 @@ def before() -> SimulatedDay:
 @pytest.fixture(scope="session")
 def after() -> SimulatedDay:
     return _saturday(date(2026, 11, 14), moved=True)
-
-
-@pytest.fixture(scope="session")
-def project(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, DemoTruth]:
-    folder = tmp_path_factory.mktemp("demo") / "shop"
-    return folder, write_demo_project(folder, seed=1, weeks=2)

@@ -22,6 +22,17 @@ from vsd_analytics.simulate.demo_project import opening
 from vsd_analytics.simulate.shop import AREA_RECTS
 
 Project = tuple[Path, DemoTruth]
+INTERVAL_S = 4.0
+"""Seconds from frame to frame of the project: half the frames of a demo."""
+FRAMES_H = round(3600 / INTERVAL_S)
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Project:
+    folder = tmp_path_factory.mktemp("demo") / "shop"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(demo, "DETAILED_S", INTERVAL_S)
+        return folder, write_demo_project(folder, seed=1, weeks=2)
 
 
 def messages(folder: Path, name: str) -> list[dict]:  # type: ignore[type-arg]
@@ -35,11 +46,13 @@ def instants(folder: Path, name: str) -> list[datetime]:
 
 
 def test_same_arguments_give_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(demo, "simulate_week", lambda monday, **rest: islice(simulate_week(monday, **rest), 2))
+    monkeypatch.setattr(
+        demo, "simulate_week", lambda monday, **rest: islice(simulate_week(monday, **rest | {"interval_s": 15.0}), 1)
+    )
     truths = [write_demo_project(tmp_path / name, seed=7, weeks=1) for name in "ab"]
     assert truths[0] == truths[1]
     files = sorted(p.relative_to(tmp_path / "a") for p in (tmp_path / "a").rglob("*") if p.is_file())
-    assert len(files) == 2 * 4 + 4 + 4 + 1 + 3
+    assert len(files) == 4 + 4 + 4 + 1 + 3
     assert all((tmp_path / "a" / f).read_bytes() == (tmp_path / "b" / f).read_bytes() for f in files)
 
 
@@ -59,7 +72,7 @@ def test_toml_names_files_that_exist_and_areas_on_the_floor(project: Project) ->
     for camera in site["camera"]:
         assert np.loadtxt(folder / camera["homography"]).shape == (3, 3)
         assert (folder / camera["picture"]).stat().st_size < 90_000
-        assert camera["hz"] == 0.5
+        assert camera["hz"] == 1 / INTERVAL_S
     for area in site["area"]:
         assert all(0 <= x <= 24 and 0 <= y <= 16 for x, y in area["polygon"])
     floor = site["floor"][0]
@@ -78,8 +91,8 @@ def test_site_loads_and_the_frames_adapter_takes_every_message(project: Project)
     adapter = Frames()
     assert adapter.detects(source)
     batches = list(adapter.read(source, IngestOptions()))
-    assert sum(b.table("frames").num_rows for b in batches) == 13.5 * 1800
-    assert sum(b.table("observations").num_rows for b in batches) > 40_000
+    assert sum(b.table("frames").num_rows for b in batches) == 13.5 * FRAMES_H
+    assert sum(b.table("observations").num_rows for b in batches) > 20_000
     assert not [r for b in batches for r in b.rejected]
 
 
@@ -97,8 +110,8 @@ def test_engine_runs_from_a_quarter_before_opening_to_a_quarter_after_closing(pr
     for name, begin, end in (("cam-2_2026-11-04", "06:45", "20:15"), ("cam-2_2026-11-08", "08:45", "17:15")):
         at = instants(project[0], name)
         assert f"{at[0]:%H:%M:%S}" == f"{begin}:00"
-        assert at[-1] + timedelta(seconds=2) == at[0].replace(hour=int(end[:2]), minute=int(end[3:]))
-        assert {b - a for a, b in pairwise(at)} == {timedelta(seconds=2)}
+        assert at[-1] + timedelta(seconds=INTERVAL_S) == at[0].replace(hour=int(end[:2]), minute=int(end[3:]))
+        assert {b - a for a, b in pairwise(at)} == {timedelta(seconds=INTERVAL_S)}
 
 
 def test_outage_silences_one_camera_only(project: Project) -> None:
@@ -110,7 +123,7 @@ def test_outage_silences_one_camera_only(project: Project) -> None:
         assert down
         assert not [t for t in down if truth.outage.start <= t < truth.outage.end]
         up = [t for t in instants(folder, f"cam-1_{day}") if truth.outage.start <= t < truth.outage.end]
-        assert len(up) > 3000
+        assert len(up) > 1.6 * FRAMES_H
     seqs = [m["seq"] for m in messages(folder, f"{camera}_2026-11-13")]
     assert seqs[0] > messages(folder, f"{camera}_2026-11-12")[-1]["seq"] + 1, "the gap shows in seq"
 
@@ -121,11 +134,11 @@ def test_one_hour_is_missing_and_one_is_recorded_less_than_half(project: Project
     tuesday = Counter(t.hour for t in instants(folder, f"{camera}_2026-11-10"))
     assert truth.missing.start.isoformat() == "2026-11-10T20:00:00+01:00"
     assert tuesday[19] == 0
-    assert tuesday[18] == 1800
+    assert tuesday[18] == FRAMES_H
     sunday = Counter(t.hour for t in instants(folder, f"{camera}_2026-11-15"))
     assert truth.low_data.end.isoformat() == "2026-11-15T10:35:00+01:00"
-    assert 0 < sunday[9] < 900
-    assert sunday[10] == 1800
+    assert 0 < sunday[9] < FRAMES_H / 2
+    assert sunday[10] == FRAMES_H
 
 
 def test_redesign_at_least_halves_violations_in_its_area_and_nowhere_else(project: Project) -> None:

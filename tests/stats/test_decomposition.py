@@ -31,7 +31,7 @@ def map_of(places: np.ndarray) -> np.ndarray:
 
 
 def days(
-    rng: np.random.Generator, n_people: float, *, n_days: int = 7, frames: int = 1500, pairs: float = 0.0
+    rng: np.random.Generator, n_people: float, *, n_days: int = 7, frames: int = 700, pairs: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return close and co-present pair-hours by day and the map, of people placed independently in every frame.
 

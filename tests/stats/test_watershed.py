@@ -55,7 +55,7 @@ def test_a_low_peak_joins_the_basin_of_the_cell_that_links_it_not_another_that_t
 heights = arrays(np.float64, (5, 6), elements=st.integers(0, 9).map(float))
 
 
-@settings(max_examples=150)
+@settings(max_examples=50)
 @given(heights, st.sampled_from([0.0, 0.3, 0.5, 0.9, 1.0]))
 def test_every_cell_is_in_one_connected_basin(height: np.ndarray, share: float) -> None:
     found = watershed(height, height > 0, saddle_share=share)
@@ -65,14 +65,14 @@ def test_every_cell_is_in_one_connected_basin(height: np.ndarray, share: float) 
         assert ndimage.label(found == k, structure=EIGHT)[1] == 1
 
 
-@settings(max_examples=100)
+@settings(max_examples=40)
 @given(heights)
 def test_without_valleys_basins_are_connected_components(height: np.ndarray) -> None:
     found = watershed(height, height > 0, saddle_share=0.0)
     np.testing.assert_array_equal(found, ndimage.label(height > 0, structure=EIGHT)[0])
 
 
-@settings(max_examples=100)
+@settings(max_examples=40)
 @given(heights, st.sampled_from([0.3, 0.5, 0.9]), st.floats(0.01, 100))
 def test_unit_of_height_changes_nothing_and_more_share_parts_no_less(
     height: np.ndarray, share: float, scale: float

@@ -79,7 +79,7 @@ row_sets = st.lists(
 )
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=4, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(rows=row_sets, camera=st.sampled_from([None, *CAMERAS]), edges=st.tuples(*[st.integers(0, 3 * HOUR)] * 2))
 def test_exactly_what_is_meant_goes_and_comes_back(
     tmp_path_factory: pytest.TempPathFactory, rows: list[Any], camera: str | None, edges: tuple[int, int]

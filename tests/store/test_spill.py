@@ -18,9 +18,9 @@ from vsd_analytics.store.duck import connect
 SPILLING = """
 import sys
 from vsd_analytics.store.duck import connect
-con = connect(memory_limit="60MB", threads=1)
+con = connect(memory_limit="20MB", threads=1)
 con.execute("set preserve_insertion_order = false")
-con.execute("create temp table big as select i, hash(i) as h from range(8_000_000) as t(i)")
+con.execute("create temp table big as select i, hash(i) as h from range(2_500_000) as t(i)")
 print("spilled", flush=True)
 sys.stdin.read()
 """
@@ -99,10 +99,12 @@ name = "Camera"
 """
 
 
-def test_a_command_leaves_no_folder(temporary: Path) -> None:
+def test_commands_leave_no_folder(temporary: Path) -> None:
     (temporary / "vsd.toml").write_text(SITE)
     (temporary / "frames.jsonl").write_text('{"v": 1, "camera": "cam", "ts": "2026-11-09T10:00:00Z", "persons": []}\n')
-    vsd = [sys.executable, "-c", "from vsd_analytics.cli import main; main()"]
-    for command in (["ingest", "frames.jsonl"], ["build"]):
-        subprocess.run([*vsd, *command], cwd=temporary, check=True)
+    commands = (["ingest", "frames.jsonl"], ["build"])
+    runs = f"[run(cli, command) for command in {commands}]"
+    code = f"from vsd_analytics.cli import cli\nfrom vsd_analytics.cli.exit_codes import run\nassert {runs} == [0, 0]"
+    subprocess.run([sys.executable, "-c", code], cwd=temporary, check=True)
+    assert list((temporary / "facts").iterdir())
     assert list(temporary.glob(f"{spill.PREFIX}*")) == []

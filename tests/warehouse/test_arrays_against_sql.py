@@ -161,7 +161,7 @@ def both(scene: Scene) -> tuple[dict[str, pa.Table], dict[str, pa.Table]]:
 @example(Scene(3, sends_pixels=True, sends_pairs=True, falling_numbers=True, share_with_ids=0.7))
 @example(Scene(5, sends_persons=False, sends_pairs=True))
 @example(Scene(6, sends_pairs=True, has_beats=False, share_lost=0.0))
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=1, deadline=None)
 def test_arrays_give_the_rows_of_the_queries(scene: Scene) -> None:
     expected, found = both(scene)
     assert found.keys() == expected.keys() == {"camera_days", *HOURLY, *RECORD_RELATIONS}

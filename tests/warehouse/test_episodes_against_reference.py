@@ -102,7 +102,7 @@ def found_episodes(folder: Path, first: str, last: str) -> list[Episode]:
     start=st.sampled_from(["2026-11-09 10:58:30", "2026-11-09 23:58:10", "2026-11-10 00:00", "2026-11-09 22:59:59"]),
     n_files=st.integers(1, 4),
 )
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 def test_episodes_equal_the_reference_however_records_are_split(seed: int, start: str, n_files: int) -> None:
     rng = np.random.default_rng(seed)
     people = walk(rng, start=at(start), seconds=240)
@@ -176,7 +176,7 @@ def test_an_empty_night_adds_recorded_time_and_nothing_else(tmp_path: Path) -> N
     """With a heartbeat on both sides: the night changes coverage upward only."""
     people = walk(np.random.default_rng(3), start=T0, seconds=200)
     day = [*people, *beats(T0, T0 + 200_000)]
-    night = beats(T0 + 12 * HOUR, T0 + 14 * HOUR, every=1000)
+    night = beats(T0 + 12 * HOUR, T0 + 12 * HOUR + 600_000, every=1000)
     put(make_site(tmp_path / "day"), day)
     put(make_site(tmp_path / "night"), [*day, *night])
     assert figures_of(tmp_path / "night") == figures_of(tmp_path / "day")
@@ -184,7 +184,7 @@ def test_an_empty_night_adds_recorded_time_and_nothing_else(tmp_path: Path) -> N
     for folder in ("day", "night"):
         with open_days(make_site(tmp_path / folder)) as warehouse:
             recorded.append(warehouse.rows("select sum(recorded_s) as s, sum(person_records) as n from hours")[0])
-    assert recorded[1]["s"] == recorded[0]["s"] + 7200
+    assert recorded[1]["s"] == recorded[0]["s"] + 600
     assert recorded[1]["n"] == recorded[0]["n"]
 
 

@@ -111,7 +111,6 @@ def test_late_data_gives_what_timely_data_would_have_given(project: Path, tmp_pa
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"distance_m": 1.5}, "settings changed"),
         ({"pair_max_m": 3.0}, "settings changed"),
         ({"episode_gap_s": 5.0}, "settings changed"),
     ],
@@ -158,11 +157,11 @@ def test_a_changed_frame_interval_says_so(project: Path) -> None:
 def test_a_removed_fact_file_is_rebuilt(project: Path) -> None:
     site = make_site(project)
     before = fact_files(site)
-    for relation in ["camera_days", *FACTS_WITHOUT_AREAS]:
-        victim = sorted((site.root / "facts" / relation).rglob("*.parquet"))[0]
-        victim.unlink()
+    for relations in (["camera_days"], ["exposure"], FACTS_WITHOUT_AREAS):
+        for relation in relations:
+            next((site.root / "facts" / relation).rglob("*.parquet")).unlink()
         build(site)
-        assert fact_files(site) == before, relation
+        assert fact_files(site) == before, relations
 
 
 def test_the_hours_of_a_removed_fact_file_are_called_incomplete(project: Path) -> None:
@@ -284,7 +283,7 @@ def mixed(rng: np.random.Generator) -> list[Person | Pair | Frame]:
     start = T0 + 14 * HOUR
     records: list[Person | Pair | Frame] = []
     ts = start
-    while ts < start + 5 * HOUR:
+    while ts < start + 3 * HOUR:
         ts += int(
             rng.choice([200, 1000, 1000, 1000, 2100, 60_000, 601_000, 3_000_000], p=[0.1] * 4 + [0.3, 0.28, 0.01, 0.01])
         )
@@ -307,7 +306,7 @@ def test_bytes_do_not_depend_on_range_or_batch(
     shutil.copytree(whole.root / "store", tmp_path / "hourly" / "store")
     shutil.copytree(whole.root / "store", tmp_path / "small" / "store")
     numbers = sorted(build(whole).fingerprints)
-    assert len(numbers) > 4
+    assert len(numbers) > 2
     expected = fact_files(whole)
     hourly = make_site(tmp_path / "hourly", cameras=cameras)
     build_hour_by_hour(hourly)
@@ -383,8 +382,9 @@ def test_a_day_file_left_by_a_crash_is_not_read_twice(project: Path) -> None:
         assert warehouse.rows("select count(*) as n from camera_days")[0]["n"] == 1
 
 
-@pytest.mark.parametrize("relation", ["exposure", "distance_times", "coverage", "camera_days"])
-@pytest.mark.parametrize("n_bytes", [0, 7, 200])
+@pytest.mark.parametrize(
+    ("relation", "n_bytes"), [("exposure", 0), ("distance_times", 200), ("camera_days", 0), ("camera_days", 7)]
+)
 def test_fact_file_that_breaks_off_is_computed_again(project: Path, relation: str, n_bytes: int) -> None:
     site = make_site(project)
     whole = fact_files(site)

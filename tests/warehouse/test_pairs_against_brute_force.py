@@ -73,7 +73,7 @@ def crowds(draw: st.DrawFn) -> list[Person]:
 
 
 @given(people=crowds())
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 def test_pairs_equal_brute_force(people: list[Person]) -> None:
     with TemporaryDirectory() as folder:
         put(make_site(Path(folder), cameras=CAMERAS), people)
@@ -134,14 +134,14 @@ def test_violation_time_and_heatmaps_equal_brute_force(tmp_path: Path, has_ids: 
 
 
 def test_memory_stays_bounded_in_crowds(tmp_path: Path) -> None:
-    """150 frames of 1,000 people: 75 million pairs if each is compared with each, some millions by squares."""
+    """60 frames of 1,000 people: 30 million pairs if each is compared with each, some millions by squares."""
     import resource
     import sys
 
     unit = 1024**2 if sys.platform == "darwin" else 1024
     rng = np.random.default_rng(10)
     site = make_site(tmp_path)
-    for second in range(150):
+    for second in range(60):
         put(
             site,
             [
@@ -156,5 +156,5 @@ def test_memory_stays_bounded_in_crowds(tmp_path: Path) -> None:
     grown_mb = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / unit
     with open_days(site) as warehouse:
         n_pairs = warehouse.rows("select count(*) as n from pairs")[0]["n"]
-    assert n_pairs > 500_000
-    assert grown_mb < 800
+    assert n_pairs > 200_000
+    assert grown_mb < 400

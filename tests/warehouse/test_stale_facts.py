@@ -55,8 +55,8 @@ def project(root: Path, *cameras: Camera, **settings: float) -> Site:
     return replace(site, floors=(Floor("ground", "Ground"), Floor("upper", "Upper")))
 
 
-@pytest.fixture
-def root(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Ten hours of two people in view of two cameras in pixels, with heartbeats, all facts built."""
     people = [
         Person(hour * HOUR + s * 1000, track, camera=c, u=float(u), v=200.0)
@@ -67,9 +67,16 @@ def root(tmp_path: Path) -> Path:
     ]
     instants = range(HOURS[0] * HOUR, (HOURS[-1] + 1) * HOUR, 60_000)
     hearts = [Frame(ts, c, seq=i) for c in ("cam", "side") for i, ts in enumerate(instants)]
-    put(project(tmp_path), [*people, *hearts])
-    build(project(tmp_path))
-    return tmp_path
+    folder = tmp_path_factory.mktemp("built")
+    put(project(folder), [*people, *hearts])
+    build(project(folder))
+    return folder
+
+
+@pytest.fixture
+def root(built: Path, tmp_path: Path) -> Path:
+    """Return a copy of the project, for one test to change."""
+    return Path(shutil.copytree(built, tmp_path / "site"))
 
 
 def rebuilt(site: Site, elsewhere: Path) -> Site:

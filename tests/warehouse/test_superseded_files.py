@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -41,15 +42,20 @@ def shop(root: Path) -> Site:
     return make_site(root)
 
 
-@pytest.fixture
-def site(tmp_path: Path) -> Site:
-    """Return a site with a minute of records, its day files, and then a minute more that makes all of them stale."""
-    site = shop(tmp_path / "shop")
+@pytest.fixture(scope="module")
+def stale(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a project with a minute of records, its day files, and then a minute more that makes all of them stale."""
+    site = shop(tmp_path_factory.mktemp("stale"))
     for t in (at("2026-11-09 08:00"), at("2026-11-09 09:00")):
         put(site, [*(Person(t + s * 1000, k, 0, 0) for s in range(60) for k in "ab"), *beats(t, t + 60_000)])
         if t == at("2026-11-09 08:00"):
             read(site)
-    return site
+    return site.root
+
+
+@pytest.fixture
+def site(stale: Path, tmp_path: Path) -> Site:
+    return shop(Path(shutil.copytree(stale, tmp_path / "shop")))
 
 
 def read(site: Site, *names: str) -> None:
@@ -57,13 +63,22 @@ def read(site: Site, *names: str) -> None:
         warehouse.materialise(*(names or ("camera_hours", "coverage", "episodes", "crowding_hours")))
 
 
-def killed(site: Site) -> None:
-    """Let a process write the facts and day files anew and be killed before it removes the old ones."""
+@pytest.fixture(scope="module")
+def left_by_the_dead(stale: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the project of a process that wrote facts and day files anew and was killed before it removed the old."""
+    root = Path(shutil.copytree(stale, tmp_path_factory.mktemp("killed") / "shop"))
     folder = Path(__file__).parents[1]  # of all tests
-    done = subprocess.run([sys.executable, "-c", KILLED, site.root, folder], env=os.environ, check=False)
+    done = subprocess.run([sys.executable, "-c", KILLED, root, folder], env=os.environ, check=False)
     assert done.returncode == -signal.SIGKILL
+    return root
+
+
+@pytest.fixture
+def killed(left_by_the_dead: Path, tmp_path: Path) -> Site:
+    site = shop(Path(shutil.copytree(left_by_the_dead, tmp_path / "shop")))
     assert doubled(site.root / FOLDER)
     assert doubled(site.root / "facts")
+    return site
 
 
 def doubled(root: Path) -> list[str]:
@@ -78,30 +93,27 @@ def temporary(folder: Path, name: str, *, pid: int = DEAD) -> Path:
     return path
 
 
-def test_the_next_report_removes_what_a_killed_one_left(site: Site) -> None:
-    killed(site)
-    read(site)
-    assert doubled(site.root / "facts") == []
+def test_the_next_report_removes_what_a_killed_one_left(killed: Site) -> None:
+    read(killed)
+    assert doubled(killed.root / "facts") == []
 
 
-def test_the_next_build_removes_what_a_killed_report_left(site: Site) -> None:
-    killed(site)
-    folder = next((site.root / FOLDER).rglob("date=*"))
+def test_the_next_build_removes_what_a_killed_report_left(killed: Site) -> None:
+    folder = next((killed.root / FOLDER).rglob("date=*"))
     left = [temporary(folder, "00-0123456789abcdef.parquet"), temporary(folder, "a", pid=os.getpid())]
-    assert build(site).n_built == 0
-    assert doubled(site.root / "facts") == []
+    assert build(killed).n_built == 0
+    assert doubled(killed.root / "facts") == []
     assert not any(path.exists() for path in left)  # nobody writes facts: the process of that id is another one
 
 
-def test_nothing_is_removed_while_somebody_reads_facts(site: Site) -> None:
-    killed(site)
-    left = doubled(site.root / "facts")
-    with Warehouse(site, DAY, DAY):
-        build(site)
-        read(site)
-        assert doubled(site.root / "facts") == left
-    build(site)
-    assert doubled(site.root / "facts") == []
+def test_nothing_is_removed_while_somebody_reads_facts(killed: Site) -> None:
+    left = doubled(killed.root / "facts")
+    with Warehouse(killed, DAY, DAY):
+        build(killed)
+        read(killed)
+        assert doubled(killed.root / "facts") == left
+    build(killed)
+    assert doubled(killed.root / "facts") == []
 
 
 def test_day_files_of_today_stay_when_superseded_ones_go(site: Site) -> None:
