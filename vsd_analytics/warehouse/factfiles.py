@@ -27,7 +27,7 @@ ROW_GROUP = 250_000
 """A row group ends with the first hour that brings it to this many rows. So the writer of a day holds few rows, and
 where row groups end depends on the rows alone."""
 FEW_ROWS = 100
-"""A file of fewer rows is not compressed: beginning each column costs zstd more time than it saves blocks of the disk."""
+"""A file of fewer rows is not compressed: zstd takes longer to begin each column than it saves blocks of the disk."""
 _INSTANTS = ("ts_ms", "started_ms", "ended_ms", "first_ms", "last_ms", "_from_ms", "_to_ms")
 _NAMES = frozenset(["company", *(name for name, kind in ENUMS.items() if kind == "track_name")])
 _SPREAD = frozenset(["cx", "before_ms", "after_ms"])
