@@ -137,6 +137,33 @@ def test_a_former_setting_of_the_environment_with_another_value_is_refused_by_it
     assert "VSD_CELL_M" in problem.where.file
 
 
+@pytest.mark.parametrize(
+    ("variable", "meant"),
+    [("VSD_DISTANCEM", "VSD_DISTANCE_M"), ("VSD_EPISODE_GAP", "VSD_EPISODE_GAP_S"), ("VSD_CELLM", "VSD_CELL_M")],
+)
+def test_a_misspelt_setting_of_the_environment_is_refused_with_its_name(
+    tmp_path: Path, variable: str, meant: str
+) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path, "", **{variable: "1"})
+    (problem,) = caught.value.problems
+    assert caught.value.what == "the environment has 1 mistake"
+    assert problem.what == f"no setting is called {variable}"
+    assert problem.fix == f"rename it to {meant}, or unset it"
+
+
+def test_variables_of_other_programs_are_left_alone(tmp_path: Path) -> None:
+    load(tmp_path, "", VSD_PROJECT="/srv/shop", VSD_REALDATA="/data", VSD_CHROMIUM="/usr/bin/chromium", DISTANCEM="1")
+
+
+def test_a_wrong_value_in_the_environment_is_answered_as_a_variable_is_written(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path, "", VSD_MIN_DAYS="many")
+    (problem,) = caught.value.problems
+    assert problem.what == "VSD_MIN_DAYS must be a whole number, not the text 'many'"
+    assert problem.fix == f"write it as: VSD_MIN_DAYS={BY_NAME['min_days'].default}"
+
+
 @each
 def test_every_setting_is_read_by_some_code_or_query(setting: Setting) -> None:
     """A setting that nothing reads would be accepted and change nothing."""

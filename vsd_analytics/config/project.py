@@ -13,7 +13,7 @@ from vsd_analytics.config.floors import read_areas, read_cameras, read_fixtures,
 from vsd_analytics.config.mail_route import read_base_url, read_chromium, read_mail
 from vsd_analytics.config.opening import WEEKDAYS, Spans, parse_opening
 from vsd_analytics.config.reader import DATE, Form, Mistakes, TableReader
-from vsd_analytics.config.site_settings import read_settings
+from vsd_analytics.config.site_settings import OF_ENVIRONMENT, read_settings
 from vsd_analytics.config.source_profiles import read_sources
 from vsd_analytics.config.toml_lines import TomlText, read_toml
 from vsd_analytics.config.values import parse_dates, parse_day_start, zone
@@ -102,8 +102,9 @@ def site_of(text: TomlText, *, folder: Path, environ: Mapping[str, str] | None =
 
 def _refused(problems: tuple[VsdError, ...]) -> ConfigError:
     count, first = len(problems), problems[0].where
+    is_outside = all(p.where is not None and p.where.file.startswith(OF_ENVIRONMENT) for p in problems)
     return ConfigError(
-        f"{FILE} has {count} mistake{'s' if count != 1 else ''}",
+        f"{'the environment' if is_outside else FILE} has {count} mistake{'s' if count != 1 else ''}",
         problems=problems,
         where=Where(first.file, first.line) if first else Where(FILE),
         fix=f"fix {'them' if count != 1 else 'it'} and run the command again",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,9 +12,14 @@ from typing import Any
 
 from vsd_analytics.config.reader import Form, Mistakes, TableReader
 from vsd_analytics.config.toml_lines import TomlText
+from vsd_analytics.errors import ConfigError, Where
 from vsd_analytics.settings import FORMER, SETTINGS, Setting
 
 ENVIRONMENT_PREFIX = "VSD_"
+OF_ENVIRONMENT = "environment variable"
+"""What the place of a mistake begins with where it is not in the file."""
+_ALIKE = 0.85
+"""Share of equal letters from which a variable is a misspelt setting; other programs may have `VSD_` variables too."""
 
 
 @dataclass
@@ -53,6 +59,7 @@ def read_settings(tables: Mapping[str, TableReader], *, environ: Mapping[str, st
             if value is not None:
                 found.values[setting.name], found.sources[setting.name] = value, variable
     _check_former(tables["rule"], environ=environ, mistakes=mistakes)
+    _check_misspelt(environ, mistakes)
     _check_together(found.values, tables)
     return found
 
@@ -66,6 +73,19 @@ def _check_former(rule: TableReader, *, environ: Mapping[str, str], mistakes: Mi
             reader, apart = _variable(name, variable, environ[variable])
             _constant(reader, name, constant)
             mistakes.take(apart.all)
+
+
+def _check_misspelt(environ: Mapping[str, str], mistakes: Mistakes) -> None:
+    """Note variables that are nearly the name of a setting: ignored, they would change nothing without a word."""
+    known = [*(s.name for s in SETTINGS), *FORMER]
+    names = {v: v.removeprefix(ENVIRONMENT_PREFIX).lower() for v in sorted(environ) if v.startswith(ENVIRONMENT_PREFIX)}
+    for variable, name in names.items():
+        near = difflib.get_close_matches(name, known, n=1, cutoff=_ALIKE)
+        if near and name not in known:
+            meant = ENVIRONMENT_PREFIX + near[0].upper()
+            what = f"no setting is called {variable}"
+            place = Where(f"{OF_ENVIRONMENT} {variable}")
+            mistakes.take([ConfigError(what, code="E124", where=place, fix=f"rename it to {meant}, or unset it")])
 
 
 def _constant(table: TableReader, name: str, constant: float) -> None:
@@ -113,6 +133,9 @@ def _read(table: TableReader, setting: Setting) -> Any:
 def _from_environment(setting: Setting, variable: str, text: str, mistakes: Mistakes) -> Any:
     reader, apart = _variable(setting.name, variable, text)
     value = _read(reader, setting)
+    for mistake in apart.all:  # written as a variable is, not as a line of the file
+        mistake.what = mistake.what.replace(f"{variable} {setting.name} ", f"{variable} ", 1)
+        mistake.fix = mistake.fix and mistake.fix.replace(f"{setting.name} = ", f"{variable}=", 1)
     mistakes.take(apart.all)
     return value
 
@@ -123,7 +146,7 @@ def _variable(name: str, variable: str, text: str) -> tuple[TableReader, Mistake
         values = tomllib.loads(f"{name} = {text}")
     except tomllib.TOMLDecodeError:
         values = {name: text}
-    apart = Mistakes(TomlText(f"environment variable {variable}", ""))
+    apart = Mistakes(TomlText(f"{OF_ENVIRONMENT} {variable}", ""))
     return TableReader(values, path=(), label=variable, mistakes=apart, folder=Path()), apart
 
 
