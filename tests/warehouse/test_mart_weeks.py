@@ -20,6 +20,7 @@ from vsd_analytics.retention.purge import Terms, purge_older, purge_range
 from vsd_analytics.site.model import Area, Camera, Site
 from vsd_analytics.store import durable
 from vsd_analytics.warehouse import day_files as day_files_module
+from vsd_analytics.warehouse import sources
 from vsd_analytics.warehouse import week_files as week_files_module
 from vsd_analytics.warehouse.analyst_query import run_query
 from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
@@ -175,8 +176,10 @@ def test_weeks_while_a_place_is_closed_are_computed_once_until_late_records_come
 def test_a_running_week_is_stored_up_to_its_last_records_and_goes_on_with_the_next_day(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, computed: list[tuple[date, date]]
 ) -> None:
-    """A range that begins after the first records or ends before the last ones stores no part of a week; it reads what a
-    file has of its days."""
+    """A range that begins after the first records or ends before the last ones stores no part of a week.
+
+    It reads what a file has of its days.
+    """
     site = site_of(tmp_path)
     put(site, crowd(1, "Europe/Rome"))
     first, last = FIRST + WEEK, SEEN[-1]  # Monday and Tuesday
@@ -240,6 +243,19 @@ def test_late_records_renew_the_days_around_them_and_no_other(project: Site, com
     assert gone == {str(FIRST + WEEK)}
     folders = [name.rsplit("/", 1)[0] for name in after]
     assert len(set(folders)) == len(folders)  # the file of before is gone
+
+
+def test_each_mart_renews_its_own_days_also_where_they_are_computed_one_by_one(
+    project: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Late records change days of all marts, opening hours the Sundays of one."""
+    noon = round(datetime(2026, 3, 31, 10, 30, tzinfo=UTC).timestamp() * 1000)
+    put(project, [Person(noon, "m", 1000, 1000, "left"), *beats(noon, noon + 60_000, every=2000, camera="left")])
+    opened = replace(project, opening=[*[[]] * 6, [(600, 720)]])
+    monkeypatch.setattr(sources, "PIECE_BYTES", 1)
+    now = rows(opened, SOME)
+    assert now == rows(opened, SOME, uses_days=False)
+    assert rows(opened, SOME) == now
 
 
 def test_a_changed_area_renews_what_reads_areas_and_nothing_else(project: Site) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import date, timedelta
 from itertools import groupby
 from pathlib import Path
@@ -41,6 +42,37 @@ the room; a larger mart stays a view of its files."""
 
 _MATERIALISE_AT = {"floor_cells": 2}
 """A page asks this large fact once, for the ends of the floor, and needs no row of it in memory for that."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Absent:
+    """A week of a mart that has no file.
+
+    Attributes:
+        relation: The mart.
+        week: The week.
+        older: Days whose rows older files have.
+        missing: All other days.
+    """
+
+    relation: Relation
+    week: WeekFile
+    older: Mapping[Path, Sequence[date]]
+    missing: frozenset[date]
+
+    @classmethod
+    def of(cls, relation: Relation, week: WeekFile) -> _Absent:
+        older = week.older()
+        return cls(relation, week, older, frozenset(week.inputs).difference(*older.values()))
+
+    def add(self, days: Sequence[date], rows: pa.Table) -> None:
+        """Take the computed rows of some days; the last of them write the file."""
+        by = rows[self.relation.stored_by]
+        self.week.rows.update((d, rows.filter(pc.equal(by, d))) for d in sorted(self.missing.intersection(days)))
+        if max(self.missing) in days:
+            self.week.reuse(self.older, self.relation.stored_by)
+            if self.week.is_stored:
+                self.week.write()
 
 
 class RelationSources:
@@ -89,20 +121,18 @@ class RelationSources:
             return
         new = {r.name: r for r in marts_by_day([*names, *self._asked]) if r.name not in self._marts}
         weeks = {name: self._days.weeks(relation) for name, relation in new.items()}
-        absent = [(new[name], week) for name, of_mart in weeks.items() for week in of_mart if not is_whole(week.path)]
-        for relation, week in absent:
-            week.reuse(relation.stored_by)
-        if days := sorted(set[date]().union(*(week.missing() for _, week in absent))):
-            sizes = fact_sizes(self._site, self._built, facts_behind({relation.name for relation, _ in absent}))
+        absent = [_Absent.of(new[n], week) for n, found in weeks.items() for week in found if not is_whole(week.path)]
+        if days := sorted(set[date]().union(*(a.missing for a in absent))):
+            sizes = fact_sizes(self._site, self._built, facts_behind({a.relation.name for a in absent if a.missing}))
             for piece in pieces(days, sizes, most=PIECE_BYTES):
-                wanted = {r.name: r for r, week in absent if not week.missing().isdisjoint(piece)}
+                wanted = {a.relation.name: a.relation for a in absent if not a.missing.isdisjoint(piece)}
                 for relation, rows in self._rows_of_days([*wanted.values()], piece[0], piece[-1]):
-                    by = rows[relation.stored_by]
-                    of_day = {d: rows.filter(pc.equal(by, d)) for d in piece}
-                    for week in (week for r, week in absent if r is relation):
-                        week.rows.update((d, of_day[d]) for d in week.missing().intersection(piece))
-                        if week.is_stored and not week.missing():
-                            week.write()
+                    for a in absent:
+                        if a.relation is relation and not a.missing.isdisjoint(piece):
+                            a.add(piece, rows)
+        for a in absent:
+            if not a.missing:
+                a.week.reuse(a.older, a.relation.stored_by)
         self._marts |= weeks
 
     def of(self, relation: Relation) -> RelationSource:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date, timedelta
 from pathlib import Path
@@ -68,24 +68,29 @@ class WeekFile:
     is_stored: bool = True
     rows: dict[date, pa.Table] = field(default_factory=dict)
 
-    def reuse(self, column: str) -> None:
-        """Take the rows of the days whose inputs did not change from older files of the week.
-
-        Args:
-            column: Day of a row.
-        """
-        for path in _files_beside(self.path):
+    def older(self) -> dict[Path, list[date]]:
+        """Return undamaged older files of the week, each with the days whose rows it has: those of the same inputs."""
+        found: dict[Path, list[date]] = {}
+        left = dict(self.inputs)
+        for path in (p for p in others_of(self.path) if not is_temporary(p)):
             with contextlib.suppress(OSError):
                 data = path.read_bytes()
                 noted = _by_day(self.monday, noted_inputs(data)) if is_undamaged(data) else {}
-                same = [d for d, own in self.inputs.items() if noted.get(d) == own and d not in self.rows]
-                if same:
-                    rows = pq.ParquetFile(pa.BufferReader(data)).read().replace_schema_metadata()
-                    self.rows.update((d, rows.filter(pc.equal(rows[column], d))) for d in same)
+                found[path] = [d for d, own in left.items() if noted.get(d) == own]
+                left = {d: own for d, own in left.items() if d not in found[path]}
+        return found
 
-    def missing(self) -> set[date]:
-        """Return the days without rows."""
-        return self.inputs.keys() - self.rows.keys()
+    def reuse(self, older: Mapping[Path, Sequence[date]], column: str) -> None:
+        """Take the rows of days from older files.
+
+        Args:
+            older: The days; see `older`.
+            column: Day of a row.
+        """
+        for path, days in older.items():
+            if days:
+                rows = pq.ParquetFile(path).read().replace_schema_metadata()
+                self.rows.update((d, rows.filter(pc.equal(rows[column], d))) for d in days)
 
     def write(self, noted: Mapping[bytes, bytes] | None = None) -> bool:
         """Write the rows of all days unless the disk refuses; return whether the file is there, which then has them."""
@@ -178,10 +183,6 @@ def others_of(path: Path) -> list[Path]:
         others = [path.parent / name for name in os.listdir(path.parent) if name != path.name]
         return sorted(p for p in others if p.suffix == ".parquet" or is_temporary(p))
     return []
-
-
-def _files_beside(path: Path) -> list[Path]:
-    return [other for other in others_of(path) if not is_temporary(other)]
 
 
 def _noted(monday: date, inputs: Mapping[date, InputHashes]) -> dict[str, dict[str, list[int]]]:
