@@ -15,10 +15,7 @@ Their rows are those of the day's 24 UTC hours.
 
 from __future__ import annotations
 
-import contextlib
-import os
 from bisect import bisect_left
-from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
@@ -26,7 +23,6 @@ from pathlib import Path
 
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Site
-from vsd_analytics.store.durable import is_temporary
 from vsd_analytics.store.layout import list_parts, unit_folder
 from vsd_analytics.warehouse import beside
 from vsd_analytics.warehouse.build_result import BuildResult
@@ -200,22 +196,6 @@ def day_fingerprint(name: str, day: date, inputs: InputHashes) -> str:
 def relations_stored_by_day() -> list[Relation]:
     """Return the facts and marts that have files of computed rows."""
     return [r for r in relations("facts", "marts").values() if r.stored_by]
-
-
-def superseded(files: Iterable[DayFile]) -> list[Path]:
-    """Return the other files in the folders of some day files: older fingerprints, and temporary files.
-
-    Listing the folders also finds those whose writer was killed between writing the new file and removing the old.
-    """
-    wanted: dict[Path, set[str]] = defaultdict(set)
-    for file in files:
-        wanted[file.path.parent].add(file.path.name)
-    found: list[Path] = []
-    for folder, own in sorted(wanted.items()):
-        with contextlib.suppress(FileNotFoundError):
-            others = [folder / name for name in os.listdir(folder) if name not in own]
-            found += [p for p in others if p.suffix == ".parquet" or is_temporary(p)]
-    return found
 
 
 def superseded_anywhere(site: Site) -> list[Path]:

@@ -20,7 +20,7 @@ from vsd_analytics.store.seals import Seals
 from vsd_analytics.warehouse import beside
 from vsd_analytics.warehouse.build import record_rows
 from vsd_analytics.warehouse.build_result import BuildResult
-from vsd_analytics.warehouse.day_files import SITE_DAY, DayFile, DayFiles, superseded
+from vsd_analytics.warehouse.day_files import SITE_DAY, DayFile, DayFiles
 from vsd_analytics.warehouse.day_pieces import PIECE_BYTES, fact_sizes, pieces
 from vsd_analytics.warehouse.fact_days import damaged_facts, is_whole
 from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
@@ -215,7 +215,7 @@ class RelationSources:
         rows = ((d, self._con.sql(self._of_hours(relation, d * 24, d * 24 + 23)).to_arrow_table()) for d in missing)
         unwritten = self._write(files, rows)
         # An older file beside one that could not be written is superseded by nothing and stays.
-        self._superseded += superseded(f for d, f in files.items() if d not in unwritten)
+        self._superseded += [o for d, f in files.items() if d not in unwritten for o in others_of(f.path)]
         read: list[str | Path | pa.Table] = []
         for d, file in files.items():
             if first < d * 24:
