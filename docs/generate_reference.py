@@ -270,7 +270,11 @@ def _python(name: str) -> str:
     return f"[`{short}`](../{where})"
 
 
-_DAYS = {"local_date": "local date", "site_day": "site day", "utc_day": "UTC day again where hours of it are sealed"}
+_DAYS = {
+    "local_date": "week, of local dates",
+    "site_day": "week, of site days",
+    "utc_day": "UTC day again where hours of it are sealed",
+}
 
 
 def _relation(relation: Relation) -> list[str]:

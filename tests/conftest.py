@@ -108,7 +108,7 @@ def _one_thread_for_a_query(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture(scope="module", autouse=True)
 def _no_day_files(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Let marts be computed without writing day files: a test with one report a store never reads them again.
+    """Let marts be computed without writing week files: a test with one report a store never reads them again.
 
     About a quarter of the processor time of such a test. Tests of the warehouse compare both ways.
     """

@@ -35,8 +35,8 @@ from vsd_analytics.store.durable import publish
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.camera_days import day_bytes, day_path, day_units, hour_units, read_days
 from vsd_analytics.warehouse.day_files import DayFiles, relations_stored_by_day
-from vsd_analytics.warehouse.fact_days import FactDays, is_whole
-from vsd_analytics.warehouse.factfiles import FactWriter, by_kind, fact_bytes
+from vsd_analytics.warehouse.fact_days import FactDays
+from vsd_analytics.warehouse.factfiles import FactWriter, by_kind
 from vsd_analytics.warehouse.stored_days import Extent
 from vsd_analytics.warehouse.units import PartIndex
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -146,22 +146,26 @@ def _write_facts(site: Site, pattern: Site) -> None:
 
 
 def _write_marts(site: Site, n_days: int) -> None:
-    """Write the marts of all days with a day file: those of three days are computed, the others follow from these."""
+    """Write the marts with week files: those of three days are computed, the others follow from these."""
     middle = n_days // 2 - n_days // 2 % PATTERN
     days = [FIRST + timedelta(days=middle + k) for k in range(PATTERN)]
-    names = [r.name for r in relations_stored_by_day() if r.layer == "marts"]
+    marts = [r for r in relations_stored_by_day() if r.layer == "marts"]
+    names = [r.name for r in marts]
+    rows_of = {}
     with Warehouse(site, days[0], days[-1]) as warehouse:
-        for name in names:
-            warehouse.prepare(f"select * from {name}")
+        warehouse.prepare(" ".join(names))
+        for relation in marts:
+            of_day = f"select * from {relation.name} where {relation.stored_by} = $day"
+            rows_of[relation.name] = [warehouse.table(of_day, {"day": day}) for day in days]
     files = DayFiles(site, build(site, is_trusting=True), extents=[Extent(FIRST, FIRST + timedelta(days=n_days - 1))])
-    for relation in (r for r in relations_stored_by_day() if r.layer == "marts"):
-        of_relation = files.files(relation)
-        rows_of = {k: pq.read_table(of_relation[day].path) for k, day in enumerate(days)}
-        for day, file in of_relation.items():
-            if is_whole(file.path) or day < FIRST:
-                continue
-            k = (day - days[0]).days % PATTERN
-            publish(file.path, fact_bytes(later(rows_of[k], (day - days[k]).days), inputs=file.inputs), is_synced=False)
+    for relation in marts:
+        of_day = rows_of[relation.name]
+        for week in files.weeks(relation):
+            for day in week.inputs:
+                k = (day - days[0]).days % PATTERN
+                rows = later(of_day[k], (day - days[k]).days)
+                week.rows[day] = rows if day >= FIRST else rows.slice(0, 0)
+            week.write()
 
 
 def measure(project: Path, arguments: list[str]) -> tuple[float, float]:

@@ -207,23 +207,23 @@ def _with_facts(root: Path) -> None:
 
 
 def _with_few_days(root: Path) -> None:
-    """Make fresh facts, and the day files of two relations."""
+    """Make fresh facts, and the week files of two relations."""
     _with_facts(root)
     vsd(root, "report", "--week", WEEK)
     shutil.rmtree(root / PAGES)
-    for folder in (root / "facts" / "days").iterdir():
+    for folder in (root / "facts" / "weeks").iterdir():
         if folder.name not in ("footsteps", "exposure"):
             shutil.rmtree(folder)
 
 
 def _with_superseded_days(root: Path, *commands: str) -> None:
-    """Make pages and their day files, then close a day, which changes its day files, and remove those of a relation."""
+    """Make pages and their week files, then close a day, which changes these, and remove those of a relation."""
     _with_facts(root)
     for command in commands:
         vsd(root, command, "--week", WEEK)
     shutil.rmtree(root / PAGES)
     for name in ("footsteps", "exposure", "planner_cells"):
-        shutil.rmtree(root / "facts" / "days" / name / "site=shop" / f"date={CLOSED}", ignore_errors=True)
+        shutil.rmtree(root / "facts" / "weeks" / name, ignore_errors=True)
     text = CONFIG.replace("[[floor]]", f'closed = ["{CLOSED}"]\n[[floor]]', 1)
     (root / "vsd.toml").write_text(text)
 

@@ -28,7 +28,7 @@ class State:
     Attributes:
         rows: Rows in parts, by table, with the engine's track ids.
         parts: Their names.
-        facts: Bytes of the files of facts and of kept days, by relation and hour or day.
+        facts: Bytes of the files of facts and of stored marts, by relation and day or week.
         keys: Day keys.
         quarantined: Quarantined texts by source.
         sealed: Hash of each sealed file, and the audit lines of purges.

@@ -35,9 +35,9 @@ POINTS = [
     ("log add", "EIO", "fsync", ""),  # of the folder: the entry was there, and twice when it was added again
     ("log add", "ENOSPC", "write", "log.jsonl"),  # written all the same when the file was closed
     ("first log add", "short write, then ENOSPC", "write", "log.jsonl"),  # half an entry stayed
-    ("report", "kill -9", "write", "/facts/days"),  # superseded days stayed for good
-    ("report", "kill -9", "unlink", "/facts/days"),
-    ("report", "ENOSPC that stays", "create", "/facts/days"),
+    ("report", "kill -9", "write", "/facts/weeks"),  # superseded files stayed for good
+    ("report", "kill -9", "unlink", "/facts/weeks"),
+    ("report", "ENOSPC that stays", "create", "/facts/weeks"),
     ("planner", "kill -9", "rename", "/reports"),  # a temporary file stayed for good
     ("purge by camera", "kill -9", "rename", "/store/observations"),  # a glob showed records twice
 ]

@@ -10,9 +10,9 @@ import pytest
 from vsd_analytics.bench.made_up_site import write_site
 from vsd_analytics.warehouse import sources
 from vsd_analytics.warehouse import warehouse as warehouse_module
-from vsd_analytics.warehouse.day_files import FOLDER
 from vsd_analytics.warehouse.day_pieces import pieces
 from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.warehouse.week_files import FOLDER as WEEKS
 
 FIRST = date(2026, 11, 9)
 ASKED = ("violations", "cell_hours", "camera_hours", "track_groups")
@@ -58,7 +58,7 @@ def test_pieces_of_one_day_make_the_same_files_one_warehouse_after_the_other(
         inner.clear()
         with Warehouse(site, FIRST, FIRST + timedelta(days=2)) as warehouse:
             warehouse.materialise(*ASKED)
-        found = {str(p.relative_to(tmp_path)): p.read_bytes() for p in (tmp_path / FOLDER).rglob("*.parquet")}
+        found = {str(p.relative_to(tmp_path)): p.read_bytes() for p in (tmp_path / "facts" / WEEKS).rglob("*.parquet")}
         for path in found:
             (tmp_path / path).unlink()
         return found
@@ -66,11 +66,11 @@ def test_pieces_of_one_day_make_the_same_files_one_warehouse_after_the_other(
     whole = made(10**12)
     assert len(inner) == 1
     single = made(1)
-    # track_groups has a file of the site day that begins on the day before, too
+    # track_groups has rows of the site day that begins on the day before, too
     assert inner == [(FIRST, FIRST - timedelta(days=1)), *((d, d) for d in days(0, 1, 2))]
     assert most_open == 1
     assert n_open == 0
     assert single == whole
     relations = {path.split("/")[2] for path in whole}
     assert relations == {"violations", "cell_hours", "camera_hours", "track_groups"}
-    assert len(whole) == 3 * 3 + 4
+    assert len(whole) == 4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import date
+from datetime import date, timedelta
 from pathlib import Path
 
 import pytest
@@ -12,9 +12,11 @@ from vsd_analytics.site.model import Site
 from vsd_analytics.store.layout import segment_paths
 from vsd_analytics.store.spans import spans_of
 from vsd_analytics.store.stretches import FAR_DAYS, far_off
-from vsd_analytics.warehouse.day_files import FOLDER, NEAR_DAYS
+from vsd_analytics.warehouse.day_files import NEAR_DAYS
 from vsd_analytics.warehouse.stored_days import Extent, stored_extent, stored_stretches
 from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.warehouse.week_files import DAYS
+from vsd_analytics.warehouse.week_files import FOLDER as WEEKS
 
 OLD, NEW = date(1990, 1, 1), date(2026, 11, 9)
 DAY = 24 * HOUR
@@ -49,7 +51,7 @@ def test_everything_stored_has_no_calendar_for_decades_without_a_record(site: Si
     assert "13,460 days between 1990-01-01 and 2026-11-09" in note
 
 
-def test_a_range_of_decades_has_weeks_around_records_and_writes_days_near_them_only(site: Site) -> None:
+def test_a_range_of_decades_has_weeks_around_records_and_writes_those_near_them_only(site: Site) -> None:
     with Warehouse(site, OLD, date(2026, 11, 20)) as warehouse:
         hours = warehouse.rows("select local_date as d, n_violations, state from hours")
         warehouse.materialise("episodes", "camera_hours")
@@ -58,12 +60,13 @@ def test_a_range_of_decades_has_weeks_around_records_and_writes_days_near_them_o
     assert len(empty) == 24
     assert all(row["n_violations"] is None and row["state"] == "no_data" for row in empty)  # missing is not zero
     stored = (OLD, NEW, date(2026, 11, 10))
-    kept = {date.fromisoformat(p.parent.name.removeprefix("date=")) for p in (site.root / FOLDER).rglob("*.parquet")}
-    assert kept >= set(stored)
-    assert all(min(abs((day - s).days) for s in stored) <= NEAR_DAYS + 2 for day in kept)
+    files = (site.root / "facts" / WEEKS).rglob("*.parquet")
+    mondays = {date.fromisoformat(path.parent.name.removeprefix("date=")) for path in files}
+    assert mondays >= {day - timedelta(days=day.weekday()) for day in stored}
+    assert all(min(abs((day - s).days) for s in stored) < NEAR_DAYS + DAYS for day in mondays)
 
 
-def test_a_day_without_facts_has_the_rows_it_has_without_day_files(site: Site) -> None:
+def test_a_day_without_facts_has_the_rows_it_has_without_files(site: Site) -> None:
     rows = []
     for uses_days in (True, True, False):
         with Warehouse(site, date(2026, 11, 1), date(2026, 11, 16), uses_days=uses_days) as warehouse:

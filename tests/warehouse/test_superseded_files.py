@@ -44,7 +44,7 @@ def shop(root: Path) -> Site:
 
 @pytest.fixture(scope="module")
 def stale(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a project with a minute of records, its day files, and then a minute more that makes all of them stale."""
+    """Return a project with a minute of records, its files of marts, and then a minute more that makes all of them stale."""
     site = shop(tmp_path_factory.mktemp("stale"))
     for t in (at("2026-11-09 08:00"), at("2026-11-09 09:00")):
         put(site, [*(Person(t + s * 1000, k, 0, 0) for s in range(60) for k in "ab"), *beats(t, t + 60_000)])
@@ -65,7 +65,7 @@ def read(site: Site, *names: str) -> None:
 
 @pytest.fixture(scope="module")
 def left_by_the_dead(stale: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the project of a process that wrote facts and day files anew and was killed before it removed the old."""
+    """Return the project of a process that wrote facts and files of marts anew and was killed before it removed the old."""
     root = Path(shutil.copytree(stale, tmp_path_factory.mktemp("killed") / "shop"))
     folder = Path(__file__).parents[1]  # of all tests
     done = subprocess.run([sys.executable, "-c", KILLED, root, folder], env=os.environ, check=False)
@@ -116,7 +116,7 @@ def test_nothing_is_removed_while_somebody_reads_facts(killed: Site) -> None:
     assert doubled(killed.root / "facts") == []
 
 
-def test_day_files_of_today_stay_when_superseded_ones_go(site: Site) -> None:
+def test_the_newest_files_of_marts_stay_when_older_ones_go(site: Site) -> None:
     read(site)
     fresh = {p: p.read_bytes() for p in (site.root / FOLDER).rglob("*.parquet")}
     for path in fresh:

@@ -21,10 +21,8 @@ from vsd_analytics.store import Store
 from vsd_analytics.warehouse import week_files as week_files_module
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.camera_days import day_units, read_days
-from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
 from vsd_analytics.warehouse.day_files import relations_stored_by_day
 from vsd_analytics.warehouse.factfiles import DIGEST, fact_bytes, noted_inputs
-from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import PartIndex
 from vsd_analytics.warehouse.verify_facts import verify
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -36,20 +34,18 @@ CAMERAS = [Camera("left", "Left", "ground", hz=0.5), Camera("right", "Right", "g
 MARTS = [r.name for r in relations_stored_by_day() if r.layer == "marts"]
 FACTS = ["camera_days", "exposure", "floor_cells", "sequence_runs", "violation_time"]
 ALL = (*FACTS, *MARTS)
-SOME = ("camera_days", "exposure", "camera_hours", "violations", "together_days")
-"""Facts and marts of each way to be stored by day. Only the test of what each mart reads asks for all."""
-FEW = ("exposure", "camera_hours")
-"""A fact and a mart, for what holds for whatever is stored."""
+SOME = (*FACTS, "camera_hours", "violations", "together_days")
+"""Marts of each way to be stored by day. Only the test of what each mart reads asks for all."""
 NOW = datetime(2026, 4, 20, tzinfo=UTC)
 
 
 def some_minutes(day: date, seed: int, *, hour: int = 12) -> list[Person | Frame]:
-    """Return four people who walk about for half a minute in view of each camera."""
+    """Return four people who walk about for a minute in view of each camera."""
     rng = np.random.default_rng([seed, day.toordinal(), hour])
     start = round(datetime(day.year, day.month, day.day, hour, tzinfo=UTC).timestamp() * 1000)
     found: list[Person | Frame] = []
     xy = rng.uniform(0, 4, (4, 2))
-    for i in range(15):
+    for i in range(30):
         xy = np.clip(xy + rng.normal(0, 0.2, xy.shape), 0, 4)
         for camera, beside in (("left", 0), ("right", 9000)):
             ts = start + i * 2000
@@ -106,43 +102,30 @@ def weeks(site: Site) -> list[Path]:
     return sorted((site.root / "facts" / FOLDER).rglob("*.parquet"))
 
 
-def test_a_range_is_read_by_weeks_without_the_last_one(project: Site) -> None:
-    found = weeks(project)
-    assert {p.parent.name for p in found} == {f"date={MONDAY}", f"date={MONDAY + timedelta(days=DAYS)}"}
-    assert {p.relative_to(project.root / "facts" / FOLDER).parts[0] for p in found} >= {*SOME}
+def test_a_range_is_read_by_weeks_facts_without_the_last_days(project: Site) -> None:
+    found: dict[str, list[date]] = {name: [] for name in SOME}
+    for path in weeks(project):
+        name, _, day, _ = path.relative_to(project.root / "facts" / FOLDER).parts
+        found[name].append(date.fromisoformat(day.removeprefix("date=")))
+    mondays = [MONDAY + timedelta(days=k) for k in (0, DAYS, 2 * DAYS)]
+    assert found == {name: mondays[: 1 if name in FACTS else 3] for name in SOME}
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_whichever_days_came_and_were_read_first_the_rows_are_those_of_the_whole_range(
     seed: int, tmp_path: Path
 ) -> None:
-    site, names = site_of(tmp_path), SOME if seed == 1 else ALL
+    site = site_of(tmp_path)
     rng = np.random.default_rng(seed)
-    days = [MONDAY + timedelta(days=int(k)) for k in rng.permutation(21)[:8]]
-    for some in (days[:5], days[5:]):
+    days = [MONDAY + timedelta(days=int(k)) for k in rng.permutation(21)[:12]]
+    for some in (days[:7], days[7:]):
         put_days(site, some, hour=int(rng.integers(0, 24)))
-        rows(site, names, last=max(days) if seed == 1 else SUNDAY)
-    by_weeks = rows(site, names)
-    at_once = rows(site, names, uses_days=False)
-    assert {p.relative_to(site.root / "facts" / FOLDER).parts[0] for p in weeks(site)} >= {*MARTS} & {*names}
+        rows(site, ALL, last=max(days) if seed == 1 else SUNDAY)
+    by_weeks = rows(site, ALL)
+    at_once = rows(site, ALL, uses_days=False)
+    assert {p.relative_to(site.root / "facts" / FOLDER).parts[0] for p in weeks(site)} >= {*MARTS}
     for name in at_once:
         assert by_weeks[name] == at_once[name], name
-
-
-def test_a_week_is_read_without_the_files_of_its_days(project: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    before, was = weeks(project), rows(project)
-    for path in (project.root / DAYS_FOLDER).rglob("*.parquet"):
-        if path.parent.name < f"date={MONDAY + timedelta(days=2 * DAYS - 1)}":
-            path.unlink()
-
-    def never(*args: object, **options: object) -> None:
-        raise AssertionError("a mart was computed")
-
-    with Warehouse(project, MONDAY, SUNDAY) as warehouse:
-        monkeypatch.setattr(warehouse._sources, "_rows_of_days", never)
-        for name in (r for r in MARTS if r in SOME and relations("marts")[r].stored_by == "local_date"):
-            assert warehouse.table(f"select * from {name}").to_pylist() == was[name][1], name
-    assert weeks(project) == before
 
 
 def test_late_records_replace_the_files_of_their_week(project: Site) -> None:
@@ -174,31 +157,30 @@ def test_where_no_week_can_be_written_the_days_are_read(stored: Path, tmp_path: 
 
     with pytest.MonkeyPatch.context() as full:
         full.setattr(week_files_module, "publish", refused)
-        without = rows(site, FEW)
+        without = rows(site)
     assert not weeks(site)
-    assert rows(site, FEW) == without
-    assert [p.name for p in weeks(site)] == [p.name for p in weeks(site_of(read)) if {*FEW} & {*p.parts}]
+    assert rows(site) == without
+    assert [p.name for p in weeks(site)] == [p.name for p in weeks(site_of(read))]
 
 
 def test_large_days_get_no_week(stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(week_files_module, "_BYTES_MAX", 10)
     site = site_of(Path(shutil.copytree(stored, tmp_path / "shop")))
-    assert rows(site, FEW)
+    assert rows(site, FACTS)
     assert not weeks(site)
 
 
 def test_a_damaged_day_gets_into_no_week(project: Site) -> None:
     for path in weeks(project):
         path.unlink()
-    day = next((project.root / DAYS_FOLDER / "camera_hours").rglob(f"date={MONDAY}/*.parquet"))
+    day = next((project.root / "facts" / "exposure").rglob(f"date={MONDAY}/*.parquet"))
     data = bytearray(day.read_bytes())
     data[data.rindex(DIGEST) + len(DIGEST) + 9] ^= 1  # damage that no reader stumbles over
     day.write_bytes(data)
     with Warehouse(project, MONDAY, SUNDAY) as warehouse:
-        warehouse.prepare("select * from camera_hours")
-    assert [p.parent.name for p in weeks(project) if "camera_hours" in p.parts] == [
-        f"date={MONDAY + timedelta(days=DAYS)}"
-    ]
+        warehouse.prepare("select * from exposure join violation_time using (camera_id, quarter)")
+    names = {p.relative_to(project.root / "facts" / FOLDER).parts[0] for p in weeks(project)}
+    assert names == {"violation_time"}
 
 
 def test_verify_finds_a_flipped_bit_and_a_wrong_name(project: Site) -> None:
@@ -222,7 +204,7 @@ def test_weeks_of_purged_records_go_with_them(project: Site) -> None:
     terms = Terms(now=NOW, is_forced=True)
     purge_range(project, camera_id="left", first_ms=first, after_ms=first + 86_400_000, terms=terms)
     left = {p.parent.name for p in weeks(project)}
-    assert left == {f"date={MONDAY + timedelta(days=DAYS)}"}
+    assert left == {f"date={MONDAY + timedelta(days=k)}" for k in (DAYS, 2 * DAYS)}
     assert rows(project) == rows(project, uses_days=False)
 
 
@@ -235,20 +217,20 @@ def test_weeks_of_sealed_days_have_the_same_rows(project: Site) -> None:
     assert now["camera_hours"] == was["camera_hours"]
 
 
-def test_files_of_a_mart_that_is_no_longer_stored_go_with_the_next_build_and_with_a_purge(project: Site) -> None:
-    """An older version stored `episode_areas`, which names tracks."""
-    assert "episode_areas" not in MARTS
-    olds = {}
-    for folder in ("days", FOLDER):
-        of_version = project.root / "facts" / folder
-        source = next((of_version / "violations").rglob(f"date={MONDAY}/*.parquet"))
-        olds[of_version / "episode_areas" / source.relative_to(of_version / "violations")] = source.read_bytes()
+@pytest.mark.parametrize(("folder", "name"), [("days", "violations"), (FOLDER, "episode_areas")])
+def test_files_of_a_mart_that_are_no_longer_stored_go_with_the_next_build_and_with_a_purge(
+    project: Site, folder: str, name: str
+) -> None:
+    """Older versions stored days of marts, and `episode_areas`, which names tracks."""
+    today = project.root / "facts" / FOLDER / "violations"
+    source = next(today.rglob(f"date={MONDAY}/*.parquet"))
+    old = project.root / "facts" / folder / name / source.relative_to(today)
+    data = source.read_bytes()
     for remove in (build, _purge_half):
-        for old, data in olds.items():
-            old.parent.mkdir(parents=True, exist_ok=True)
-            old.write_bytes(data)
+        old.parent.mkdir(parents=True, exist_ok=True)
+        old.write_bytes(data)
         remove(project)
-        assert [old for old in olds if old.exists()] == [], remove
+        assert not old.exists(), remove
 
 
 def _purge_half(site: Site) -> None:

@@ -66,7 +66,7 @@ def ours_whole(root: Path) -> CountedCells:
 
 
 def ours_again(root: Path) -> CountedCells:
-    """Read heatmap and hours from facts that are there; a first time also writes the marts' day files."""
+    """Read heatmap and hours from facts that are there; a first time also writes the marts' week files."""
     from vsd_analytics.config import load_site
     from vsd_analytics.warehouse.stored_days import stored_extent
     from vsd_analytics.warehouse.warehouse import open_warehouse

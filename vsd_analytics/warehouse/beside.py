@@ -2,7 +2,7 @@
 
 ```
 facts/beside/<id>/<fact>/...         facts that read a setting which has another value; all others are shared
-facts/beside/<id>/days/<mart>/...    day files of marts
+facts/beside/<id>/weeks/<mart>/...   week files of marts
 ```
 
 The id is a hash of the settings that differ. At most `MOST` sets of other settings are stored; the one that was longest
@@ -53,9 +53,9 @@ def is_beside(root: Path) -> bool:
     return root.parent.name == FOLDER.name
 
 
-def days_folder(site: Site) -> Path:
-    """Return the folder of the day files of the settings in force."""
-    return (folder(site) or site.root / "facts") / "days"
+def root_of_marts(site: Site) -> Path:
+    """Return the folder that holds the files of marts of the settings in force."""
+    return folder(site) or site.root / "facts"
 
 
 def folders(site: Site) -> list[Path]:

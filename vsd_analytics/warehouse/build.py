@@ -91,7 +91,7 @@ def build(
             if first_hour is None and last_hour is None:
                 from vsd_analytics.warehouse.day_files import superseded_anywhere
 
-                unneeded += [*superseded_anywhere(site, result), *superseded.temporaries(root)]
+                unneeded += [*superseded_anywhere(site), *superseded.temporaries(root)]
             superseded.clear(root, unneeded, has_published=is_published)
             return result
     except (*_errors_of_duckdb(), pa.ArrowException, UnicodeDecodeError, OSError) as error:

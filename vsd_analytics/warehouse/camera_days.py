@@ -18,7 +18,7 @@ from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, S
 from vsd_analytics.warehouse.reach import SPANS, NearParts, Spans, noted_spans, reach_ms, spans_of
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import PartIndex, Unit, day_unit, days_around, fact_path, hour_unit
-from vsd_analytics.warehouse.week_files import DAYS, by_week, week_files
+from vsd_analytics.warehouse.week_files import DAYS, by_week, fact_weeks
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def read_days(site: Site, units: Iterable[Unit]) -> dict[int, KnownDay]:
     settings = params(site)
     units_of = {unit.number: unit for unit in units}
     paths = {day: day_path(site, unit) for day, unit in units_of.items()}
-    weeks = week_files(site.root / "facts", DAY_FACT, site.site_id, paths)
+    weeks = fact_weeks(site.root / "facts", DAY_FACT, site.site_id, paths)
     found = {}
     queue = list(by_week(weeks, paths).items())
     for first_day, path in queue:

@@ -1,39 +1,36 @@
-"""Day files: a relation's rows of one day, computed once from the facts around it and read by every later query.
+"""Files of computed rows beside those of facts: which a range has, and the hashes of their inputs.
 
-The header of a relation says by which day its rows are stored (`stored_by: local_date`, `site_day` or `utc_day`). The
-rows of one day are one file, whose name holds the fingerprint of all their inputs:
+The header of a relation says by which day its rows are stored. Rows of a mart (`stored_by: local_date` or `site_day`)
+are computed once from the facts around each day, and are one file for each week (`week_files`). They equal those of a
+warehouse of that day alone.
+
+A fact (`stored_by: utc_day`) has day files only of UTC days with sealed hours, which are many small files:
 
 ```
-facts/days/<relation>/site=<site>/date=<YYYY-MM-DD>/00-<fingerprint>.parquet
+facts/days/<fact>/site=<site>/date=<YYYY-MM-DD>/00-<fingerprint>.parquet
 ```
 
-The rows of a mart equal those of a warehouse of that day alone. A fact has a day file only of a UTC day with sealed
-hours, which are many small files: its rows are those of the day's 24 UTC hours.
+Their rows are those of the day's 24 UTC hours.
 """
 
 from __future__ import annotations
 
-import contextlib
-import os
 from bisect import bisect_left
-from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from pathlib import Path
 
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Site
-from vsd_analytics.store.durable import is_temporary
 from vsd_analytics.store.layout import list_parts, unit_folder
 from vsd_analytics.warehouse import beside
-from vsd_analytics.warehouse.beside import days_folder
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.dimensions import params
 from vsd_analytics.warehouse.input_fingerprint import InputHashes, SiteInputs, text_hash
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 from vsd_analytics.warehouse.stored_days import Extent
-from vsd_analytics.warehouse.week_files import DAYS
+from vsd_analytics.warehouse.week_files import DAYS, WeekFile, week_file
 from vsd_analytics.warehouse.week_files import FOLDER as WEEKS
 
 AROUND_H = 25
@@ -42,33 +39,31 @@ more for a site day on which the clocks are put back."""
 
 FOLDER = Path("facts", "days")
 NEAR_DAYS = 30
-"""A month of days without facts has day files: while a place is closed, every report reads them. See `DayFile`."""
+"""A month of days without facts has files: while a place is closed, every report reads them. Rows of a day far from any
+facts follow from the calendar alone: those of holidays are stored, but an empty year would fill the disk with files."""
 SITE_DAY = "site_day"
 _AROUND_DAYS = 2
-"""A day file may be computed from facts AROUND_H hours off, counted from a local day that itself is up to 14 hours off
-the UTC day of its name: never more than two UTC days away."""
+"""Rows of a day may be computed from facts AROUND_H hours off, counted from a local day that itself is up to 14 hours
+off the UTC day of its name: never more than two UTC days away."""
 _EPOCH = date(1970, 1, 1)
 _OF_AREAS = {"areas", "area_cells"}
 
 
 @dataclass(frozen=True, slots=True)
 class DayFile:
-    """The file of one relation and day.
+    """The file of one fact and UTC day with sealed hours.
 
     Attributes:
         path: Its path, whether it exists or not.
         inputs: Hash of each kind of input of its rows; part of the file's metadata.
-        is_stored: There are facts at most NEAR_DAYS away. Rows of a day without any follow from the calendar alone:
-            those of holidays are stored, but an empty year would fill the disk with files.
     """
 
     path: Path
     inputs: InputHashes
-    is_stored: bool = True
 
 
 class DayFiles:
-    """Paths and input hashes of the day files of a range of local days.
+    """Paths and input hashes of the files of a range of local days.
 
     Args:
         site: The project.
@@ -78,7 +73,7 @@ class DayFiles:
 
     def __init__(self, site: Site, built: BuildResult, *, extents: Sequence[Extent]) -> None:
         self._site, self._extents = site, extents
-        self._folder = days_folder(site)
+        self._roots, self._root = beside.roots(site), beside.root_of_marts(site)
         self._params, self._times = params(site), SiteInputs(site)
         # The fingerprint of a sealed hour is not enough: a purge by camera changes its facts and not their fingerprint.
         hours = {h: [u.fingerprint, sorted(u.facts.items())] for h, u in built.sealed.hours.items()}
@@ -86,6 +81,7 @@ class DayFiles:
         self._sealed = frozenset(built.sealed.hours)
         days = {d: [u.fingerprint, sorted(u.facts.items())] for d, u in built.sealed.days.items()}
         self._days: Mapping[int, object] = {**days, **dict(built.day_fingerprints)}
+        self._known_days = sorted({*(h // 24 for h in self._hours), *self._days})
         self._hashes: dict[tuple[int, int], str] = {}
         self._owned: dict[tuple[bool, bool, date], InputHashes] = {}
 
@@ -95,25 +91,46 @@ class DayFiles:
         whole = [d for d in days if d * 24 >= first_hour and d * 24 + 23 <= last_hour]
         columns = text_hash(list(relation.columns))  # sealed rows are read with today's columns
         inputs = {d: {"facts": self._facts(d * 24, d * 24 + 23), "sql": columns} for d in whole}
-        return {d: self._file(relation, _EPOCH + timedelta(days=d), inputs[d]) for d in whole}
+        return {d: self._file(relation, d, inputs[d]) for d in whole}
 
-    def files(self, relation: Relation) -> dict[date, DayFile]:
-        """Return the day files of a mart by day: local dates, or the site days that touch them."""
-        before = timedelta(days=1 if relation.stored_by == SITE_DAY else 0)
-        spans = [(e.first_day - before, e.last_day) for e in self._extents]
-        days = [first + timedelta(days=i) for first, last in spans for i in range((last - first).days + 1)]
-        shared, no_facts = self._shared(relation), text_hash([[], []])
+    def weeks(self, relation: Relation) -> list[WeekFile]:
+        """Return the week files of a mart, in order, with the days of the range: local dates, or site days.
+
+        A week that is cut by an end of the range is stored too where no facts lie beyond that end.
+        """
+        shared = self._shared(relation)
         of_areas = bool({name for r in _marts_of(relation) for name in r.reads} & _OF_AREAS)
-        own = {d: self._own(d, of_areas=of_areas, is_site_day=relation.stored_by == SITE_DAY) for d in days}
-        known = sorted(d.toordinal() for d, inputs in own.items() if inputs["facts"] != no_facts)
-        near = (_is_near(d.toordinal(), known) for d in own)
-        every = zip(own.items(), near, strict=True)
-        return {d: self._file(relation, d, {**shared, **inputs}, is_stored=is_near) for (d, inputs), is_near in every}
+        is_site_day = relation.stored_by == SITE_DAY
+        found = []
+        for monday, first, last in (week for e in self._extents for week in _weeks_of(e)):
+            begin = first - timedelta(days=1) if is_site_day else first
+            days = [begin + timedelta(days=k) for k in range((last - begin).days + 1)]
+            own = {d: self._own(d, of_areas=of_areas, is_site_day=is_site_day) for d in days}
+            inputs = {d: {**shared, **of_day} for d, of_day in own.items()}
+            is_stored = self._is_stored(monday, first, last)
+            found.append(week_file(self._root, relation.name, self._site.site_id, monday, inputs, is_stored=is_stored))
+        return found
 
-    def _file(self, relation: Relation, day: date, inputs: InputHashes, *, is_stored: bool = True) -> DayFile:
-        folder = unit_folder(self._folder, relation.name, self._site.site_id, (day - _EPOCH).days * 24)
-        path = folder / f"00-{day_fingerprint(relation.name, day, inputs)}.parquet"
-        return DayFile(path, inputs, is_stored)
+    def _is_stored(self, monday: date, first: date, last: date) -> bool:
+        """Return whether the file of a week with local days from `first` to `last` is written; see `weeks`."""
+        day = bisect_left(self._known_days, (first - _EPOCH).days - NEAR_DAYS)
+        if day == len(self._known_days) or self._known_days[day] > (last - _EPOCH).days + NEAR_DAYS:
+            return False
+        zone = self._site.zone
+        if first != monday:
+            first_s = datetime(first.year, first.month, first.day, tzinfo=zone).timestamp()
+            if any(h * 3600 < first_s for h in self._hours):
+                return False
+        after = last + timedelta(days=1)
+        if (after - monday).days < DAYS:
+            after_s = datetime(after.year, after.month, after.day, tzinfo=zone).timestamp()
+            return not any(h * 3600 >= after_s for h in self._hours)
+        return True
+
+    def _file(self, relation: Relation, day: int, inputs: InputHashes) -> DayFile:
+        root = self._roots[relation.name] / FOLDER.name
+        name = f"00-{day_fingerprint(relation.name, _EPOCH + timedelta(days=day), inputs)}.parquet"
+        return DayFile(unit_folder(root, relation.name, self._site.site_id, day * 24) / name, inputs)
 
     def _shared(self, relation: Relation) -> dict[str, str]:
         """Return the input hashes that all days share: queries, settings, and what they read of vsd.toml."""
@@ -163,10 +180,12 @@ class DayFiles:
         return self._hashes[first_hour, last_hour]
 
 
-def _is_near(day: int, known: Sequence[int]) -> bool:
-    """Return whether one of some days, in order, is at most NEAR_DAYS from a day."""
-    after = bisect_left(known, day - NEAR_DAYS)
-    return after < len(known) and known[after] <= day + NEAR_DAYS
+def _weeks_of(extent: Extent) -> Iterator[tuple[date, date, date]]:
+    """Yield the Monday and the first and last day of each week that touches a run of days."""
+    monday = extent.first_day - timedelta(days=extent.first_day.weekday())
+    while monday <= extent.last_day:
+        yield monday, max(extent.first_day, monday), min(extent.last_day, monday + timedelta(days=DAYS - 1))
+        monday += timedelta(days=DAYS)
 
 
 def day_fingerprint(name: str, day: date, inputs: InputHashes) -> str:
@@ -175,54 +194,30 @@ def day_fingerprint(name: str, day: date, inputs: InputHashes) -> str:
 
 
 def relations_stored_by_day() -> list[Relation]:
-    """Return the facts and marts that have day files."""
+    """Return the facts and marts that have files of computed rows."""
     return [r for r in relations("facts", "marts").values() if r.stored_by]
 
 
-def superseded(files: Iterable[DayFile]) -> list[Path]:
-    """Return the other files in the folders of some day files: older fingerprints, and temporary files.
+def superseded_anywhere(site: Site) -> list[Path]:
+    """Return all but the newest of the files of each day and week, and those of marts no longer stored.
 
-    Listing the folders also finds those whose writer was killed between writing the new file and removing the old.
+    There are several where a reader held the older one when the newer one was written, or was killed.
     """
-    wanted: dict[Path, set[str]] = defaultdict(set)
-    for file in files:
-        wanted[file.path.parent].add(file.path.name)
-    found: list[Path] = []
-    for folder, own in sorted(wanted.items()):
-        with contextlib.suppress(FileNotFoundError):
-            others = [folder / name for name in os.listdir(folder) if name not in own]
-            found += [p for p in others if p.suffix == ".parquet" or is_temporary(p)]
-    return found
-
-
-def superseded_anywhere(site: Site, built: BuildResult) -> list[Path]:
-    """Return the superseded files of all days that have several files, and those of marts no longer stored by day.
-
-    Args:
-        site: The project.
-        built: The facts of everything stored.
-    """
-    several: list[tuple[Relation, list[int]]] = []
-    for relation in relations_stored_by_day():
-        n_files = Counter(p.hour // 24 for p in list_parts(days_folder(site), relation.name, site.site_id))
-        if days := sorted(d for d, n in n_files.items() if n > 1):
-            several.append((relation, days))
-    dates = [_EPOCH + timedelta(days=d) for d in sorted({d for _, days in several for d in days})]
-    of_days = DayFiles(site, built, extents=[Extent(d, d) for d in dates])
-    found = no_longer_stored(site)
-    for relation, days in several:
-        hours = {"first_hour": days[0] * 24, "last_hour": days[-1] * 24 + 23}
-        files = of_days.sealed_files(relation, **hours) if relation.layer == "facts" else of_days.files(relation)
-        found += superseded(files.values())
-    return found
+    roots = [site.root / "facts", *beside.folders(site)]
+    folders = [(root / folder, name) for root in roots for folder in (FOLDER.name, WEEKS) for name in _ever_stored()]
+    paths = [part.path for folder, name in folders for part in list_parts(folder, name, site.site_id)]
+    newest = {path.parent: path for path in sorted(paths, key=lambda p: (p.stat().st_mtime_ns, p.name))}
+    return [*no_longer_stored(site), *(path for path in paths if newest[path.parent] != path)]
 
 
 def no_longer_stored(site: Site) -> list[Path]:
     """Return the files of facts, days and weeks of relations that an older version stored and this one does not."""
-    facts, by_day = relations("facts"), {r.name for r in relations_stored_by_day()}
+    facts = relations("facts")
+    of_sealed = {r.name for r in relations_stored_by_day() if r.layer == "facts"}
+    by_week = {*facts, *(r.name for r in relations_stored_by_day())}
     stored: dict[Path, Collection[str]] = {}
     for root in (site.root / "facts", *beside.folders(site)):
-        stored |= {root: facts, root / FOLDER.name: by_day, root / WEEKS: {*facts, *by_day}}
+        stored |= {root: facts, root / FOLDER.name: of_sealed, root / WEEKS: by_week}
     return [
         p.path
         for root, names in stored.items()

@@ -1,14 +1,13 @@
-"""Where the rows of facts and marts come from: files by hour, files by day, or a query over other relations."""
+"""Where the rows of facts and marts come from: files of facts, files by week, or a query over other relations."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from datetime import date
+from dataclasses import dataclass
+from datetime import date, timedelta
 from itertools import groupby
-from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -21,20 +20,17 @@ from vsd_analytics.store.seals import Seals
 from vsd_analytics.warehouse import beside
 from vsd_analytics.warehouse.build import record_rows
 from vsd_analytics.warehouse.build_result import BuildResult
-from vsd_analytics.warehouse.day_files import DayFile, DayFiles, superseded
+from vsd_analytics.warehouse.day_files import SITE_DAY, DayFile, DayFiles
 from vsd_analytics.warehouse.day_pieces import PIECE_BYTES, fact_sizes, pieces
 from vsd_analytics.warehouse.fact_days import damaged_facts, is_whole
 from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
 from vsd_analytics.warehouse.relations import SECOND_READ, RelationSource
 from vsd_analytics.warehouse.sqlfiles import Relation, facts_behind, marts_by_day
-from vsd_analytics.warehouse.week_files import WeekFile, by_week, make_week, others_of, week_files
+from vsd_analytics.warehouse.week_files import DAYS, WeekFile, by_week, fact_weeks, make_fact_week, others_of
 
 if TYPE_CHECKING:
     import duckdb
 
-Day = TypeVar("Day", int, date)
-
-_EPOCH = date(1970, 1, 1)
 _FACTS_IN_FILES = ("distance_times", "company_times")
 """Facts with a row for almost every record. They stay views, so that a query reads only the columns it needs."""
 _MARTS_IN_FILES = ("episodes", "cell_days", "cell_hours", "planner_cells", "distances", "pair_days", "track_days")
@@ -49,28 +45,34 @@ _MATERIALISE_AT = {"floor_cells": 2}
 
 
 @dataclass(frozen=True, slots=True)
-class _MartDays:
-    """The files of a mart in the range.
+class _Absent:
+    """A week of a mart that has no file.
 
     Attributes:
         relation: The mart.
-        files: Day files by day.
-        paths: Their paths by UTC day number.
-        weeks: Week files of the range, written or not.
-        single: The day files that are read, because no week file has their rows.
-        unwritten: Rows of days without a file.
+        week: The week.
+        older: Days whose rows older files have.
+        missing: All other days.
     """
 
     relation: Relation
-    files: Mapping[date, DayFile]
-    paths: Mapping[int, Path]
-    weeks: Sequence[WeekFile]
-    single: Mapping[date, DayFile]
-    unwritten: dict[date, pa.Table] = field(default_factory=dict)
+    week: WeekFile
+    older: Mapping[Path, Sequence[date]]
+    missing: frozenset[date]
 
-    def missing(self) -> set[date]:
-        """Return the days whose file is not there, or torn."""
-        return {d for d, file in self.single.items() if not is_whole(file.path)}
+    @classmethod
+    def of(cls, relation: Relation, week: WeekFile) -> _Absent:
+        older = week.older()
+        return cls(relation, week, older, frozenset(week.inputs).difference(*older.values()))
+
+    def add(self, days: Sequence[date], rows: pa.Table) -> None:
+        """Take the computed rows of some days; the last of them write the file."""
+        by = rows[self.relation.stored_by]
+        self.week.rows.update((d, rows.filter(pc.equal(by, d))) for d in sorted(self.missing.intersection(days)))
+        if max(self.missing) in days:
+            self.week.reuse(self.older, self.relation.stored_by)
+            if self.week.is_stored:
+                self.week.write()
 
 
 class RelationSources:
@@ -81,7 +83,7 @@ class RelationSources:
         site: The project.
         built: The facts of the range.
         hours: First and last UTC hour number of these.
-        days: The day files of the range; None = compute every mart from hourly facts.
+        days: The files of marts of the range; None = compute every mart from hourly facts.
         whole_facts: Computes missing and torn files of hourly facts, given the fact that is needed; called when one is
             not whole.
         rows_of_days: Yields the rows of some marts of a range of days, computed from hourly facts.
@@ -108,36 +110,37 @@ class RelationSources:
         self._superseded = superseded_files
         self._roots = beside.roots(site)
         self._asked = tuple(asked)
-        self._marts: dict[str, _MartDays] = {}
+        self._marts: dict[str, list[WeekFile]] = {}
 
     def ahead(self, names: Iterable[str]) -> None:
-        """Write the missing day files of all marts that some relations read, a few days at a time.
+        """Write the missing week files of all marts that some relations read, a few days at a time.
 
         Marts of the same days share what they are computed from, so they are computed together.
         """
         if self._days is None:
             return
-        behind = marts_by_day([*names, *self._asked])
-        new = [self._mart_days(r, self._days) for r in behind if r.name not in self._marts]
-        missing = {mart.relation.name: mart.missing() for mart in new}
-        if days := sorted(set().union(*missing.values())):
-            sizes = fact_sizes(self._site, self._built, facts_behind(missing))
+        new = {r.name: r for r in marts_by_day([*names, *self._asked]) if r.name not in self._marts}
+        weeks = {name: self._days.weeks(relation) for name, relation in new.items()}
+        absent = [_Absent.of(new[n], week) for n, found in weeks.items() for week in found if not is_whole(week.path)]
+        if days := sorted(set[date]().union(*(a.missing for a in absent))):
+            sizes = fact_sizes(self._site, self._built, facts_behind({a.relation.name for a in absent if a.missing}))
             for piece in pieces(days, sizes, most=PIECE_BYTES):
-                wanted = {m.relation.name: m for m in new if not missing[m.relation.name].isdisjoint(piece)}
-                of_piece = self._rows_of_days([m.relation for m in wanted.values()], piece[0], piece[-1])
-                for relation, rows in of_piece:
-                    mart, by = wanted[relation.name], rows[relation.stored_by]
-                    own = [d for d in piece if d in missing[relation.name]]
-                    by_day = ((d, rows.filter(pc.equal(by, d))) for d in own)
-                    mart.unwritten.update(self._write(mart.files, by_day))
-        self._marts |= {mart.relation.name: mart for mart in new}
+                wanted = {a.relation.name: a.relation for a in absent if not a.missing.isdisjoint(piece)}
+                for relation, rows in self._rows_of_days([*wanted.values()], piece[0], piece[-1]):
+                    for a in absent:
+                        if a.relation is relation and not a.missing.isdisjoint(piece):
+                            a.add(piece, rows)
+        for a in absent:
+            if not a.missing:
+                a.week.reuse(a.older, a.relation.stored_by)
+        self._marts |= weeks
 
     def of(self, relation: Relation) -> RelationSource:
-        """Return where the rows of a relation come from, after writing its missing day files."""
+        """Return where the rows of a relation come from, after writing its missing files."""
         if relation.stored_by and self._days is not None:
             if relation.layer == "facts":
                 return RelationSource(self._fact_by_days(relation, self._days), is_files=True)
-            return self._mart_by_days(relation)
+            return self._mart_by_weeks(relation)
         if relation.layer == "marts":
             return RelationSource(relation.sql, relation.reads)
         if relation.layer == "staging":
@@ -178,7 +181,7 @@ class RelationSources:
         weeks = self._weeks(relation, {d: path for d, path in fresh.items() if d not in sealed_days})
         if not is_day and not all(map(is_whole, by_week(weeks, fresh).values())):
             fresh = fresh_files(self._whole_facts(relation.name))
-        self._make(weeks)
+        self._make(weeks, fresh)
         is_cut = not is_day and any(d * 24 < first_hour or d * 24 + 23 > last_hour for d in fresh)
         files = [(d * 24, path) for d, path in by_week(weeks, fresh).items()]
         paths = [path for _, path in sorted([*files, *sealed])]
@@ -212,7 +215,7 @@ class RelationSources:
         rows = ((d, self._con.sql(self._of_hours(relation, d * 24, d * 24 + 23)).to_arrow_table()) for d in missing)
         unwritten = self._write(files, rows)
         # An older file beside one that could not be written is superseded by nothing and stays.
-        self._superseded += superseded(f for d, f in files.items() if d not in unwritten)
+        self._superseded += [o for d, f in files.items() if d not in unwritten for o in others_of(f.path)]
         read: list[str | Path | pa.Table] = []
         for d, file in files.items():
             if first < d * 24:
@@ -223,54 +226,43 @@ class RelationSources:
             read.append(self._of_hours(relation, first, last))
         return self._in_order(relation, read)
 
-    def _mart_by_days(self, relation: Relation) -> RelationSource:
-        """Return the rows of a mart: each day from its file, or from that of its week."""
+    def _mart_by_weeks(self, relation: Relation) -> RelationSource:
+        """Return the rows of a mart: of each week from its file, or as they were computed."""
         self.ahead([relation.name])
-        mart = self._marts[relation.name]
-        self._superseded += superseded(f for d, f in mart.single.items() if d not in mart.unwritten)
-        self._make(mart.weeks)
-        read: dict[int, Path | pa.Table] = {**by_week(mart.weeks, mart.paths)}
-        read |= {_number(d): rows for d, rows in mart.unwritten.items()}
-        pieces = [piece for _, piece in sorted(read.items(), key=itemgetter(0))]
-        n_bytes = sum(p.stat().st_size for p in pieces if isinstance(p, Path))
-        is_large = n_bytes > HELD_BYTES
+        weeks = self._marts[relation.name]
+        paths = [week.path for week in weeks if not week.rows]
+        self._superseded += [other for path in paths for other in others_of(path)]
+        mondays = {week.monday for week in weeks}
+        firsts = [m for m in sorted(mondays) if m - timedelta(days=DAYS) not in mondays]
+        pieces: list[Path | pa.Table] = []
+        for week in weeks:
+            own = [d for d in week.rows if d >= week.monday or week.monday in firsts]
+            pieces += [week.rows[d] for d in sorted(own)] or [week.path]
+        # the Sunday before a week is read with the week before it
+        in_first = ", ".join(f"date '{monday}'" for monday in firsts)
+        is_own = f"site_day >= date or date in ({in_first})" if relation.stored_by == SITE_DAY else ""
+        is_large = sum(path.stat().st_size for path in paths) > HELD_BYTES
         materialise_at = None if is_large or relation.name in _MARTS_IN_FILES else SECOND_READ
-        query = self._in_order(relation, pieces)
+        query = self._in_order(relation, pieces, is_own)
         return RelationSource(query, materialise_at=materialise_at, is_files=True, is_large=is_large)
 
-    def _mart_days(self, relation: Relation, days: DayFiles) -> _MartDays:
-        files = days.files(relation)
-        paths = {_number(d): file.path for d, file in files.items()}
-        weeks = self._weeks(relation, {_number(d): file.path for d, file in files.items() if file.is_stored})
-        read = by_week(weeks, paths)
-        single = {d: file for d, file in files.items() if read.get(_number(d)) == file.path}
-        return _MartDays(relation, files, paths, weeks, single)
-
     def _weeks(self, relation: Relation, paths: Mapping[int, Path]) -> list[WeekFile]:
-        """Return the week files of a relation; none for a warehouse that computes the rows of days."""
+        """Return the week files of a fact; none for a warehouse that computes the rows of days."""
         if self._days is None:
             return []
-        root = beside.days_folder(self._site).parent if relation.layer == "marts" else self._roots[relation.name]
-        return week_files(root, relation.name, self._site.site_id, paths)
+        return fact_weeks(self._roots[relation.name], relation.name, self._site.site_id, paths)
 
-    def _make(self, weeks: Iterable[WeekFile]) -> None:
-        """Write the week files that are missing, and note what each replaces, also if its writer was killed."""
+    def _make(self, weeks: Iterable[WeekFile], paths: Mapping[int, Path]) -> None:
+        """Write the week files of a fact that are missing. Note what each replaces, also if its writer was killed."""
         for week in weeks:
-            if make_week(week):
+            if make_fact_week(week, paths):
                 self._superseded += others_of(week.path)
 
-    def _write(self, files: Mapping[Day, DayFile], rows_by_day: Iterable[tuple[Day, pa.Table]]) -> dict[Day, pa.Table]:
-        """Write day files, and return the rows that were not written.
-
-        Not written are rows of days far from all facts, and all that a full or read-only disk refuses: a report then
-        costs more time, but has every figure.
-        """
-        unwritten: dict[Day, pa.Table] = {}
+    def _write(self, files: Mapping[int, DayFile], rows_by_day: Iterable[tuple[int, pa.Table]]) -> dict[int, pa.Table]:
+        """Write day files, and return the rows that a full or read-only disk refuses."""
+        unwritten: dict[int, pa.Table] = {}
         for day, rows in rows_by_day:
             file = files[day]
-            if not file.is_stored:
-                unwritten[day] = rows
-                continue
             try:
                 publish(file.path, fact_bytes(rows, inputs=file.inputs), is_synced=False)
                 sweep_temporaries(file.path.parent)
@@ -278,24 +270,28 @@ class RelationSources:
                 unwritten[day] = rows
         return unwritten
 
-    def _in_order(self, relation: Relation, pieces: Sequence[str | Path | pa.Table]) -> str:
-        """Return a query of the rows of queries, files and tables, in the order given."""
+    def _in_order(self, relation: Relation, pieces: Sequence[str | Path | pa.Table], where: str = "") -> str:
+        """Return a query of the rows of queries, files and tables, in the order given.
+
+        Args:
+            relation: The relation.
+            pieces: What is read.
+            where: Condition for rows of files, in which `date` is that of their folder; empty = all rows.
+        """
         queries: list[str] = []
+        columns = ", ".join(relation.columns)
         for _, run in groupby(pieces, key=type):
             same = list(run)
             queries += [p for p in same if isinstance(p, str)]
             if paths := [p for p in same if isinstance(p, Path)]:
                 self._read += paths
-                queries.append(f"select * from read_parquet({literal_list(paths)}, hive_partitioning = false)")
+                rows = f"read_parquet({literal_list(paths)}, hive_partitioning = {bool(where)})"
+                queries.append(f"select {columns} from {rows} where {where}" if where else f"select * from {rows}")
             if tables := [p for p in same if isinstance(p, pa.Table)]:
                 name = f"_unwritten_{relation.name}_{len(queries)}"
                 self._con.register(name, pa.concat_tables(tables))
                 queries.append(f"select * from {name}")
         return " union all ".join(queries) or _empty(relation)
-
-
-def _number(day: date) -> int:
-    return (day - _EPOCH).days
 
 
 def _empty(relation: Relation) -> str:
@@ -313,5 +309,5 @@ _TYPED = {
     "last_x_mm last_y_mm",
 }
 _EMPTY_TYPES = {column: f"null::{kind}" for kind, columns in _TYPED.items() for column in columns.split()}
-"""Columns of facts that are no bigint. Rows of days without facts have the types of all others: day files are read
+"""Columns of facts that are no bigint. Rows of days without facts have the types of all others: files are read
 together."""

@@ -4,7 +4,7 @@
 -- name: facts/episodes
 -- One row per ...                          (what a row is, one sentence; more sentences may follow)
 -- unit: hour                               (facts only: hour, the default, or day)
--- stored_by: local_date                    (it has day files by local_date, site_day or utc_day; see `day_files`)
+-- stored_by: local_date                    (it has files by local_date, site_day or utc_day; see `day_files`)
 -- graph: ...                               (staging only: rows are the connected components of the query's edges)
 -- grain: camera_id, ...
 -- reads: pairs, instants
@@ -85,8 +85,8 @@ class Relation:
         name: Relation name, the file's stem.
         description: What a row is.
         unit: "hour" or "day" (facts).
-        stored_by: Kind of day of its day files: "local_date" or "site_day" (a column of the mart), or "utc_day" (of a
-            fact, on days with sealed hours); empty = no day files, its rows are computed when a query names it.
+        stored_by: Kind of day of its files: "local_date" or "site_day" (a column of the mart, which has week files), or
+            "utc_day" (of a fact, on days with sealed hours); empty = its rows are computed when a query names it.
         is_graph: The query returns edges; the relation is their connected components (`graphs.components`).
         grain: Columns that identify a row.
         reads: Relations it reads, except `params`.
@@ -176,7 +176,7 @@ def facts_behind(names: Iterable[str]) -> frozenset[str]:
 
 
 def marts_by_day(names: Iterable[str]) -> list[Relation]:
-    """Return the marts with day files that relations read, or are, not those behind other day files."""
+    """Return the marts with week files that relations read, or are, not those behind others with week files."""
     known, found, queue = relations("marts"), set[str](), list(names)
     reached = set[str]()
     while queue:

@@ -32,7 +32,7 @@ from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
 from vsd_analytics.warehouse.day_files import day_fingerprint, no_longer_stored, relations_stored_by_day
 from vsd_analytics.warehouse.factfiles import is_undamaged, is_undamaged_file, noted_inputs
 from vsd_analytics.warehouse.sqlfiles import relations
-from vsd_analytics.warehouse.week_files import DAYS, MEMBERS, week_fingerprint
+from vsd_analytics.warehouse.week_files import DAYS, week_fingerprint
 from vsd_analytics.warehouse.week_files import FOLDER as WEEKS
 
 _RECOMPUTE = "delete it and run vsd build: facts are computed from the store again"
@@ -200,8 +200,9 @@ def check_facts(
 
     former = {path.relative_to(site.root / "facts").as_posix(): path for path in no_longer_stored(site)}
     orphans += map(_orphan, former.values())
-    by_day = {r.name for r in relations_stored_by_day()}
-    n_day_files, day_findings = _check_days(site, by_day, first_hour=first_hour, last_hour=last_hour)
+    of_sealed = {r.name for r in relations_stored_by_day() if r.layer == "facts"}
+    by_week = {*known, *(r.name for r in relations_stored_by_day())}
+    n_day_files, day_findings = _check_days(site, of_sealed, by_week, first_hour=first_hour, last_hour=last_hour)
 
     n_beside, beside_findings = _check_beside(site)
 
@@ -213,10 +214,10 @@ def check_facts(
         relation, _, rest = name.partition("/")
         if relation == DAYS_FOLDER.name:
             relation, _, rest = rest.partition("/")
-            return relation in by_day and is_part(rest, site.site_id)
+            return relation in of_sealed and is_part(rest, site.site_id)
         if relation == WEEKS:
             relation, _, rest = rest.partition("/")
-            return relation in {*known, *by_day} and is_part(rest, site.site_id)
+            return relation in by_week and is_part(rest, site.site_id)
         return relation in known and is_part(rest, site.site_id)
 
     n_names, foreign = foreign_files(site.root / "facts", is_known)
@@ -233,14 +234,14 @@ def check_facts(
 
 
 def _check_days(
-    site: Site, names: Collection[str], *, first_hour: int | None, last_hour: int | None
+    site: Site, of_sealed: Collection[str], by_week: Collection[str], *, first_hour: int | None, last_hour: int | None
 ) -> tuple[int, list[StoreFault]]:
     """Return the number of files of days and weeks checked, and findings of damaged ones and of wrong names."""
     n, found = 0, []
     first = None if first_hour is None else first_hour - 24  # a local day may begin in the UTC day before
     of_week = None if first is None else first - (DAYS - 1) * 24
-    folders = [(DAYS_FOLDER, name, first) for name in sorted(names)]
-    folders += [(DAYS_FOLDER.with_name(WEEKS), name, of_week) for name in sorted({*relations("facts"), *names})]
+    folders = [(DAYS_FOLDER, name, first) for name in sorted(of_sealed)]
+    folders += [(DAYS_FOLDER.with_name(WEEKS), name, of_week) for name in sorted(by_week)]
     for folder, name, since in folders:
         for part in list_parts(site.root / folder, name, site.site_id, first_hour=since, last_hour=last_hour):
             n += 1
@@ -259,9 +260,8 @@ def _check_days(
 
 def _fingerprint(folder: Path, name: str, part: Part, inputs: Mapping[str, Any]) -> str:
     """Return the fingerprint that belongs into the name of a file of a day or week."""
-    if folder == DAYS_FOLDER:
-        return day_fingerprint(name, date_of_hour(part.hour), inputs)
-    return week_fingerprint(name, part.hour // 24, inputs.get(MEMBERS, ()))
+    fingerprint = day_fingerprint if folder == DAYS_FOLDER else week_fingerprint
+    return fingerprint(name, date_of_hour(part.hour), inputs)
 
 
 def _check_beside(site: Site) -> tuple[int, list[StoreFault]]:

@@ -58,8 +58,8 @@ class Warehouse:
         heat_cell_m: Side of the cells of the mart `heatmap`.
         on_plan: Progress of the build; see `build`.
         on_hours: The same, hour by hour.
-        uses_days: Read marts from day files, and write the missing ones (`day_files`); False = compute them from hourly
-            facts.
+        uses_days: Read marts from week files, and write the missing ones (`day_files`); False = compute them from
+            hourly facts.
         spare_days: Where more than a year has no records, the calendar has this many days of it after the last record
             before and before the next one; it leaves out the rest (`stored_days.calendar_days`).
         relations: Facts and marts that will be asked for: only facts behind these are computed first, all others when

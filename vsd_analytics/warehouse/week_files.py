@@ -1,14 +1,18 @@
-"""Week files: the rows of seven small files of a relation, one for each day, as one file that later reports read.
-
-A report reads ten weeks. Opening 70 small files of a relation costs more than their rows do.
+"""Week files: the rows of the days of a week of one relation, as one file that later reports read.
 
 ```
 facts/weeks/<relation>/site=<site>/date=<Monday>/00-<fingerprint>.parquet
 ```
 
-The fingerprint covers the names of the seven files, which hold the fingerprints of all inputs. So a week file is fresh
-as long as each of its days is, and has their rows in their order. The days' files stay: ranges that begin or end in
-the middle of a week read those. That of `camera_days` also has what its seven files note about their parts.
+The name holds the fingerprint of the inputs of each of its days, and the file notes them. So a file under the right
+name is fresh, and of another one the rows of the days whose inputs did not change are used again.
+
+Marts have no other files. A mart by `site_day` has the Sunday before the Monday too, which ends on it: a range of whole
+weeks reads the site days that touch it.
+
+Small facts have files of their days, which stay: ranges that begin or end in the middle of a week read those. A report
+reads ten weeks, and opening 70 small files of a fact costs more than their rows do. The week file of `camera_days` also
+has what its seven files note about their parts.
 """
 
 from __future__ import annotations
@@ -16,30 +20,32 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from datetime import date, timedelta
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from vsd_analytics.store.durable import is_temporary, publish, sweep_temporaries
 from vsd_analytics.store.layout import unit_folder
 from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.warehouse.fact_days import is_whole
-from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged
-from vsd_analytics.warehouse.input_fingerprint import text_hash
+from vsd_analytics.warehouse.factfiles import FactWriter, by_hour, by_kind, is_undamaged, noted_inputs
+from vsd_analytics.warehouse.input_fingerprint import InputHashes, text_hash
 from vsd_analytics.warehouse.reach import spans_of_week
 
 FOLDER = "weeks"
 DAYS = 7
-MEMBERS = "files"
-"""Key under which the metadata of a week file notes the names of the seven files."""
 _MONDAY = 4
 """UTC day number of the first Monday of 1970."""
 _RUNNING_DAYS = 7
-"""Days at the end of a range that get no week file: late records may still change them."""
+"""Days at the end of a range of facts that get no week file: late records may still change them."""
 _BYTES_MAX = 1_000_000
-"""Of larger files the rows cost more than opening them, and a second copy would need the disk."""
+"""Of larger files of a fact the rows cost more than opening them, and a second copy would need the disk."""
+_EPOCH = date(1970, 1, 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,47 +54,93 @@ class WeekFile:
 
     Attributes:
         name: The relation.
-        first_day: UTC day number of its Monday.
         path: Its path, whether it exists or not.
-        members: The files of its seven days.
+        monday: Its Monday.
+        inputs: Input hashes of each of its days, in order: those of the week that are in the range.
+        is_stored: It may be written; else its rows are computed each time.
+        rows: Rows by day, of a week without a file.
     """
 
     name: str
-    first_day: int
     path: Path
-    members: tuple[Path, ...]
+    monday: date
+    inputs: Mapping[date, InputHashes]
+    is_stored: bool = True
+    rows: dict[date, pa.Table] = field(default_factory=dict)
+
+    def older(self) -> dict[Path, list[date]]:
+        """Return undamaged older files of the week, each with the days whose rows it has: those of the same inputs."""
+        found: dict[Path, list[date]] = {}
+        left = dict(self.inputs)
+        for path in (p for p in others_of(self.path) if not is_temporary(p)):
+            with contextlib.suppress(OSError):
+                data = path.read_bytes()
+                noted = _by_day(self.monday, noted_inputs(data)) if is_undamaged(data) else {}
+                found[path] = [d for d, own in left.items() if noted.get(d) == own]
+                left = {d: own for d, own in left.items() if d not in found[path]}
+        return found
+
+    def reuse(self, older: Mapping[Path, Sequence[date]], column: str) -> None:
+        """Take the rows of days from older files.
+
+        Args:
+            older: The days; see `older`.
+            column: Day of a row.
+        """
+        for path, days in older.items():
+            if days:
+                rows = pq.ParquetFile(path).read().replace_schema_metadata()
+                self.rows.update((d, rows.filter(pc.equal(rows[column], d))) for d in days)
+
+    def write(self, noted: Mapping[bytes, bytes] | None = None) -> bool:
+        """Write the rows of all days unless the disk refuses; return whether the file is there, which then has them."""
+        writer = FactWriter(_noted(self.monday, self.inputs), noted)
+        for day in self.inputs:
+            writer.add(self.rows[day])
+        try:
+            publish(self.path, writer.finish(), is_synced=False)
+            sweep_temporaries(self.path.parent)
+        except OSError:
+            return False
+        self.rows.clear()
+        return True
 
 
-def week_fingerprint(name: str, first_day: int, members: Sequence[str]) -> str:
-    """Return the fingerprint in the name of a week file, given the names of its seven files."""
-    return text_hash([name, first_day, list(members)])
+def week_file(
+    root: Path, name: str, site_id: str, monday: date, inputs: Mapping[date, InputHashes], *, is_stored: bool = True
+) -> WeekFile:
+    """Return the week file of a relation and the days of a week, given the folder of the settings it belongs to."""
+    folder = unit_folder(root / FOLDER, name, site_id, (monday - _EPOCH).days * 24)
+    fingerprint = week_fingerprint(name, monday, _noted(monday, inputs))
+    return WeekFile(name, folder / f"00-{fingerprint}.parquet", monday, inputs, is_stored)
 
 
-def week_files(root: Path, name: str, site_id: str, paths: Mapping[int, Path]) -> list[WeekFile]:
-    """Return the week files of the whole weeks of a range, from Monday to Sunday, without those at its end.
+def week_fingerprint(name: str, monday: date, noted: Mapping[str, Any]) -> str:
+    """Return the fingerprint in the name of a week file, given what it notes about its inputs."""
+    return text_hash([name, monday.isoformat(), sorted(noted.items())])
+
+
+def fact_weeks(root: Path, name: str, site_id: str, paths: Mapping[int, Path]) -> list[WeekFile]:
+    """Return the week files of a fact: of the whole weeks of a range, from Monday to Sunday, without those at its end.
 
     Args:
         root: Folder of the settings that the files belong to.
-        name: The relation.
+        name: The fact.
         site_id: The site.
         paths: The file of each day of the range, by UTC day number.
     """
-    if not paths:
-        return []
     found = []
-    mondays = [d for d in sorted(paths) if (d - _MONDAY) % DAYS == 0 and d + DAYS + _RUNNING_DAYS - 1 <= max(paths)]
-    for monday in mondays:
+    last = max(paths, default=0)
+    for monday in (d for d in sorted(paths) if (d - _MONDAY) % DAYS == 0 and d + DAYS + _RUNNING_DAYS - 1 <= last):
         days = range(monday, monday + DAYS)
         if all(d in paths for d in days):
-            members = tuple(paths[d] for d in days)
-            fingerprint = week_fingerprint(name, monday, [p.name for p in members])
-            folder = unit_folder(root / FOLDER, name, site_id, monday * 24)
-            found.append(WeekFile(name, monday, folder / f"00-{fingerprint}.parquet", members))
+            inputs = {_EPOCH + timedelta(days=d): {"file": paths[d].name} for d in days}
+            found.append(week_file(root, name, site_id, _EPOCH + timedelta(days=monday), inputs))
     return found
 
 
-def make_week(week: WeekFile) -> bool:
-    """Write a week file from its seven files unless it is there; return whether it is.
+def make_fact_week(week: WeekFile, paths: Mapping[int, Path]) -> bool:
+    """Write the week file of a fact from the files of its days unless it is there; return whether it is.
 
     It is not written where a day's file is damaged (whoever reads the day says so), where the seven are large, and
     where the disk refuses. Nor where a day has an older file that is yet to be removed: once there is a week file,
@@ -96,23 +148,21 @@ def make_week(week: WeekFile) -> bool:
     """
     if is_whole(week.path):
         return True
+    members = [paths[(day - _EPOCH).days] for day in week.inputs]
     try:
-        if sum(p.stat().st_size for p in week.members) > _BYTES_MAX or any(map(others_of, week.members)):
+        if sum(p.stat().st_size for p in members) > _BYTES_MAX or any(map(others_of, members)):
             return False
-        data = [p.read_bytes() for p in week.members]
-        if not all(map(is_undamaged, data)):
-            return False
-        files = [pq.ParquetFile(pa.BufferReader(d)) for d in data]
-        days = [file.read().replace_schema_metadata(None) for file in files]
-        if any(day.schema != days[0].schema for day in days):
-            return False
-        inputs = {MEMBERS: [p.name for p in week.members]}
-        noted = spans_of_week(file.metadata.metadata for file in files) if week.name == DAY_FACT else {}
-        publish(week.path, fact_bytes(pa.concat_tables(days), inputs=inputs, noted=noted), is_synced=False)
-        sweep_temporaries(week.path.parent)
+        data = [p.read_bytes() for p in members]
     except OSError:
         return False
-    return True
+    if not all(map(is_undamaged, data)):
+        return False
+    files = [pq.ParquetFile(pa.BufferReader(d)) for d in data]
+    week.rows.update((day, file.read().replace_schema_metadata()) for day, file in zip(week.inputs, files, strict=True))
+    if len({rows.schema for rows in week.rows.values()}) > 1:
+        return False
+    noted = spans_of_week(file.metadata.metadata for file in files) if week.name == DAY_FACT else {}
+    return week.write(noted)
 
 
 def by_week(weeks: Iterable[WeekFile], days: Mapping[int, Path]) -> dict[int, Path]:
@@ -120,9 +170,10 @@ def by_week(weeks: Iterable[WeekFile], days: Mapping[int, Path]) -> dict[int, Pa
     found = dict(days)
     for week in weeks:
         if is_whole(week.path):
-            for day in range(week.first_day, week.first_day + DAYS):
+            first = (week.monday - _EPOCH).days
+            for day in range(first, first + DAYS):
                 del found[day]
-            found[week.first_day] = week.path
+            found[first] = week.path
     return dict(sorted(found.items()))
 
 
@@ -132,3 +183,12 @@ def others_of(path: Path) -> list[Path]:
         others = [path.parent / name for name in os.listdir(path.parent) if name != path.name]
         return sorted(p for p in others if p.suffix == ".parquet" or is_temporary(p))
     return []
+
+
+def _noted(monday: date, inputs: Mapping[date, InputHashes]) -> dict[str, dict[str, list[int]]]:
+    """Return the input hashes of days as the metadata of their file notes them: 0 is the Sunday before the Monday."""
+    return by_kind({(day - monday).days + 1: own for day, own in inputs.items()})
+
+
+def _by_day(monday: date, noted: Mapping[str, Any]) -> dict[date, dict[str, str]]:
+    return {monday + timedelta(days=k - 1): own for k, own in by_hour(noted, 0).items()}
