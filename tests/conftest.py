@@ -26,6 +26,8 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 IN_MEMORY = Path("/dev/shm")
 FREE_BYTES_MIN = 8_000_000_000
 WCAG = ("wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice")
+OF_DEMO: set[Path] = set()
+"""Files with tests that need the demo project."""
 LONG = tomllib.loads((Path(__file__).parent / "long_proofs.toml").read_text(encoding="utf-8"))
 
 
@@ -57,9 +59,9 @@ def _let_one_worker_make_the_demo(items: list[pytest.Item]) -> None:
 
     Of the others, the notebooks come first: the last file would keep one worker busy for a minute longer.
     """
-    of_demo = {item.path for item in items if "demo_project" in getattr(item, "fixturenames", ())}
-    first = next((item.path for item in items if item.path in of_demo), None)
-    rank = {path: 0 if path == first else 2 if "notebooks" in path.parts else 3 for path in of_demo}
+    OF_DEMO.update(item.path for item in items if "demo_project" in getattr(item, "fixturenames", ()))
+    first = next((item.path for item in items if item.path in OF_DEMO), None)
+    rank = {path: 0 if path == first else 2 if "notebooks" in path.parts else 3 for path in OF_DEMO}
     items.sort(key=lambda item: rank.get(item.path, 1))
 
 
@@ -110,12 +112,14 @@ def _one_thread_for_a_query(request: pytest.FixtureRequest) -> Iterator[None]:
 def _no_day_files(request: pytest.FixtureRequest) -> Iterator[None]:
     """Let marts be computed without writing week files: a test with one report a store never reads them again.
 
-    About a quarter of the processor time of such a test. Tests of the warehouse compare both ways.
+    A quarter to a half of the processor time of such a test. The demo project is read by many tests. Tests of the
+    warehouse compare both ways; those of faults, of purges and of the store are about what is on the disk.
     """
     from vsd_analytics.warehouse.warehouse import Warehouse
 
     with pytest.MonkeyPatch.context() as patch:
-        if {"draw", "figures", "invariances", "model", "privacy", "send", "words"} & set(request.path.parts):
+        reads_again = request.path in OF_DEMO or {"faults", "retention", "store", "warehouse"} & set(request.path.parts)
+        if not reads_again:
             patch.setitem(Warehouse.__init__.__kwdefaults__, "uses_days", False)
         yield
 

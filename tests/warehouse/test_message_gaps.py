@@ -80,7 +80,7 @@ def logs(draw: st.DrawFn) -> tuple[list[Sent], list[Sent]]:
             sent.append((count, first + i, instant))
         ts += draw(st.sampled_from([9_000, 59_000, 61_000, 290_000, 310_000, 5 * HOUR]))
     loss = draw(st.sampled_from([0.0, 0.01, 0.3]))
-    first_of = {c: min(seq for d, seq, _ in sent if d == c) for c, _, _ in sent}
+    first_of = {c: min(seq for d, seq, _ in sent if d == c) for c in {c for c, _, _ in sent}}
     stored = [m for m in sent if m[1] < first_of[m[0]] + 10 or rng.random() >= loss]
     return sent, stored
 

@@ -30,7 +30,7 @@ from vsd_analytics.warehouse.reach import NearParts, noted_spans, reach_ms, span
 from vsd_analytics.warehouse.units import PartIndex
 
 GAPS = {"episode_gap_ms": 3000, "visit_gap_ms": 5000, "gathering_link_ms": 5000, "coverage_gap_ms": 600_000}
-HOURS = 3
+HOURS = 4
 Record = Person | Pair | Frame
 
 
@@ -98,7 +98,7 @@ def test_records_that_come_one_batch_after_the_other_give_the_same_rows(
     build(whole)
     rng = np.random.default_rng(seed)
     instants = np.unique([r.ts for r in records])
-    batches = np.array_split(instants, 8) if is_in_order else np.array_split(rng.permutation(instants), 6)
+    batches = np.array_split(instants, 14) if is_in_order else np.array_split(rng.permutation(instants), 6)
     for batch in batches:
         chosen = set(batch.tolist())
         put(stepwise, [r for r in records if r.ts in chosen])
