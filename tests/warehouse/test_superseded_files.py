@@ -18,9 +18,10 @@ from warehouse.small_projects import Person, Site, at, beats, make_site, put
 from vsd_analytics.store import durable
 from vsd_analytics.store.page_folders import sweep_pages
 from vsd_analytics.warehouse.build import build
-from vsd_analytics.warehouse.day_files import FOLDER
 from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.warehouse.week_files import FOLDER as WEEKS
 
+FOLDER = Path("facts", WEEKS)
 DAY = date(2026, 11, 9)
 DEAD = 2**22 + 1  # no process has so high an id
 
@@ -44,7 +45,7 @@ def shop(root: Path) -> Site:
 
 @pytest.fixture(scope="module")
 def stale(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a project with a minute of records, its files of marts, and then a minute more that makes all of them stale."""
+    """Return a project with a minute of records, its files of marts, and a minute more that makes all of them stale."""
     site = shop(tmp_path_factory.mktemp("stale"))
     for t in (at("2026-11-09 08:00"), at("2026-11-09 09:00")):
         put(site, [*(Person(t + s * 1000, k, 0, 0) for s in range(60) for k in "ab"), *beats(t, t + 60_000)])
@@ -65,7 +66,7 @@ def read(site: Site, *names: str) -> None:
 
 @pytest.fixture(scope="module")
 def left_by_the_dead(stale: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the project of a process that wrote facts and files of marts anew and was killed before it removed the old."""
+    """Return the project of a process that wrote facts and marts anew and was killed before it removed the old."""
     root = Path(shutil.copytree(stale, tmp_path_factory.mktemp("killed") / "shop"))
     folder = Path(__file__).parents[1]  # of all tests
     done = subprocess.run([sys.executable, "-c", KILLED, root, folder], env=os.environ, check=False)
@@ -120,7 +121,9 @@ def test_the_newest_files_of_marts_stay_when_older_ones_go(site: Site) -> None:
     read(site)
     fresh = {p: p.read_bytes() for p in (site.root / FOLDER).rglob("*.parquet")}
     for path in fresh:
-        (path.parent / "00-0123456789abcdef.parquet").write_bytes(path.read_bytes())
+        older = path.parent / "00-fedcba9876543210.parquet"
+        older.write_bytes(path.read_bytes())
+        os.utime(older, ns=(0, path.stat().st_mtime_ns - 1))
     build(site)
     assert {p: p.read_bytes() for p in (site.root / FOLDER).rglob("*.parquet")} == fresh
 
