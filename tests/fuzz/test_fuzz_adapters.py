@@ -25,7 +25,7 @@ from vsd_analytics.ingest import frames
 
 BY_NAME = {w.name: w for w in WORLDS}
 CAMERA = {"camera": "cam-1"}
-QUICK = settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+QUICK = settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 @pytest.fixture(scope="module")
@@ -58,9 +58,9 @@ def test_every_input_is_clean_before_it_is_damaged(judge: Judge, name: str) -> N
 
 
 @pytest.mark.filterwarnings("error::SyntaxWarning", "error::RuntimeWarning")
-@pytest.mark.parametrize("first", range(0, 300, 100))
+@pytest.mark.parametrize("first", range(0, 300, 50))
 def test_damaged_inputs_are_reported_and_the_rows_around_the_damage_are_stored(judge: Judge, first: int) -> None:
-    words = {run_case(judge, number, seed=1).outcome.word for number in range(first, first + 100)}
+    words = {run_case(judge, number, seed=1).outcome.word for number in range(first, first + 50)}
     assert words == {"clean", "quarantined", "refused"}
 
 
