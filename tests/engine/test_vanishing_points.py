@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import cv2
@@ -64,11 +65,20 @@ def test_edges_in_all_directions_and_too_few_edges_are_refused() -> None:
     assert "20 long straight edges" in str(refused.value.why)
 
 
+@pytest.fixture(scope="module")
+def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with pictures of a room, of nothing, and of the room in half the size."""
+    folder = tmp_path_factory.mktemp("pictures")
+    room = room_picture(CAMERA, seed=2, turn_deg=25)
+    cv2.imwrite(str(folder / "room.png"), room)
+    cv2.imwrite(str(folder / "grey.png"), np.full((1080, 1920), 120, dtype=np.uint8))
+    cv2.imwrite(str(folder / "small.png"), room[::2, ::2])
+    return folder
+
+
 @pytest.fixture
-def vsd(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Vsd:
-    cv2.imwrite(str(tmp_path / "room.png"), room_picture(CAMERA, seed=2, turn_deg=25))
-    cv2.imwrite(str(tmp_path / "grey.png"), np.full((1080, 1920), 120, dtype=np.uint8))
-    cv2.imwrite(str(tmp_path / "small.png"), room_picture(CAMERA, seed=2, turn_deg=25)[::2, ::2])
+def vsd(pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Vsd:
+    shutil.copytree(pictures, tmp_path, dirs_exist_ok=True)
     return shop(tmp_path, capsys)
 
 
