@@ -25,15 +25,15 @@ from starlette.testclient import TestClient
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
 from vsd_analytics.config.access_token import is_loopback
 from vsd_analytics.errors import UsageError
 from vsd_analytics.planner.page import render_planner
-from vsd_analytics.planner.planner_data import planner_pages
+from vsd_analytics.planner.planner_data import PlannerData, planner_pages
 from vsd_analytics.service.access import RateLimit, token_of
 from vsd_analytics.service.answers import TABLES, ReportAnswers
 from vsd_analytics.service.app import make_app
 from vsd_analytics.service.openapi import ADDRESSES
+from vsd_analytics.site.model import Site
 
 TOKEN = "a-token-of-the-tests"
 WEEK = "/v1/weeks/2026-W46/floors/ground"
@@ -72,9 +72,16 @@ def test_report_page_and_tables_have_the_bytes_of_the_command(
         assert client.get(f"{WEEK}/tables/{name}.csv").content == table.read_bytes()
 
 
-def test_the_planner_is_that_of_the_week(demo_project: Path, client: TestClient) -> None:
-    [data] = planner_pages(load_site(demo_project), MONDAY)
-    assert client.get(f"{WEEK}/planner").text == render_planner(data)
+def test_the_planner_is_that_of_the_week(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[PlannerData] = []
+
+    def noting(site: Site, monday: date, **given: Any) -> list[PlannerData]:
+        assert (monday, given["floor_id"]) == (MONDAY, "ground")
+        made.extend(planner_pages(site, monday, **given))
+        return made
+
+    monkeypatch.setattr("vsd_analytics.planner.planner_data.planner_pages", noting)
+    assert client.get(f"{WEEK}/planner").text == render_planner(*made)
 
 
 def test_each_figure_is_that_of_the_report(client: TestClient) -> None:
