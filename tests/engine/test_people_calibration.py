@@ -30,7 +30,7 @@ CAMERAS = {
 
 @cache
 def walk(camera: SimulatedCamera, seed: int = 1, **more: float) -> Scene:
-    return simulate(camera, seed=seed, n_tracks=45, seconds=12, **more)  # type: ignore[arg-type]
+    return simulate(camera, seed=seed, n_tracks=60, seconds=15, **more)  # type: ignore[arg-type]
 
 
 @cache
