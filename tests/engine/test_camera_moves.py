@@ -33,7 +33,9 @@ def known() -> FromPeople:
 
 @cache
 def week(tilt_deg: float = 0.0, roll_deg: float = 0.0, seed: int = 2) -> People:
-    return simulate_week(CAMERA, seed=seed, days=6, people_an_hour=28, moved_h=TURNED_H, tilt_deg=tilt_deg, roll_deg=roll_deg)
+    return simulate_week(
+        CAMERA, seed=seed, days=6, people_an_hour=28, moved_h=TURNED_H, tilt_deg=tilt_deg, roll_deg=roll_deg
+    )
 
 
 def checked(people: People) -> CameraCheck:
