@@ -91,7 +91,7 @@ def test_owner_borders_are_shorter_than_the_raw_ones() -> None:
     assert edges(owners(*THREE)) < edges(by_hand(*THREE))
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(
     places=st.lists(
         st.tuples(st.floats(-8, 8), st.floats(-8, 8), st.floats(2, 10), st.floats(2, 10)), min_size=2, max_size=4

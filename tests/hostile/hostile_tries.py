@@ -1,7 +1,7 @@
 """Hostile names and files, each tried against a small project; every try says in a few words what came of it.
 
 `python tests/hostile/hostile_tries.py` prints the tables of docs/security.md, and with `--check` compares them whole.
-`test_hostile_names.py` compares every string and every place, but a third of their combinations only.
+`test_hostile_names.py` compares every string and every place, but a twelfth of their combinations only.
 """
 
 from __future__ import annotations

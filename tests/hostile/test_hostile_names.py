@@ -38,10 +38,10 @@ def documented() -> list[str]:
 
 @pytest.mark.parametrize("place", PLACES)
 def test_a_hostile_string_stays_in_its_place(lab: Lab, documented: list[str], place: str) -> None:
-    """Every string in a sixth of the places; `hostile_tries.py --check` tries all."""
+    """Every string in at least one place; `hostile_tries.py --check` tries all in all."""
     [line] = [line for line in documented if line.startswith(f"| {place} | ")]
     expected = documented_outcomes(line)
-    names = list(STRINGS)[list(PLACES).index(place) % 6 :: 6]
+    names = list(STRINGS)[list(PLACES).index(place) % 12 :: 12]
     assert outcomes(lab, place, names) == {name: expected[name] for name in names}
     lab.check_places()
 
@@ -120,7 +120,7 @@ def test_a_page_of_hostile_names_has_the_elements_of_a_page_of_tame_ones(tmp_pat
     trees, labs = [], []
     for folder, names in (("hostile", hostile), ("tame", tame)):
         lab = named_project(tmp_path / folder, names)
-        assert lab.vsd("report", "--week", "2026-W46", "--format", "html,csv")[0] == 0
+        assert lab.vsd("report", "--week", "2026-W46", "--format", "html,csv,json")[0] == 0
         (page,) = (lab.project / "reports").glob("*.html")
         trees.append(Tree(page.read_text(encoding="utf-8")))
         assert 'id="waiting"' in page.read_text(encoding="utf-8"), "names of queues and of places with a capacity too"
@@ -139,9 +139,9 @@ def test_a_page_of_hostile_names_has_the_elements_of_a_page_of_tame_ones(tmp_pat
 
 def _twins(lab: Lab, names: list[str]) -> None:
     """The JSON and CSV of the same week: every name exact in JSON, no cell a formula in CSV."""
-    code, out, _ = lab.vsd("report", "--week", "2026-W46", "--json")
-    areas = {a["name"] for a in json.loads(out)["areas"]}
-    assert (code, set(names) - areas) == (0, set())
+    (written,) = (lab.project / "reports").glob("*.json")
+    areas = {a["name"] for a in json.loads(written.read_text(encoding="utf-8"))["areas"]}
+    assert not set(names) - areas
     text = next((lab.project / "reports").glob("*areas.csv")).read_text(encoding="utf-8")
     cells = [row["name"] for row in csv.DictReader(io.StringIO(text))]
     assert set(cells) >= {safe_cell(name) for name in names}

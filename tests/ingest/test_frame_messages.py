@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from raw_reading import NINE_MS, read, read_frames
 
+from vsd_analytics.ingest import frames
 from vsd_analytics.ingest.adapter import IngestOptions, Source
 from vsd_analytics.ingest.frames import FrameMessage, Frames, json_schema
 
@@ -210,12 +211,15 @@ def test_messages_before_damage_in_a_gzip_are_stored(tmp_path: Path) -> None:
     assert not found.rejected
 
 
-def test_many_messages_come_in_several_batches_with_right_lines(tmp_path: Path) -> None:
-    persons = [{"id": k, "x_m": k, "y_m": 0} for k in range(400)]
+def test_many_messages_come_in_several_batches_with_right_lines(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(frames, "BATCH_ROWS", 2_500)
+    persons = [{"id": k, "x_m": k, "y_m": 0} for k in range(4)]
     found = read_frames(tmp_path / "a.jsonl", "\n".join(line(persons=persons) for _ in range(1200)))
     assert len(found.batches) == 3
     assert found.column("line", "frames") == list(range(1, 1201))
-    assert found.column("person") == list(range(400)) * 1200
+    assert found.column("person") == list(range(4)) * 1200
     assert [b.done_bytes for b in found.batches] == sorted(b.done_bytes for b in found.batches)
 
 

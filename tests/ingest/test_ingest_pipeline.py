@@ -16,7 +16,7 @@ from vsd_analytics.errors import InputError, UsageError
 from vsd_analytics.ingest.adapter import IngestOptions, Rejected, Source
 from vsd_analytics.ingest.adapters import adapter
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.ingest.quarantine_writer import STORED_PER_SOURCE, Quarantine
+from vsd_analytics.ingest.quarantine_writer import Quarantine
 from vsd_analytics.ingest.recognise import find_adapter
 from vsd_analytics.ingest.text_lines import line_blocks
 from vsd_analytics.settings import Settings
@@ -166,19 +166,17 @@ def test_formats_are_found_by_name_or_with_a_hint(tmp_path: Path) -> None:
 
 
 def test_quarantine_is_stored_once_and_counted_always(tmp_path: Path) -> None:
-    bad = [
-        Rejected(k, "bad-json" if k % 2 else "no-time", "why", f"text {k} \ud800")
-        for k in range(STORED_PER_SOURCE + 500)
-    ]
+    stored_max = 2_000
+    bad = [Rejected(k, "bad-json" if k % 2 else "no-time", "why", f"text {k} \ud800") for k in range(stored_max + 50)]
     for _ in range(2):
-        quarantine = Quarantine(tmp_path / "q", source="a.csv")
-        for start in range(0, len(bad), 7_000):
-            quarantine.add(bad[start : start + 7_000])
+        quarantine = Quarantine(tmp_path / "q", source="a.csv", stored_max=stored_max)
+        for start in range(0, len(bad), 700):
+            quarantine.add(bad[start : start + 700])
         quarantine.flush()
         assert sum(quarantine.counts.values()) == len(bad)
     lines = [json.loads(x) for p in (tmp_path / "q").iterdir() for x in p.read_text().splitlines()]
-    assert len(lines) == STORED_PER_SOURCE
-    assert {x["line"] for x in lines} == set(range(STORED_PER_SOURCE))
+    assert len(lines) == stored_max
+    assert {x["line"] for x in lines} == set(range(stored_max))
     assert stat.S_IMODE((tmp_path / "q").stat().st_mode) == 0o700
     assert quarantine.examples["no-time"].line == 0
 

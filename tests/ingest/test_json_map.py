@@ -164,7 +164,7 @@ HOSTILE = st.recursive(
 
 
 @given(message=HOSTILE)
-@settings(max_examples=100)
+@settings(max_examples=50)
 def test_no_message_makes_the_reader_fail(message: Any) -> None:
     """Whatever is sent: it becomes records that the checks see, or it is rejected with a reason."""
     payload = json.dumps(message).encode()

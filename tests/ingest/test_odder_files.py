@@ -9,7 +9,7 @@ from marked_files import MARKED
 from odd_files import STEPS, Odd, stored
 from odder_files import ODDER, ODDER_WORKBOOKS, csv_text
 from oddest_files import ODDEST
-from test_odd_files import by_identity, check, in_store
+from test_odd_files import by_identity, in_store, ingest
 from walks import project
 
 from vsd_analytics.cli import cli
@@ -20,7 +20,7 @@ from vsd_analytics.cli.exit_codes import run
 def test_an_odder_file_is_stored_right_or_refused_with_the_reason(
     odd: Odd, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    check(odd, tmp_path, capsys)
+    ingest(odd, tmp_path, capsys)
 
 
 @pytest.mark.parametrize("odd", ODDER_WORKBOOKS, ids=lambda odd: odd.name)
@@ -28,7 +28,7 @@ def test_an_odder_workbook_is_stored_right_or_refused_with_the_reason(
     odd: Odd, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("openpyxl")
-    check(odd, tmp_path, capsys)
+    ingest(odd, tmp_path, capsys)
 
 
 @pytest.mark.parametrize("odd", [*ODDEST, *MARKED], ids=lambda odd: odd.name)

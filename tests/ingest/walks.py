@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -42,7 +43,8 @@ class Step:
     y_m: float
 
 
-def walks(*, n_people: int = 6, seconds: int = 60, hz: float = 1.0, seed: int = 15) -> list[Step]:
+@cache
+def walks(*, n_people: int = 6, seconds: int = 60, hz: float = 1.0, seed: int = 15) -> tuple[Step, ...]:
     """Return the records of people who walk at about 1 m/s and turn at the walls, in order of time."""
     random = np.random.default_rng(seed)
     places = random.uniform((2, 2), (18, 10), size=(n_people, 2))
@@ -60,7 +62,7 @@ def walks(*, n_people: int = 6, seconds: int = 60, hz: float = 1.0, seed: int = 
                 headings[person] += np.pi
             else:
                 places[person] = moved
-    return steps
+    return tuple(steps)
 
 
 def project(folder: Path, *cameras: str, more: str = "") -> Path:

@@ -208,7 +208,7 @@ def test_a_disk_that_refuses_is_answered_503_and_what_is_sent_again_counts_once(
 
 
 def test_a_killed_listener_loses_nothing_that_it_answered_202(tmp_path: Path) -> None:
-    """Four senders post numbered messages, again where no answer came; the listener is killed five times."""
+    """Four senders post numbered messages, again where no answer came; the listener is killed twice."""
     root = project(tmp_path)
     with socket.socket() as found:
         found.bind(("127.0.0.1", 0))
@@ -240,7 +240,7 @@ def test_a_killed_listener_loses_nothing_that_it_answered_202(tmp_path: Path) ->
     for thread in senders:
         thread.start()
     try:
-        for _ in range(5):
+        for _ in range(2):
             n_before, until_s = len(answered), time.monotonic() + 60
             while len(answered) < n_before + 8 and time.monotonic() < until_s:
                 time.sleep(0.01)
@@ -263,7 +263,7 @@ def test_a_killed_listener_loses_nothing_that_it_answered_202(tmp_path: Path) ->
     stored = stored_seq(root)
     assert len(stored) == len(set(stored))
     assert set(answered) <= set(stored)
-    assert len(answered) >= 48
+    assert len(answered) >= 24
 
 
 def test_a_token_is_made_once_and_only_its_owner_can_read_it(tmp_path: Path) -> None:

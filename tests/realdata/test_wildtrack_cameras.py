@@ -1,14 +1,17 @@
-"""WILDTRACK's seven views as seven cameras: what several see is counted once, in the installed command."""
+"""WILDTRACK's seven views as seven cameras: what several see is counted once."""
 
 from __future__ import annotations
 
+import io
 import json
-import subprocess
-import sys
 from collections.abc import Callable
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
+
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
 
 pytestmark = pytest.mark.realdata
 
@@ -23,10 +26,10 @@ DAY = "2026-01-05"
 
 
 def vsd(root: Path, *args: str) -> str:
-    command = [sys.executable, "-c", "from vsd_analytics.cli import main; main()", "-C", str(root), *args]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr + done.stdout
-    return done.stdout
+    with redirect_stdout(io.StringIO()) as said:
+        code = run(cli, ["-C", str(root), *args])
+    assert code == 0, said.getvalue()
+    return said.getvalue()
 
 
 @pytest.fixture(scope="module")

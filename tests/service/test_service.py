@@ -25,18 +25,15 @@ from starlette.testclient import TestClient
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
 from vsd_analytics.config.access_token import is_loopback
 from vsd_analytics.errors import UsageError
 from vsd_analytics.planner.page import render_planner
-from vsd_analytics.planner.planner_data import planner_pages
-from vsd_analytics.report.model.assemble import week_report
-from vsd_analytics.report.pages.json_and_csv import to_csv
-from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.planner.planner_data import PlannerData, planner_pages
 from vsd_analytics.service.access import RateLimit, token_of
-from vsd_analytics.service.answers import ReportAnswers
+from vsd_analytics.service.answers import TABLES, ReportAnswers
 from vsd_analytics.service.app import make_app
 from vsd_analytics.service.openapi import ADDRESSES
+from vsd_analytics.site.model import Site
 
 TOKEN = "a-token-of-the-tests"
 WEEK = "/v1/weeks/2026-W46/floors/ground"
@@ -54,21 +51,37 @@ def client(demo_project: Path) -> TestClient:
     return client_of(demo_project)
 
 
-def test_the_report_has_the_bytes_of_the_command(
-    demo_project: Path, client: TestClient, capfd: pytest.CaptureFixture[str]
+@pytest.fixture(scope="module")
+def stranger(demo_project: Path) -> TestClient:
+    """Return a client that sends no token of its own."""
+    client = client_of(demo_project)
+    del client.headers["Authorization"]
+    return client
+
+
+def test_report_page_and_tables_have_the_bytes_of_the_command(
+    demo_project: Path, client: TestClient, tmp_path: Path
 ) -> None:
-    run(cli, ["-C", str(demo_project), "report", "--week", "2026-W46", "--json"])
-    assert client.get(f"{WEEK}/report").text == capfd.readouterr().out
+    words = ["report", "--week", "2026-W46", "--format", "html,json,csv", "--out", str(tmp_path)]
+    assert run(cli, ["-C", str(demo_project), *words]) == 0
+    (report,), (page,) = tmp_path.glob("*.json"), tmp_path.glob("*.html")
+    assert client.get(f"{WEEK}/report").content == report.read_bytes()
+    assert client.get(f"{WEEK}/page").content == page.read_bytes()
+    for name in TABLES:
+        (table,) = tmp_path.glob(f"*{name}.csv")
+        assert client.get(f"{WEEK}/tables/{name}.csv").content == table.read_bytes()
 
 
-def test_pages_and_tables_are_those_of_the_report_and_the_planner(demo_project: Path, client: TestClient) -> None:
-    site = load_site(demo_project)
-    report = week_report(site, MONDAY)
-    for name, text in to_csv(report).items():
-        assert client.get(f"{WEEK}/tables/{name}").text == text
-    assert client.get(f"{WEEK}/page").text == render_html(report)
-    [data] = planner_pages(site, MONDAY)
-    assert client.get(f"{WEEK}/planner").text == render_planner(data)
+def test_the_planner_is_that_of_the_week(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[PlannerData] = []
+
+    def noting(site: Site, monday: date, **given: Any) -> list[PlannerData]:
+        assert (monday, given["floor_id"]) == (MONDAY, "ground")
+        made.extend(planner_pages(site, monday, **given))
+        return made
+
+    monkeypatch.setattr("vsd_analytics.planner.planner_data.planner_pages", noting)
+    assert client.get(f"{WEEK}/planner").text == render_planner(*made)
 
 
 def test_each_figure_is_that_of_the_report(client: TestClient) -> None:
@@ -108,10 +121,9 @@ def test_small_counts_are_hidden_as_in_the_report(demo_project: Path, tmp_path: 
         "Basic " + base64.b64encode(b"a:b").decode(),
     ],
 )
-def test_nothing_is_answered_without_the_token(demo_project: Path, address: str, header: str | None) -> None:
-    client = client_of(demo_project)
-    client.headers = {} if header is None else {"Authorization": header}  # type: ignore[assignment]
-    answer = client.get(address.format(week="last", floor_id="ground", metric="M0", table="hours"))
+def test_nothing_is_answered_without_the_token(stranger: TestClient, address: str, header: str | None) -> None:
+    address = address.format(week="last", floor_id="ground", metric="M0", table="hours")
+    answer = stranger.get(address, headers={} if header is None else {"Authorization": header})
     assert answer.status_code == 401
     assert answer.headers["content-type"] == "application/problem+json"
     assert "Bearer" in answer.headers["www-authenticate"]
