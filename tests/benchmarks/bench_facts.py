@@ -72,7 +72,7 @@ def copy_records(project: Path, to: Path) -> Path:
 
 
 def build(checkout: Path, project: Path) -> dict[str, float]:
-    """Build all facts of a project anew; return the processor seconds of all and of each relation, and MiB."""
+    """Build all facts of a project from nothing; return the processor seconds of all and of each relation, and MiB."""
     shutil.rmtree(project / "facts", ignore_errors=True)
     took: dict[str, float] = json.loads(run(checkout, project, BUILD))
     return took
