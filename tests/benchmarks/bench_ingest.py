@@ -1,9 +1,9 @@
 """How long the store takes for rows, beside the raw floor and beside delta-rs, in one run and on the same disk.
 
-The unit is `pyarrow.parquet.write_table` of the same rows in one file, fsynced: no store can be faster that keeps them.
-Run it with
+The unit is `pyarrow.parquet.write_table` of the same rows in one file, fsynced: no store can be faster. Run it with
 
     python tests/benchmarks/bench_ingest.py --rows 1000000
+    python tests/benchmarks/bench_ingest.py --rows 1000000 --pairs    # pairs that an engine measured, without persons
 
 and put the table into docs/benchmarks.md. Nothing asserts a time: machines differ and are noisy, ratios less so.
 """
@@ -33,7 +33,7 @@ from simulate.small_scenes import START_MS
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.schema import SCHEMAS
+from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.store import Store
 
 BATCH_ROWS = 10_000
@@ -87,12 +87,50 @@ def messages(rows: pa.Table) -> list[bytes]:
     return lines
 
 
+def pairs(n_rows: int) -> pa.Table:
+    """Return pair records in the order of their arrival: 18 cameras, a frame a second each, 15 pairs a frame."""
+    rng = np.random.default_rng(1)
+    k = np.arange(n_rows)
+    frame, pair = k // PEOPLE, k % PEOPLE
+    camera, second = frame % CAMERAS, frame // CAMERAS
+    episode = pair + PEOPLE * (second // 12)  # each episode takes 12 s
+    ids = pa.array([f"{h:016x}" for h in rng.integers(0, 2**63, 2 * (int(episode.max()) + 1))])
+    given = {
+        "camera_id": pa.array([f"cam-{c + 1}" for c in range(CAMERAS)]).take(pa.array(camera)),
+        "ts": pa.array(START_MS + 1000 * second),
+        "person_a": pa.array(2 * pair),
+        "person_b": pa.array(2 * pair + 1),
+        "track_a": ids.take(pa.array(2 * episode)),
+        "track_b": ids.take(pa.array(2 * episode + 1)),
+        "distance_mm": pa.array(np.round(rng.normal(1300, 300, n_rows)).clip(200, 2400)),
+        "quality": pa.repeat("metric", n_rows),
+    }
+    schema = SCHEMAS["pairs"]
+    return pa.table(
+        [given[f.name].cast(f.type) if f.name in given else pa.nulls(n_rows, f.type) for f in schema], schema=schema
+    )
+
+
+def pair_messages(rows: pa.Table) -> list[bytes]:
+    """Return the same pairs as frame messages, one line a frame."""
+    columns = [rows[c].to_pylist() for c in ("camera_id", "ts", "track_a", "track_b", "distance_mm")]
+    lines = []
+    for first in range(0, rows.num_rows, PEOPLE):
+        camera, ts, *_ = (c[first] for c in columns)
+        found = [
+            {"a": columns[2][i], "b": columns[3][i], "distance_m": columns[4][i] / 1000}
+            for i in range(first, min(first + PEOPLE, rows.num_rows))
+        ]
+        lines.append(msgspec.json.encode({"v": 1, "camera": camera, "ts": ts, "pairs": found}))
+    return lines
+
+
 def size(folder: Path, pattern: str = "**/*.parquet") -> int:
     """Return the bytes of files."""
     return sum(p.stat().st_size for p in folder.glob(pattern))
 
 
-def steps(rows: pa.Table, lines: list[bytes]) -> dict[str, Step]:
+def steps(table: TableName, rows: pa.Table, lines: list[bytes]) -> dict[str, Step]:
     """Return what is measured, by name."""
     batches = [rows.slice(i, BATCH_ROWS) for i in range(0, rows.num_rows, BATCH_ROWS)]
     text = b"\n".join(lines) + b"\n"
@@ -107,7 +145,7 @@ def steps(rows: pa.Table, lines: list[bytes]) -> dict[str, Step]:
     def append(folder: Path) -> int:
         store = Store(folder / "store", site_id="shop")
         for batch in batches:
-            store.append("observations", batch)
+            store.append(table, batch)
         return size(folder)
 
     def append_fold(folder: Path) -> int:
@@ -135,10 +173,10 @@ def steps(rows: pa.Table, lines: list[bytes]) -> dict[str, Step]:
         (folder / "vsd.toml").write_text(CONFIG)
         (folder / "rows.jsonl").write_bytes(text)
         result = ingest(load_site(folder), [folder / "rows.jsonl"], IngestOptions(), now=NOW)
-        stored = result.fold.tables["observations"].n_new
+        stored = result.fold.tables[table].n_new
         if stored != rows.num_rows:
             raise AssertionError(f"{stored} of {rows.num_rows} rows stored")
-        return size(folder, "store/observations/**/*.parquet")
+        return size(folder, f"store/{table}/**/*.parquet")
 
     return {
         "write_table, one file, fsynced (the unit)": floor,
@@ -154,10 +192,12 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rows", type=int, default=1_000_000)
-    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--pairs", action="store_true")
     given = parser.parse_args()
-    rows = observations(given.rows)
-    measured = steps(rows, messages(rows))
+    table: TableName = "pairs" if given.pairs else "observations"
+    rows = pairs(given.rows) if given.pairs else observations(given.rows)
+    measured = steps(table, rows, pair_messages(rows) if given.pairs else messages(rows))
     times: dict[str, list[float]] = {name: [] for name in measured}
     cpu: dict[str, list[float]] = {name: [] for name in measured}
     sizes: dict[str, int] = {}
@@ -171,17 +211,16 @@ def main() -> None:
                 times[name].append(time.perf_counter() - start)
                 cpu[name].append(time.process_time() - start_cpu)
                 shutil.rmtree(folder)
-    first = next(iter(measured))
-    unit, unit_cpu = times[first], statistics.median(cpu[first])
-    print(f"{given.rows:,} person records; {given.rounds} interleaved rounds\n")
-    print("| step | rows a second | times the unit, median | least | processor time, times the unit | bytes a row |")
-    print("|---|--:|--:|--:|--:|--:|")
+    unit = cpu[next(iter(measured))]
+    print(f"{given.rows:,} records of {table}; {given.rounds} rounds; load {os.getloadavg()[0]:.1f}\n")
+    print("| step | processor s | times the unit, median | least | greatest | records a s, processor | wall | bytes |")
+    print("|---|--:|--:|--:|--:|--:|--:|--:|")
     for name, took in times.items():
-        ratios = [t / u for t, u in zip(took, unit, strict=True)]
-        rate = given.rows / statistics.median(took)
+        ratios = [t / u for t, u in zip(cpu[name], unit, strict=True)]
+        cpu_s, wall_s = statistics.median(cpu[name]), statistics.median(took)
         print(
-            f"| {name} | {rate:,.0f} | {statistics.median(ratios):.1f} | {min(ratios):.1f} "
-            f"| {statistics.median(cpu[name]) / unit_cpu:.1f} | {sizes[name] / given.rows:.1f} |"
+            f"| {name} | {cpu_s:.2f} | {statistics.median(ratios):.1f} | {min(ratios):.1f} | {max(ratios):.1f} "
+            f"| {given.rows / cpu_s:,.0f} | {given.rows / wall_s:,.0f} | {sizes[name] / given.rows:.1f} |"
         )
 
 

@@ -114,10 +114,10 @@ def camera_day(rng: np.random.Generator, camera: int, first_ms: int) -> Iterator
     names = pa.array([f"{first_ms // 86_400_000:05x}{camera:x}{k:010x}" for k in range(n_lives * SLOTS)])
     ts = pa.array(first_ms + 1000 * np.arange(OPEN_S))
     person = (np.cumsum(here, axis=1) - 1)[here]
-    yield "frames", _table("frames", OPEN_S, camera, ts=ts, n_persons=pa.array(n_persons))
+    yield "frames", stored_rows("frames", OPEN_S, camera, ts=ts, n_persons=pa.array(n_persons))
     yield (
         "observations",
-        _table(
+        stored_rows(
             "observations",
             len(person),
             camera,
@@ -131,7 +131,8 @@ def camera_day(rng: np.random.Generator, camera: int, first_ms: int) -> Iterator
     )
 
 
-def _table(name: TableName, n_rows: int, camera: int, **columns: pa.Array) -> pa.Table:
+def stored_rows(name: TableName, n_rows: int, camera: int, **columns: pa.Array) -> pa.Table:
+    """Return rows of a stored table, one camera; columns that are not given are unknown."""
     known = {"camera_id": pa.repeat(f"cam-{camera}", n_rows), **columns}
     arrays = [
         known[f.name].cast(f.type) if f.name in known else pa.nulls(n_rows, f.type).cast(f.type) for f in SCHEMAS[name]
