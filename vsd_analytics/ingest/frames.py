@@ -281,35 +281,40 @@ class MessageRows:
         )
 
     def _pairs(self, ts_ms: np.ndarray, zones: pa.Array, lines: np.ndarray) -> pa.Table:
-        columns: dict[str, list[Any]] = {
-            c: [] for c in ("person_a", "person_b", "track_a", "track_b", "x_a_m", "y_a_m", "x_b_m", "y_b_m")
-        }
+        tracks: tuple[list[str], list[str]] = ([], [])
+        numbers: tuple[list[int], list[int]] = ([], [])
         for message in self._messages:
-            persons = message.persons or ()
             number: dict[str, int] = {}
-            for i, person in enumerate(persons):
-                if person.id is not None:
-                    number.setdefault(str(person.id), i)
-            n_persons = len(persons)
+            persons = message.persons or ()
+            if message.pairs:
+                for i, person in enumerate(persons):
+                    if person.id is not None:
+                        number.setdefault(str(person.id), i)
+            n_unnamed = len(persons) - len(number)
             for pair in message.pairs or ():
-                for side, track in (("a", str(pair.a)), ("b", str(pair.b))):
-                    if track not in number:  # a person that `persons` does not list gets a number after those it does
-                        number[track], n_persons = n_persons, n_persons + 1
-                    i = number[track]
-                    person = persons[i] if i < len(persons) else PersonMessage()
-                    columns[f"person_{side}"].append(i)
-                    columns[f"track_{side}"].append(track)
-                    columns[f"x_{side}_m"].append(person.x_m)
-                    columns[f"y_{side}_m"].append(person.y_m)
+                for track, to, at in ((str(pair.a), tracks[0], numbers[0]), (str(pair.b), tracks[1], numbers[1])):
+                    to.append(track)
+                    # a person that `persons` does not list gets a number after those it does
+                    at.append(number.setdefault(track, n_unnamed + len(number)))
+        n_persons = np.array([len(m.persons or ()) for m in self._messages])
+        listed = [p for m in self._messages for p in m.persons or ()]
+        x_m, y_m = pa.array([p.x_m for p in listed], pa.float64()), pa.array([p.y_m for p in listed], pa.float64())
         pairs = [p for m in self._messages for p in m.pairs or ()]
         of_row = np.repeat(np.arange(len(lines)), [len(m.pairs or ()) for m in self._messages])
         at = pa.array(of_row)
+        first, n_of_row = (np.cumsum(n_persons) - n_persons)[of_row], n_persons[of_row]
+        sides: dict[str, Any] = {}
+        for side, track, of_side in zip("ab", tracks, numbers, strict=True):
+            person = np.array(of_side, dtype=np.int64)
+            place = pa.array(first + person, mask=person >= n_of_row)
+            sides |= {f"person_{side}": person, f"track_{side}": track}
+            sides |= {f"x_{side}_m": x_m.take(place), f"y_{side}_m": y_m.take(place)}
         return raw_table(
             "pairs",
             camera=pa.array([m.camera for m in self._messages], pa.string()).take(at),
             ts_ms=ts_ms[of_row],
             zone=zones.take(at),
-            **columns,
+            **sides,
             distance_m=[p.distance_m for p in pairs],
             distance_sd_m=[p.sd_m for p in pairs],
             quality=pa.array([m.quality for m in self._messages], pa.string()).take(at),
