@@ -75,6 +75,7 @@ def episode_figures(
     floor_id: str | None = None,
     first: date | None = None,
     last: date | None = None,
+    seed: int = SEED,
 ) -> EpisodeFigures:
     """Return how long and how close violations are, close contacts, and the track ids of a range.
 
@@ -83,6 +84,7 @@ def episode_figures(
         floor_id: Only cameras of this floor; None = all.
         first: First local day; None = the warehouse's.
         last: Last local day; None = the warehouse's.
+        seed: Of the bootstrap of durations.
 
     Raises:
         UsageError: E101, the site has no such floor.
@@ -106,7 +108,7 @@ def episode_figures(
         first=span["first"],
         last=span["last"],
         floor_id=floor_id,
-        durations=_durations(warehouse, span, sums),
+        durations=_durations(warehouse, span, sums, seed),
         distances=_distances(warehouse, span, sums, n_violations),
         contacts=_contacts(warehouse, span, sums),
         tracks=_tracks(warehouse, span, sums),
@@ -124,10 +126,10 @@ def _why(sums: dict[str, Any], *, needs_ids: bool) -> tuple[State, Reason] | Non
     return None
 
 
-def _durations(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any]) -> Durations:
+def _durations(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any], seed: int) -> Durations:
     settings = warehouse.site.settings
     rules: dict[str, Any] = {
-        "seed": SEED,
+        "seed": seed,
         "confidence": settings.confidence,
         "min_days": settings.min_days,
         "sustained_s": settings.sustained_s,
