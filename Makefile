@@ -1,6 +1,6 @@
 # make demo   installs into .venv and makes the made-up shop's weekly report
 # make check  formatting, lint, types and the fast tests, within a minute on two cores: before each commit
-# make test   installs the test extra and runs everything, in 10 to 12 minutes on two cores, after the installation
+# make test   installs the test extra and runs everything but the long proofs, in about 10 minutes on two cores, after the installation
 # make prove  the long proofs, whose tables are in docs/
 # make docs   writes the pages of docs/ and the JSON Schema of vsd.toml, which are made from the code
 # make site  builds the documentation as a site into site/, without a network
@@ -13,7 +13,7 @@ BIN    := $(VENV)/bin
 # Python saves the compiled modules and tests: compiling them anew takes each of the two workers ten seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo check test tests prove docs lint screenshots site sbom clean
+.PHONY: demo check test prove docs lint screenshots site sbom clean
 
 demo: $(VENV)/.installed
 	rm -rf vsd-demo
@@ -30,10 +30,7 @@ check: $(VENV)/.installed-test $(VENV)/.linted-sql
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not browser and not realdata and not simulation and not long" $(FAST)
 
-test: $(VENV)/.installed-test
-	$(MAKE) --no-print-directory --jobs 2 lint tests
-
-tests: $(VENV)/.installed-test
+test: $(VENV)/.installed-test lint
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 lint: $(VENV)/.installed-test $(VENV)/.linted-sql

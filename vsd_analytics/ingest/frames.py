@@ -304,10 +304,10 @@ class MessageRows:
         at = pa.array(of_row)
         first, n_of_row = (np.cumsum(n_persons) - n_persons)[of_row], n_persons[of_row]
         sides: dict[str, Any] = {}
-        for side, track, of_side in zip("ab", tracks, numbers, strict=True):
-            person = np.array(of_side, dtype=np.int64)
-            place = pa.array(first + person, mask=person >= n_of_row)
-            sides |= {f"person_{side}": person, f"track_{side}": track}
+        for side, ids, of_side in zip("ab", tracks, numbers, strict=True):
+            nth = np.array(of_side, dtype=np.int64)
+            place = pa.array(first + nth, mask=nth >= n_of_row)
+            sides |= {f"person_{side}": nth, f"track_{side}": ids}
             sides |= {f"x_{side}_m": x_m.take(place), f"y_{side}_m": y_m.take(place)}
         return raw_table(
             "pairs",
