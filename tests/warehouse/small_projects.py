@@ -134,7 +134,7 @@ def beats(first: int, after: int, *, every: int = 1000, camera: str = "cam") -> 
 
 
 def open_days(site: Site, first: str = "2026-11-09", last: str | None = None, **options: Any) -> Warehouse:
-    """Return a warehouse of some days, one day by default. It writes no day files: most tests ask it once."""
+    """Return a warehouse of some days, one day by default. It writes no files of marts: most tests ask it once."""
     days = date.fromisoformat(first), date.fromisoformat(last or first)
     return Warehouse(site, *days, **{"uses_days": False} | options)
 

@@ -118,7 +118,7 @@ def files(site: Site) -> dict[str, int]:
 
 
 def of_sealed(site: Site) -> list[str]:
-    """Return the day files."""
+    """Return the files of days with sealed hours."""
     root = site.root / DAYS_FOLDER
     return [str(p.relative_to(root)) for p in root.rglob("*.parquet")]
 

@@ -11,12 +11,14 @@ from collections import Counter
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import pytest
 from warehouse.small_projects import Person, Site, at, beats, make_site, put
 
 from vsd_analytics.store import durable
 from vsd_analytics.store.page_folders import sweep_pages
+from vsd_analytics.warehouse import day_files
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.warehouse import Warehouse
 from vsd_analytics.warehouse.week_files import FOLDER as WEEKS
@@ -143,3 +145,20 @@ def test_temporary_files_of_pages_go_with_their_writer(tmp_path: Path) -> None:
         sweep_pages(tmp_path)
         assert not any(path.exists() for path in gone)
         assert all(path.exists() for path in [*stay, being_written])
+
+
+def test_a_file_that_somebody_else_removes_meanwhile_stops_no_build(
+    killed: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A report that ends removes replaced files while the build has their names already."""
+    listed = day_files.list_parts
+
+    def list_then_lose(*args: Any, **options: Any) -> list[Any]:
+        found = list(listed(*args, **options))
+        for part in found[:-1]:
+            part.path.unlink(missing_ok=True)
+        return found
+
+    monkeypatch.setattr(day_files, "list_parts", list_then_lose)
+    build(killed)
+    assert doubled(killed.root / FOLDER) == []

@@ -206,8 +206,16 @@ def superseded_anywhere(site: Site) -> list[Path]:
     roots = [site.root / "facts", *beside.folders(site)]
     folders = [(root / folder, name) for root in roots for folder in (FOLDER.name, WEEKS) for name in _ever_stored()]
     paths = [part.path for folder, name in folders for part in list_parts(folder, name, site.site_id)]
-    newest = {path.parent: path for path in sorted(paths, key=lambda p: (p.stat().st_mtime_ns, p.name))}
+    newest = {path.parent: path for path in sorted(paths, key=lambda p: (_written_ns(p), p.name))}
     return [*no_longer_stored(site), *(path for path in paths if newest[path.parent] != path)]
+
+
+def _written_ns(path: Path) -> int:
+    """Return when a file was written; 0 for one that somebody else has removed since its folder was listed."""
+    try:
+        return path.stat().st_mtime_ns
+    except FileNotFoundError:
+        return 0
 
 
 def no_longer_stored(site: Site) -> list[Path]:
