@@ -48,7 +48,8 @@ def settings_markdown() -> str:
         """\
 Every default of the product. A value in `vsd.toml` wins over the default, and the environment variable `VSD_` + name in
 capitals (`VSD_DISTANCE_M=1.83`) wins over both. `vsd doctor --show-config` prints what is in force and where it comes
-from. A value outside its range is refused with its line.""",
+from. A value outside its range is refused with its line, and a variable that is nearly the name of
+a setting with that name.""",
         """\
 Settings marked *facts* change what is computed from the store: after such a change the next command computes the facts
 again. All other settings act at once. Values that differ from the default, and a hash of all of them, are printed at
