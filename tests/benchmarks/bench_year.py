@@ -165,7 +165,7 @@ def _write_marts(site: Site, n_days: int) -> None:
                 k = (day - days[0]).days % PATTERN
                 rows = later(of_day[k], (day - days[k]).days)
                 week.rows[day] = rows if day >= FIRST else rows.slice(0, 0)
-            week.write()
+            week.write(relation.stored_by)
 
 
 def measure(project: Path, arguments: list[str]) -> tuple[float, float]:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Callable
 from datetime import date, timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from vsd_analytics.bench.made_up_site import write_site
+from vsd_analytics.planner.planner_data import planner_pages
+from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse import sources
 from vsd_analytics.warehouse import warehouse as warehouse_module
 from vsd_analytics.warehouse.day_pieces import pieces
@@ -74,3 +80,23 @@ def test_pieces_of_one_day_make_the_same_files_one_warehouse_after_the_other(
     relations = {path.split("/")[2] for path in whole}
     assert relations == {"violations", "cell_hours", "camera_hours", "track_groups"}
     assert len(whole) == 4
+
+
+@pytest.mark.parametrize("page", [week_report, planner_pages])
+def test_a_page_computes_the_marts_of_a_new_day_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, page: Callable[[Site, date], object]
+) -> None:
+    site = write_site(tmp_path, n_records=9_000, n_cameras=1, open_h=1, interval_s=5)
+    pieces_of = Counter[tuple[date, date]]()
+    opened = Warehouse.__init__
+
+    def counted(self: Warehouse, of: Site, first: date, last: date, **options: Any) -> None:
+        if options.get("uses_days") is False:
+            pieces_of[first, last] += 1
+        opened(self, of, first, last, **options)
+
+    monkeypatch.setattr(Warehouse, "__init__", counted)
+    monkeypatch.setattr(sources, "PIECE_BYTES", 1)
+    page(site, FIRST)
+    assert len(pieces_of) > 2
+    assert set(pieces_of.values()) == {1}

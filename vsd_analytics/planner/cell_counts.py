@@ -143,8 +143,8 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
     slots, grid, hidden = asked.slots, asked.grid, asked.hidden
     x0, y0, x1, y1 = (end / CELL_M for end in asked.extent)
     rows = data.warehouse.table(
-        "select camera_id, hour_start_ms, cx::bigint as cx, cy::bigint as cy, n_violations, n_tracks, exposure_ms, "
-        "violation_ms from planner_cells where floor_id = $floor and hour_start_ms between $from and $to "
+        "select camera_id, hour_start_ms, cx, cy, n_violations, n_tracks, exposure_ms, violation_ms from planner_cells "
+        "where floor_id = $floor and hour_start_ms between $from and $to "
         "and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1 order by all",
         {
             "floor": data.floor.floor_id,
@@ -152,17 +152,19 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
             **{"x0": math.floor(x0), "y0": math.floor(y0), "x1": math.ceil(x1), "y1": math.ceil(y1)},
         },
     )
-    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
+    camera = positions(rows["camera_id"], data.ids, otherwise=-1).astype(np.int32)
     start_ms = data.hours.start_ms[slots]
-    slot = np.searchsorted(start_ms, rows["hour_start_ms"].to_numpy())
+    hour_ms = rows["hour_start_ms"].to_numpy()
+    slot = np.minimum(np.searchsorted(start_ms, hour_ms), len(slots) - 1).astype(np.int32)
+    taken = asked.used[camera, slot] & (start_ms[slot] == hour_ms)
     n_across = round(1 / CELL_M)
     x, y = rows["cx"].to_numpy() - grid.x0 * n_across, rows["cy"].to_numpy() - grid.y0 * n_across
     n, tracks, *times = (rows[name].to_numpy() for name in ("n_violations", "n_tracks", "exposure_ms", "violation_ms"))
-    slot = np.minimum(slot, len(slots) - 1)
-    taken = asked.used[camera, slot] & (start_ms[slot] == rows["hour_start_ms"].to_numpy())
-    keys = np.stack((camera, slot, x, y, data.hours.day[slots][slot], asked.shared[camera, slot]))[:, taken]
-    n, tracks, *times = (v[taken] for v in (n, tracks, *times))
-    is_able, has_time = data.whole.cameras[keys[0]] & (hidden is not None), times[0] > 0
+    del rows, hour_ms  # a large floor has millions of rows a week
+    camera, slot, x, y, n, tracks, *times = (v[taken] for v in (camera, slot, x, y, n, tracks, *times))
+    keys = np.stack((camera, slot, x, y, data.hours.day[slots].astype(np.int32)[slot], asked.shared[camera, slot]))
+    del camera, slot, x, y
+    is_able, has_time = (n > 0) & data.whole.cameras[keys[0]] & (hidden is not None), times[0] > 0
     unit_ms = _unit(*times)
     return CellCounts(
         violations=_merged(

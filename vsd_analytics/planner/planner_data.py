@@ -48,6 +48,11 @@ HISTORY: Final = HISTORY_WEEKS * WEEK
 """How far back the usual rates of weekdays are taken from."""
 LEAST_WEEKS: Final = 2
 """The week and the one before."""
+_MARTS: Final = (
+    *("violations", "camera_hours", "area_hours", "crowding_hours", "joined_days"),
+    *("cell_days", "cell_hours", "planner_cells"),
+)
+"""Marts that every page reads."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -211,6 +216,7 @@ def planner_pages(
     n_weeks = weeks_needed(site, monday) if weeks is None else weeks
     first = first_day(site, monday, other, weeks=n_weeks)
     with open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours) as warehouse:
+        warehouse.compute_ahead(*_MARTS)
         warehouse.materialise("violations", "camera_hours", "area_hours")
         return [
             planner_data(warehouse, floor=f, monday=monday, before=other, weeks=n_weeks, clock=clock) for f in floors

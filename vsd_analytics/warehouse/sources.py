@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.duck import literal_list
@@ -67,12 +66,15 @@ class _Absent:
 
     def add(self, days: Sequence[date], rows: pa.Table) -> None:
         """Take the computed rows of some days; the last of them write the file."""
-        by = rows[self.relation.stored_by]
-        self.week.rows.update((d, rows.filter(pc.equal(by, d))) for d in sorted(self.missing.intersection(days)))
-        if max(self.missing) in days:
-            self.week.reuse(self.older, self.relation.stored_by)
+        column = self.relation.stored_by
+        if min(self.missing) in days:
+            self.week.reuse(self.older, column)
+        for day in sorted(self.missing.intersection(days)):
+            self.week.take(rows, [day], column)
             if self.week.is_stored:
-                self.week.write()
+                self.week.encode()
+        if self.week.is_stored and max(self.missing) in days:
+            self.week.write(column)
 
 
 class RelationSources:

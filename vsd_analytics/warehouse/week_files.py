@@ -48,9 +48,12 @@ _BYTES_MAX = 1_000_000
 _EPOCH = date(1970, 1, 1)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class WeekFile:
     """The file of one relation and week.
+
+    Rows of a stored week are held as bytes of its file as soon as those of all days before them are there: as rows they
+    would take twenty times the room.
 
     Attributes:
         name: The relation.
@@ -58,7 +61,7 @@ class WeekFile:
         monday: Its Monday.
         inputs: Input hashes of each of its days, in order: those of the week that are in the range.
         is_stored: It may be written; else its rows are computed each time.
-        rows: Rows by day, of a week without a file.
+        rows: Rows by day, of a week without a file: those that are not in bytes yet, or that the disk refused.
     """
 
     name: str
@@ -67,6 +70,8 @@ class WeekFile:
     inputs: Mapping[date, InputHashes]
     is_stored: bool = True
     rows: dict[date, pa.Table] = field(default_factory=dict)
+    _writer: FactWriter | None = None
+    _encoded: list[date] = field(default_factory=list)
 
     def older(self) -> dict[Path, list[date]]:
         """Return undamaged older files of the week, each with the days whose rows it has: those of the same inputs."""
@@ -89,20 +94,44 @@ class WeekFile:
         """
         for path, days in older.items():
             if days:
-                rows = pq.ParquetFile(path).read().replace_schema_metadata()
-                self.rows.update((d, rows.filter(pc.equal(rows[column], d))) for d in days)
+                self.take(pq.ParquetFile(path).read().replace_schema_metadata(), days, column)
 
-    def write(self, noted: Mapping[bytes, bytes] | None = None) -> bool:
-        """Write the rows of all days unless the disk refuses; return whether the file is there, which then has them."""
-        writer = FactWriter(_noted(self.monday, self.inputs), noted)
-        for day in self.inputs:
-            writer.add(self.rows[day])
+    def take(self, rows: pa.Table, days: Iterable[date], column: str) -> None:
+        """Take the rows of some days.
+
+        Args:
+            rows: Rows of these days, and others.
+            days: The days.
+            column: Day of a row.
+        """
+        self.rows.update((day, rows.filter(pc.equal(rows[column], day))) for day in days)
+
+    def encode(self, noted: Mapping[bytes, bytes] | None = None) -> None:
+        """Turn the rows of the first days, as far as they are there, into bytes of the file."""
+        self._writer = self._writer or FactWriter(_noted(self.monday, self.inputs), noted)
+        for day in list(self.inputs)[len(self._encoded) :]:
+            if day not in self.rows:
+                return
+            self._writer.add(self.rows.pop(day))
+            self._encoded.append(day)
+
+    def write(self, column: str | None, noted: Mapping[bytes, bytes] | None = None) -> bool:
+        """Write the rows of all days unless the disk refuses; return whether the file is there.
+
+        Args:
+            column: Day of a row, by which `rows` has them again where the disk refuses; None = nobody needs them then.
+            noted: Other metadata.
+        """
+        self.encode(noted)
+        assert self._writer is not None
+        data = self._writer.finish()
         try:
-            publish(self.path, writer.finish(), is_synced=False)
+            publish(self.path, data, is_synced=False)
             sweep_temporaries(self.path.parent)
         except OSError:
+            if column:
+                self.take(pq.ParquetFile(pa.BufferReader(data)).read().replace_schema_metadata(), self._encoded, column)
             return False
-        self.rows.clear()
         return True
 
 
@@ -162,7 +191,7 @@ def make_fact_week(week: WeekFile, paths: Mapping[int, Path]) -> bool:
     if len({rows.schema for rows in week.rows.values()}) > 1:
         return False
     noted = spans_of_week(file.metadata.metadata for file in files) if week.name == DAY_FACT else {}
-    return week.write(noted)
+    return week.write(None, noted)
 
 
 def by_week(weeks: Iterable[WeekFile], days: Mapping[int, Path]) -> dict[int, Path]:
