@@ -1,5 +1,5 @@
 -- name: marts/camera_episodes
--- One row per camera and run of violation records of one pair, with no gap longer than gap_ms, stitched over hours and midnight.
+-- One row per camera and run of violation records of a pair, no gap longer than gap_ms (episode_segments), over hours and midnight.
 -- grain: camera_id, track_a, track_b, started_ms
 -- reads: episode_segments, cameras, owner_cells
 -- params: owner_cell_mm

@@ -1,5 +1,5 @@
 -- name: marts/episodes
--- One row per episode: one pair closer than distance_m with no gap longer than gap_ms, over hours, midnight and cameras.
+-- One row per episode: a pair closer than distance_m with no gap longer than gap_ms (episode_segments), over hours, midnight and cameras.
 -- stored_by: local_date
 -- grain: camera_id, track_a, track_b, started_ms
 -- reads: whole_episodes, calendar, site_days, track_groups

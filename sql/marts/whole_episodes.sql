@@ -1,5 +1,5 @@
 -- name: marts/whole_episodes
--- One row per episode of the facts that are loaded: one pair closer than distance_m with no gap longer than gap_ms, counted once.
+-- One row per episode of the facts loaded: a pair closer than distance_m with no gap longer than gap_ms (episode_segments), counted once.
 -- grain: camera_id, track_a, track_b, started_ms
 -- reads: camera_episodes, shared_episodes
 -- params: episode_min_ms
