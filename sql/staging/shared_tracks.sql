@@ -1,6 +1,6 @@
 -- name: staging/shared_tracks
 -- One row per two track ids of one large cluster: the previous cluster with both, and the instant of the next one.
--- Of more than 40 people only ids at most 8 places apart in order are paired, so that work grows with people, not pairs.
+-- In a cluster of more than 40 people, only ids at most 8 places apart in order are paired: work grows with people, not pairs.
 -- grain: cluster_no, track_a, track_b
 -- reads: gathering_clusters, clustered
 -- columns:
