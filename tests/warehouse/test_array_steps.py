@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from vsd_analytics.bench.made_up_site import write_site
 from vsd_analytics.warehouse.arrays import floor_cells, pairs
-from vsd_analytics.warehouse.arrays.columns import counted, one_of_each, order_by, summed
+from vsd_analytics.warehouse.arrays.columns import counted, one_alike, one_of_each, order_by, summed
 from vsd_analytics.warehouse.arrays.stored import NotedColumns
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.graphs import least_connected
@@ -47,6 +47,18 @@ def test_rows_almost_in_order_are_sorted_as_all_others(n_far: int) -> None:
     assert order_by(key).tolist() == np.argsort(key, kind="stable").tolist()
     other = rng.integers(0, 2, len(key))
     assert order_by(key, other).tolist() == np.lexsort((other, key)).tolist()
+
+
+@pytest.mark.parametrize("n_values", [1, 2, 30])
+def test_rows_with_equal_keys_are_of_one_row(n_values: int) -> None:
+    """Of a place, most rows have the keys of its last row, some have others, and some of these are alike."""
+    rng = np.random.default_rng(n_values)
+    place = rng.integers(0, 40, 900)
+    other = rng.integers(0, n_values, 900)
+    found = one_alike(place, 40, place, other)
+    keys = list(zip(place.tolist(), other.tolist(), strict=True))
+    assert [keys[row] for row in found] == keys
+    assert len({*found.tolist()}) == len({*keys})
 
 
 @pytest.mark.parametrize("n_keys", [60, 10**9])
