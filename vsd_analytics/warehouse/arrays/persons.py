@@ -119,6 +119,7 @@ def in_violation(held: Held, site: SiteTables) -> Columns:
     n_unknown = persons.n_unknown("track_b", "track_a")
     return {
         **_people(held, persons, site),
+        "member": persons.one("member_a", "member_b"),
         "track_id": persons.one("track_a", "track_b"),
         "n_others": persons.n_others,
         "n_named": persons.n_others - n_unknown,
@@ -129,9 +130,9 @@ def in_violation(held: Held, site: SiteTables) -> Columns:
 
 
 def _people(held: Held, persons: _Persons, site: SiteTables) -> Columns:
-    """Return camera, instant, member, place and weight of persons, and whether their camera counts them."""
+    """Return camera, instant, place and weight of persons, and whether their camera counts them."""
     pairs = held["pairs"]
-    columns = ("camera_id", "ts_ms", "member", "x_mm", "y_mm", "weight_ms", "is_owned")
+    columns = ("camera_id", "ts_ms", "x_mm", "y_mm", "weight_ms", "is_owned")
     if pairs["is_derived"].all():  # then their numbers are those of their records
         return take(held["located"], persons.number, *columns)
     found = {name: persons.one(name, name) for name in ("camera_id", "ts_ms", "weight_ms")}
@@ -139,7 +140,7 @@ def _people(held: Held, persons: _Persons, site: SiteTables) -> Columns:
     is_owned = site.floors.is_owned(found["camera_id"], found["ts_ms"], x, y)
     if np.any(is_placeless := x == NULL):  # counted where any of their pairs is
         is_owned = np.where(is_placeless, persons.greatest("is_owned", "is_owned") > 0, is_owned)
-    return {**found, "member": persons.one("member_a", "member_b"), "x_mm": x, "y_mm": y, "is_owned": is_owned}
+    return {**found, "x_mm": x, "y_mm": y, "is_owned": is_owned}
 
 
 def distance_times(held: Held, site: SiteTables) -> Columns:
