@@ -122,7 +122,9 @@ def _sent(stored: Columns, frame: Ints, instants: Columns, located: Columns, sit
     for side, of_side in zip("ab", sides, strict=True):
         for c in "xy":
             own = pairs[f"{c}_{side}_mm"]
-            places[f"{c}_{side}_mm"] = np.where(own == NULL, _at(located[f"{c}_mm"], row[of_side]), own)
+            if np.any(is_lacking := own == NULL):
+                own = np.where(is_lacking, _at(located[f"{c}_mm"], row[of_side]), own)
+            places[f"{c}_{side}_mm"] = own
     camera, ts = pairs["camera_id"], pairs["ts_ms"]
     x, y = (places[f"{c}_a_mm"] + places[f"{c}_b_mm"] for c in "xy")
     return {

@@ -86,12 +86,13 @@ class _Persons:
 
     def least(self, a: str, b: str, *, unknown: int) -> Ints:
         """Return the least known value of all pairs of each person, `unknown` without any."""
-        found, others = (
-            np.where(of == unknown, _LAST, of.astype(np.int64, copy=False))
-            for of in (self.one(a, b), _of_side(self.pairs, a, b, self.again_row, self.again_is_b))
-        )
+        found = self.one(a, b).astype(np.int64)
+        others = _of_side(self.pairs, a, b, self.again_row, self.again_is_b).astype(np.int64)
+        for values in (found, others):
+            values[values == unknown] = _LAST
         np.minimum.at(found, self.again, others)
-        return np.where(found == _LAST, unknown, found)
+        found[found == _LAST] = unknown
+        return found
 
     def greatest(self, a: str, b: str) -> Ints:
         """Return the greatest value of all pairs of each person; unknown ones are less than all others."""
