@@ -219,17 +219,14 @@ def with_rows(pairs: Columns, instants: Columns, located: Columns) -> Columns:
     frame = pairs["_frame"] if "_frame" in pairs else frame_of(instants, pairs["camera_id"], pairs["ts_ms"])
     order = order_by(pairs["hour"], frame, pairs["member_a"], pairs["member_b"], pairs["distance_mm"])
     pairs, frame = take(pairs, order), frame[order]
-    n_frames = len(instants["ts_ms"])
-    first = np.searchsorted(located["_frame"], np.arange(n_frames + 1))
-    rows = {
-        side: np.where(pairs[f"member_{side}"] > 0, first[frame] + pairs[f"member_{side}"] - 1, -1) for side in "ab"
-    }
-    found = {**pairs, "_frame": frame, **{f"_row_{side}": of for side, of in rows.items()}}
+    first = np.searchsorted(located["_frame"], np.arange(len(instants["ts_ms"])))
+    a, b = pairs["member_a"], pairs["member_b"]
+    row_a, row_b = (np.where(member > 0, picked(first, frame) + (member - 1), -1) for member in (a, b))
+    found = {**pairs, "_frame": frame, "_row_a": row_a, "_row_b": row_b}
     if pairs["is_derived"].all():
-        return {**found, **{f"_{side}": of for side, of in rows.items()}}
-    # People of a frame that are in pairs only come before its others: their members are -1, -2, ...
-    least = np.zeros(n_frames, dtype=np.int64)
-    for side in "ab":
-        np.minimum.at(least, frame, pairs[f"member_{side}"])
-    zero = (first[:-1] + np.cumsum(-least))[frame]
-    return {**found, **{f"_{side}": zero + pairs[f"member_{side}"] - (pairs[f"member_{side}"] > 0) for side in "ab"}}
+        return {**found, "_a": row_a, "_b": row_b}
+    # Numbers of a frame: first of people who are in pairs only, whose members are -1, -2, ..., then of its records.
+    least = np.zeros(len(first), dtype=np.int64)
+    np.minimum.at(least, frame, np.minimum(a, b))
+    zero = picked(first - np.cumsum(least), frame)
+    return {**found, "_a": zero + a - (a > 0), "_b": zero + b - (b > 0)}

@@ -138,9 +138,8 @@ def _people(held: Held, persons: _Persons, site: SiteTables) -> Columns:
         return take(held["located"], persons.number, *columns)
     found = {name: persons.one(name, name) for name in ("camera_id", "ts_ms", "weight_ms")}
     x, y = (persons.least(f"{c}_a_mm", f"{c}_b_mm", unknown=NULL) for c in "xy")
+    # people without a place are in pairs without one, which their own camera counts
     is_owned = site.floors.is_owned(found["camera_id"], found["ts_ms"], x, y)
-    if np.any(is_placeless := x == NULL):  # counted where any of their pairs is
-        is_owned = np.where(is_placeless, persons.greatest("is_owned", "is_owned") > 0, is_owned)
     return {**found, "x_mm": x, "y_mm": y, "is_owned": is_owned}
 
 
