@@ -33,7 +33,7 @@ _QUARTER_MS = 900_000
 
 
 @dataclass(frozen=True, slots=True)
-class _Persons:
+class _PersonsInPairs:
     """The persons in some pairs, each with a side of one pair; what other pairs say of them is looked at only there.
 
     Attributes:
@@ -56,7 +56,7 @@ class _Persons:
     again_is_b: Bools
 
     @classmethod
-    def of(cls, pairs: Columns, rows: Ints) -> _Persons:
+    def of(cls, pairs: Columns, rows: Ints) -> _PersonsInPairs:
         """Return the persons in some rows of `pairs`."""
         n = len(rows)
         person = np.concatenate([picked(pairs["_a"], rows), picked(pairs["_b"], rows)])
@@ -116,7 +116,7 @@ def _of_side(pairs: Columns, a: str, b: str, row: Ints, is_b: Bools) -> NDArray[
 def in_violation(held: Held, site: SiteTables) -> Columns:
     """Return `staging/in_violation`, in order of camera, instant and member; `_person` numbers the persons of pairs."""
     pairs = held["pairs"]
-    persons = _Persons.of(pairs, np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"]))
+    persons = _PersonsInPairs.of(pairs, np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"]))
     n_unknown = persons.n_unknown("track_b", "track_a")
     return {
         **_people(held, persons, site),
@@ -130,7 +130,7 @@ def in_violation(held: Held, site: SiteTables) -> Columns:
     }
 
 
-def _people(held: Held, persons: _Persons, site: SiteTables) -> Columns:
+def _people(held: Held, persons: _PersonsInPairs, site: SiteTables) -> Columns:
     """Return camera, instant, place and weight of persons, and whether their camera counts them."""
     pairs = held["pairs"]
     columns = ("camera_id", "ts_ms", "x_mm", "y_mm", "weight_ms", "is_owned")
@@ -146,7 +146,7 @@ def _people(held: Held, persons: _Persons, site: SiteTables) -> Columns:
 def distance_times(held: Held, site: SiteTables) -> Columns:
     """Return `facts/distance_times`, counted in a table that has a place for every distance of a camera and bucket."""
     pairs = held["pairs"]
-    of_pairs = _Persons.of(pairs, np.arange(len(pairs["_a"])))
+    of_pairs = _PersonsInPairs.of(pairs, np.arange(len(pairs["_a"])))
     persons = _people(held, of_pairs, site)
     runs = [BucketRuns.of(of["camera_id"], of["ts_ms"], site) for of in (pairs, persons)]
     groups, cameras, buckets = numbered(runs)
