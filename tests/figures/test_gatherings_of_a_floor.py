@@ -13,11 +13,13 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.gatherings import PURGED
 from vsd_analytics.figures.groups import NOTHING
 from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.retention import purge
 from vsd_analytics.retention.purge import Terms, purge_older
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.store import Store
+from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 DAY = date(2026, 11, 9)
@@ -207,12 +209,16 @@ def test_gatherings_and_distances_outlive_the_records(tmp_path: Path) -> None:
     assert before[3] == 5700.0
 
 
-def test_hours_sealed_without_clusters_are_not_taken_for_no_gatherings(tmp_path: Path) -> None:
+def test_hours_sealed_without_clusters_are_not_taken_for_no_gatherings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     site = site_of(tmp_path)
     put(site, stand("cam-0", TRIANGLE, start_ms=START, n_s=60))
+    before = {name: fact for name, fact in relations("facts").items() if name != "cluster_times"}
+    monkeypatch.setattr(purge, "relations", lambda _layer: before)
+    terms = Terms(now=datetime(2027, 1, 1, tzinfo=UTC), is_forced=True)
+    purge_older(site, before=DAY + timedelta(days=1), terms=terms)
     with Warehouse(site, DAY, DAY) as warehouse:
-        warehouse.materialise("cluster_times")
-        warehouse.con.execute("delete from cluster_times")
         assert vsd_analytics.gatherings(warehouse).floors[0].per_100_h.reason == PURGED
 
 

@@ -12,8 +12,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from vsd_analytics.bench.made_up_site import write_site
-from vsd_analytics.warehouse.arrays import floor_cells, pairs
-from vsd_analytics.warehouse.arrays.columns import counted, one_of_each, order_by, summed
+from vsd_analytics.warehouse.arrays import camera_days, floor_cells, pairs
+from vsd_analytics.warehouse.arrays.columns import counted, one_alike, one_of_each, order_by, summed
 from vsd_analytics.warehouse.arrays.stored import NotedColumns
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.graphs import least_connected
@@ -47,6 +47,28 @@ def test_rows_almost_in_order_are_sorted_as_all_others(n_far: int) -> None:
     assert order_by(key).tolist() == np.argsort(key, kind="stable").tolist()
     other = rng.integers(0, 2, len(key))
     assert order_by(key, other).tolist() == np.lexsort((other, key)).tolist()
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 3, 4, 50, 51])
+def test_the_frame_interval_is_the_median_step(n_frames: int) -> None:
+    rng = np.random.default_rng(n_frames)
+    ts = rng.integers(0, 200_000, n_frames)
+    steps = np.diff(np.unique(ts))
+    known = np.floor(np.median(steps) + 0.5) if len(steps) else 1000
+    assert camera_days._interval_ms(None, [ts, ts[:2]]) == known
+    assert camera_days._interval_ms(40, [ts]) == 40
+
+
+@pytest.mark.parametrize("n_values", [1, 2, 30])
+def test_rows_with_equal_keys_are_of_one_row(n_values: int) -> None:
+    """Of a place, most rows have the keys of its last row, some have others, and some of these are alike."""
+    rng = np.random.default_rng(n_values)
+    place = rng.integers(0, 40, 900)
+    other = rng.integers(0, n_values, 900)
+    found = one_alike(place, 40, place, other)
+    keys = list(zip(place.tolist(), other.tolist(), strict=True))
+    assert [keys[row] for row in found] == keys
+    assert len({*found.tolist()}) == len({*keys})
 
 
 @pytest.mark.parametrize("n_keys", [60, 10**9])

@@ -20,13 +20,13 @@ from vsd_analytics.store import Store
 from vsd_analytics.warehouse.arrays import held
 from vsd_analytics.warehouse.arrays.columns import NULL, beside, grouped_by, order_by, rounded
 from vsd_analytics.warehouse.compute import day_facts, hour_facts
-from vsd_analytics.warehouse.sqlfiles import RECORD_RELATIONS, relations
+from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import PartIndex
 
 START = T0 + HOUR - 90_000  # an hour ends in the middle
 VIEWS = {"cam": (0.0, 12.0), "cam-2": (8.0, 20.0), "up": (0.0, 20.0)}
 HOURLY = [r.name for r in relations("facts").values() if r.unit == "hour"]
-MEMBERS = {"located": ["member"], "pairs": ["member_a", "member_b", "distance_mm"]}
+MEMBERS = {"located": ["member"], "pairs": ["member_a", "member_b", "distance_mm"], "in_violation": ["member"]}
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ def facts_of(site: Site, *, by_queries: bool) -> dict[str, pa.Table]:
     days = day_facts(site, parts, by_queries=by_queries)
     hourly = hour_facts(
         site,
-        facts=[*HOURLY, *RECORD_RELATIONS],
+        facts=[*HOURLY, *MEMBERS],
         parts=parts,
         camera_days=days,
         first_hour=first,
@@ -121,8 +121,8 @@ def facts_of(site: Site, *, by_queries: bool) -> dict[str, pa.Table]:
         by_queries=by_queries,
     )
     found = {"camera_days": days, **{relation.name: with_texts(rows) for relation, rows in hourly}}
-    for name in RECORD_RELATIONS:
-        found[name] = found[name].sort_by([(c, "ascending") for c in ("camera_id", "ts_ms", *MEMBERS[name])])
+    for name, members in MEMBERS.items():
+        found[name] = found[name].sort_by([(c, "ascending") for c in ("camera_id", "ts_ms", *members)])
     return found
 
 
@@ -164,7 +164,7 @@ def both(scene: Scene) -> tuple[dict[str, pa.Table], dict[str, pa.Table]]:
 @settings(max_examples=1, deadline=None)
 def test_arrays_give_the_rows_of_the_queries(scene: Scene) -> None:
     expected, found = both(scene)
-    assert found.keys() == expected.keys() == {"camera_days", *HOURLY, *RECORD_RELATIONS}
+    assert found.keys() == expected.keys() == {"camera_days", *HOURLY, *MEMBERS}
     for name, rows in expected.items():
         assert found[name].schema.types == rows.schema.types, name
         assert found[name].equals(rows) or found[name].to_pylist() == rows.to_pylist(), name

@@ -206,7 +206,9 @@ select
 from violations as v
 inner join episodes as e
     on v.camera_id = e.camera_id and v.track_a = e.track_a and v.track_b = e.track_b and v.started_ms = e.started_ms
-where v.is_open and v.camera_id in (select unnest($cameras)) and v.local_date between $first and $last
+where
+    v.is_open and v.camera_id in (select unnest($cameras)) and v.local_date between $first and $last
+    and e.local_date between $first and $last
 order by v.started_ms, v.camera_id, v.track_a, v.track_b
 """
 _DISTANCES: Final = """

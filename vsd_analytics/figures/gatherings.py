@@ -217,8 +217,10 @@ def _why_unknown(period: Period) -> Reason | None:
 def _is_whole(data: FloorHours, first: date, last: date) -> bool:
     """Return whether the clusters of some days are all there: wherever there is a violation record there is one.
 
-    Hours that were sealed before these facts existed have none.
+    Hours that were sealed before these facts existed have none; all others have them.
     """
+    if not data.warehouse.built.sealed.hours:
+        return True
     values = {"floor": data.floor.floor_id, "first": first, "last": last}
     return not data.warehouse.rows(_LACKING, values)
 

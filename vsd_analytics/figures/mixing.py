@@ -6,6 +6,7 @@ from `cell_hours`, over the camera-hours that enter rates (or that both periods 
 
 from __future__ import annotations
 
+from datetime import date
 from typing import Final
 
 import numpy as np
@@ -81,14 +82,20 @@ def pair_time(data: FloorHours) -> Place:
 def _maps(data: FloorHours, used: Flags) -> list[Array] | None:
     """Return a map of person-hours by cell for each camera, over camera-hours `used`; None when one is too large."""
     camera, hour = np.nonzero(used)
+    if not len(hour):
+        return [np.zeros((1, 1)) for _ in used]
+    days = data.hours.day[hour]  # files of other days are not read
     rows = data.warehouse.table(
         "with used as (select unnest($cameras::varchar[]) as camera_id, unnest($hours::bigint[]) as hour_start_ms) "
         "select camera_id, cx, cy, sum(exposure_open_s)::double / 3600 as exposure_h from cell_hours "
-        "semi join used using (camera_id, hour_start_ms) where floor_id = $floor group by all order by all",
+        "semi join used using (camera_id, hour_start_ms) "
+        "where floor_id = $floor and local_date between $first and $last group by all order by all",
         {
             "cameras": [data.ids[i] for i in camera.tolist()],
             "hours": data.hours.start_ms[hour].tolist(),
             "floor": data.floor.floor_id,
+            "first": date.fromordinal(int(days.min())),
+            "last": date.fromordinal(int(days.max())),
         },
     )
     of_camera = positions(rows["camera_id"], data.ids, otherwise=-1)

@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import disk_error
-from vsd_analytics.schema import TABLES
+from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, removal
 from vsd_analytics.store.durable import publish, sweep_temporaries
@@ -33,8 +33,9 @@ from vsd_analytics.warehouse.sqlfiles import Relation, relations
 from vsd_analytics.warehouse.units import PartIndex, Unit, days_around, merged_parts
 
 BATCH_HOURS, BATCH_ROWS = 24, 2_000_000
-"""Hours and stored rows per batch, which begins with a UTC day where it can: so most files are written at once, and the
-columns of a day fit into caches. Hours of a busy site are computed one by one, so that memory stays bounded."""
+"""Hours and stored rows, of pairs twice, per batch, which begins with a UTC day where it can: so most files are written
+at once, and the columns of a day fit into caches. Hours of a busy site are computed one by one, so that memory stays
+bounded."""
 QUIET_HOURS, QUIET_ROWS = 168, 500_000
 """A batch of a quiet site goes on for a week: with so few rows, planning the queries costs more than running them."""
 
@@ -395,12 +396,18 @@ def _fresh_days(
     return read_days(site, units)
 
 
+def _n_persons(table: TableName, part: Part) -> int:
+    """Return the rows of a part, of pairs twice: each is of two persons, and takes the room of two while it is held."""
+    n_rows: int = pq.read_metadata(part.path).num_rows
+    return 2 * n_rows if table == "pairs" else n_rows
+
+
 def _batches(units: Sequence[Unit]) -> Iterator[Sequence[Unit]]:
     """Yield runs of units within the limits of hours (or as many days) and rows; each holds at least one unit.
 
     A run goes on with a further day only if the whole of it fits: then each file is written with the rows of one run.
     """
-    n_rows = {u.number: sum(pq.read_metadata(p.path).num_rows for t in TABLES for p in u.own_parts(t)) for u in units}
+    n_rows = {u.number: sum(_n_persons(t, p) for t in TABLES for p in u.own_parts(t)) for u in units}
     of_day: Counter[int] = Counter()
     for number, n in n_rows.items():
         of_day[number // BATCH_HOURS] += n

@@ -14,7 +14,7 @@ from vsd_analytics.store.layout import HOUR_MS, Part
 from vsd_analytics.warehouse.arrays.batch import Batch
 from vsd_analytics.warehouse.arrays.camera_days import camera_days as days_of_cameras
 from vsd_analytics.warehouse.arrays.held import ENUMS, Held
-from vsd_analytics.warehouse.arrays.stored import columns_of, id_names, read_records
+from vsd_analytics.warehouse.arrays.stored import columns_of, read_records, with_names
 from vsd_analytics.warehouse.dimensions import camera_table, params, quarters, register_site, site_relations
 from vsd_analytics.warehouse.duckdb_failures import failed_inside, inside
 from vsd_analytics.warehouse.graphs import components
@@ -138,10 +138,10 @@ def _load(
     """Return the stored records in [first_ms, after_ms) beside the small tables; the ids of all are enums."""
     records = {table: read_records(table, parts[table], first_ms, after_ms) for table in tables}
     with_cameras = (rows["camera_id"] for rows in small.values() if "camera_id" in rows.column_names)
-    names = id_names(records, (camera for column in with_cameras for camera in column.unique().to_pylist()))
+    records, names = with_names(records, (camera for column in with_cameras for camera in column.unique().to_pylist()))
     held = Held(small, names, is_careful=is_careful)
     for table, rows in records.items():
-        held.add_stored(f"stored_{table}", rows, columns_of(rows, names))
+        held.add_stored(f"stored_{table}", rows, columns_of(rows))
     return held
 
 

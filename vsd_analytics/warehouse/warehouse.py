@@ -125,6 +125,8 @@ class Warehouse:
         self._con: duckdb.DuckDBPyConnection = connect(
             memory_limit=MEMORY_LIMIT, threads=self._threads, is_careful=self._is_careful
         )
+        # A view is read by several queries, and to open its files again costs more than the rows of most.
+        self._con.execute("set parquet_metadata_cache = true")
         register_site(self._con, site, heat_cell_m=self._heat_cell_m)
         calendars = [calendar(site, e.first_day, e.last_day) for e in self.extents]
         self._con.register("_calendar", pa.concat_tables(calendars))

@@ -112,6 +112,7 @@ def _interval_ms(of_camera: int | None, instants: Sequence[Ints]) -> int:
     """Return the frame interval: that of vsd.toml, else the median time between frames, else a second."""
     found = _UNKNOWN_MS if of_camera is None else of_camera
     if of_camera is None:
-        steps = np.diff(distinct(np.concatenate(instants)))
-        found = int(rounded(np.median(steps, keepdims=True))[0]) if len(steps) else _UNKNOWN_MS
+        steps = np.sort(np.diff(distinct(np.concatenate(instants))))  # sorted, as np.median takes longer
+        middle = steps[(len(steps) - 1) // 2 : len(steps) // 2 + 1]
+        found = int(rounded(middle.mean(keepdims=True))[0]) if len(steps) else _UNKNOWN_MS
     return min(found, _LONGEST_MS)

@@ -37,10 +37,16 @@ def picked(values: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
 
 
 def take(columns: Columns, rows: NDArray[Any], *names: str) -> Columns:
-    """Return some rows, by number or by mask, of the columns with these names; of all columns without names."""
+    """Return some rows, by number or by mask, of the columns with these names; of all columns without names.
+
+    A mask that leaves out no row copies nothing.
+    """
+    names = names or tuple(columns)
     if rows.dtype == np.bool_:
+        if rows.all():
+            return {name: columns[name] for name in names}
         rows = np.flatnonzero(rows)
-    return {name: picked(columns[name], rows) for name in names or columns}
+    return {name: picked(columns[name], rows) for name in names}
 
 
 def order_by(*keys: NDArray[Any]) -> Ints:
@@ -141,6 +147,33 @@ def one_of_each(keys: Ints) -> Ints:
             break
         rows, keys = rows[others], keys[others]
     return np.concatenate(found)
+
+
+def one_alike(place: Ints, n_places: int, *keys: NDArray[Any]) -> Ints:
+    """Return for each row the number of one row with equal keys, the same for all rows that are equal.
+
+    Each row writes its number into a table, at its place. Rows whose keys differ from those of the row that is there
+    afterwards are sorted. So this takes a fraction of sorting where most rows of a place have the same keys.
+
+    Args:
+        place: Place of each row in the table; rows with equal keys have one place.
+        n_places: Number of places.
+        keys: The keys.
+    """
+    own = np.arange(len(place))
+    at = np.zeros(n_places, dtype=np.int64)
+    at[place] = own
+    found = picked(at, place)
+    others = np.flatnonzero(found != own)
+    rows = found[others]
+    is_same = np.ones(len(others), dtype=np.bool_)
+    for key in keys:
+        is_same &= picked(key, rows) == picked(key, others)
+    others = others[~is_same]
+    order, starts = grouped_by(*(picked(key, others) for key in keys))
+    others = others[order]
+    found[others] = np.repeat(others[starts], np.diff(starts, append=len(others)))
+    return found
 
 
 def starts_of(*keys: NDArray[Any]) -> Ints:

@@ -9,11 +9,11 @@ from vsd_analytics.warehouse.arrays.columns import (
     Columns,
     Ints,
     beside,
-    distinct,
     grouped_by,
     order_by,
     picked,
     run_of,
+    starts_of,
     take,
 )
 from vsd_analytics.warehouse.arrays.held import Held
@@ -103,22 +103,28 @@ def _sent(stored: Columns, frame: Ints, instants: Columns, located: Columns, sit
         located: The relation.
         site: The tables of the site.
     """
-    known = np.flatnonzero(frame >= 0)
-    frame, pairs = frame[known], take(stored, known)
-    keys = [frame * (site.n_tracks + 1) + pairs[track] for track in ("track_a", "track_b")]
-    people = distinct(np.concatenate(keys))
-    first = np.searchsorted(people, people // (site.n_tracks + 1) * (site.n_tracks + 1))
+    pairs = take({**stored, "_frame": frame}, frame >= 0)
+    room = site.n_tracks + 1
+    keys = np.concatenate([pairs["_frame"] * room + pairs[track] for track in ("track_a", "track_b")])
+    order, starts = grouped_by(keys)
+    people = keys[order[starts]]
+    person = np.empty(len(keys), dtype=np.int64)
+    person[order] = run_of(starts, len(keys))
+    frame_starts = starts_of(people // room)
+    first = np.repeat(frame_starts, np.diff(frame_starts, append=len(people)))
     row = _rows_of(located["_key"], people)
     member = np.where(row < 0, first - np.arange(len(people)) - 1, _at(located["member"], row))
+    pairs = {**pairs, **dict(zip("ab", np.split(person, 2), strict=True))}
     is_near = (pairs["distance_mm"] != NULL) & (pairs["distance_mm"] <= site.params["pair_max_mm"])
-    near = np.flatnonzero(is_near)
-    frame, pairs = frame[near], take(pairs, near)
-    sides = [np.searchsorted(people, of_side[near]) for of_side in keys]
+    pairs = take(pairs, is_near)
+    frame, sides = pairs["_frame"], (pairs["a"], pairs["b"])
     places = {}
     for side, of_side in zip("ab", sides, strict=True):
         for c in "xy":
             own = pairs[f"{c}_{side}_mm"]
-            places[f"{c}_{side}_mm"] = np.where(own == NULL, _at(located[f"{c}_mm"], row[of_side]), own)
+            if np.any(is_lacking := own == NULL):
+                own = np.where(is_lacking, _at(located[f"{c}_mm"], row[of_side]), own)
+            places[f"{c}_{side}_mm"] = own
     camera, ts = pairs["camera_id"], pairs["ts_ms"]
     x, y = (places[f"{c}_a_mm"] + places[f"{c}_b_mm"] for c in "xy")
     return {
@@ -213,17 +219,14 @@ def with_rows(pairs: Columns, instants: Columns, located: Columns) -> Columns:
     frame = pairs["_frame"] if "_frame" in pairs else frame_of(instants, pairs["camera_id"], pairs["ts_ms"])
     order = order_by(pairs["hour"], frame, pairs["member_a"], pairs["member_b"], pairs["distance_mm"])
     pairs, frame = take(pairs, order), frame[order]
-    member = np.concatenate([pairs["member_a"], pairs["member_b"]])
-    low = int(member.min()) if len(member) else 0
-    span = int(member.max()) - low + 1 if len(member) else 1
-    first = np.searchsorted(located["_frame"], np.arange(len(instants["ts_ms"]) + 1))
-    row = np.where(member > 0, np.tile(first[frame], 2) + member - 1, -1)
-    n = len(frame)
-    found = {**pairs, "_frame": frame, "_row_a": row[:n], "_row_b": row[n:]}
+    first = np.searchsorted(located["_frame"], np.arange(len(instants["ts_ms"])))
+    a, b = pairs["member_a"], pairs["member_b"]
+    row_a, row_b = (np.where(member > 0, picked(first, frame) + (member - 1), -1) for member in (a, b))
+    found = {**pairs, "_frame": frame, "_row_a": row_a, "_row_b": row_b}
     if pairs["is_derived"].all():
-        return {**found, "_a": row[:n], "_b": row[n:]}
-    persons = np.tile(frame, 2) * span + (member - low)
-    order, starts = grouped_by(persons)
-    number = np.zeros(2 * n, dtype=np.int64)
-    number[order] = run_of(starts, 2 * n)
-    return {**found, "_a": number[:n], "_b": number[n:]}
+        return {**found, "_a": row_a, "_b": row_b}
+    # Numbers of a frame: first of people who are in pairs only, whose members are -1, -2, ..., then of its records.
+    least = np.zeros(len(first), dtype=np.int64)
+    np.minimum.at(least, frame, np.minimum(a, b))
+    zero = picked(first - np.cumsum(least), frame)
+    return {**found, "_a": zero + a - (a > 0), "_b": zero + b - (b > 0)}

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -9,16 +12,17 @@ from numpy.typing import NDArray
 
 from vsd_analytics.warehouse.arrays.columns import (
     NULL,
+    Bools,
     Columns,
     Ints,
     counted,
     grouped_by,
+    one_alike,
     order_by,
     picked,
     run_of,
     starts_of,
     summed,
-    sums,
     take,
 )
 from vsd_analytics.warehouse.arrays.held import Held
@@ -28,86 +32,125 @@ _LAST = 2**62
 _QUARTER_MS = 900_000
 
 
+@dataclass(frozen=True, slots=True)
+class _PersonsInPairs:
+    """The persons in some pairs, each with a side of one pair; what other pairs say of them is looked at only there.
+
+    Attributes:
+        pairs: The relation.
+        number: Their numbers, in order.
+        n_others: Number of pairs of each.
+        row: A row of `pairs` of each.
+        is_b: Whether the person is the second one there.
+        again: The person, as an index of these columns, of each further side.
+        again_row, again_is_b: That side.
+    """
+
+    pairs: Columns
+    number: Ints
+    n_others: Ints
+    row: Ints
+    is_b: Bools
+    again: Ints
+    again_row: Ints
+    again_is_b: Bools
+
+    @classmethod
+    def of(cls, pairs: Columns, rows: Ints) -> _PersonsInPairs:
+        """Return the persons in some rows of `pairs`."""
+        n = len(rows)
+        person = np.concatenate([picked(pairs["_a"], rows), picked(pairs["_b"], rows)])
+        n_others = np.bincount(person)
+        number = np.flatnonzero(n_others)
+        side_of = np.zeros(len(n_others), dtype=np.int64)
+        side_of[person] = np.arange(2 * n)
+        again = np.zeros(0, dtype=np.int64)
+        if len(number) < 2 * n:
+            again = np.flatnonzero(picked(side_of, person) != np.arange(2 * n))
+        side, again_person = side_of[number], person[again]
+        side_of[number] = np.arange(len(number))
+        return cls(
+            pairs,
+            number,
+            n_others[number],
+            picked(rows, np.where(side >= n, side - n, side)),
+            side >= n,
+            side_of[again_person],
+            picked(rows, np.where(again >= n, again - n, again)),
+            again >= n,
+        )
+
+    def one(self, a: str, b: str) -> NDArray[Any]:
+        """Return a column of the first or second person of a pair, of which all pairs of a person say the same."""
+        return _of_side(self.pairs, a, b, self.row, self.is_b)
+
+    def least(self, a: str, b: str, *, unknown: int) -> Ints:
+        """Return the least known value of all pairs of each person, `unknown` without any."""
+        found = self.one(a, b).astype(np.int64)
+        others = _of_side(self.pairs, a, b, self.again_row, self.again_is_b).astype(np.int64)
+        for values in (found, others):
+            values[values == unknown] = _LAST
+        np.minimum.at(found, self.again, others)
+        found[found == _LAST] = unknown
+        return found
+
+    def greatest(self, a: str, b: str) -> Ints:
+        """Return the greatest value of all pairs of each person; unknown ones are less than all others."""
+        found = self.one(a, b).astype(np.int64)
+        others = _of_side(self.pairs, a, b, self.again_row, self.again_is_b)
+        np.maximum.at(found, self.again, others.astype(np.int64, copy=False))
+        return found
+
+    def n_unknown(self, a: str, b: str) -> Ints:
+        """Return in how many pairs of each person a column has an unknown id."""
+        found = (self.one(a, b) < 0).astype(np.int64)
+        is_unknown = _of_side(self.pairs, a, b, self.again_row, self.again_is_b) < 0
+        np.add.at(found, self.again[is_unknown], 1)
+        return found
+
+
+def _of_side(pairs: Columns, a: str, b: str, row: Ints, is_b: Bools) -> NDArray[Any]:
+    return picked(pairs[a], row) if a == b else np.where(is_b, picked(pairs[b], row), picked(pairs[a], row))
+
+
 def in_violation(held: Held, site: SiteTables) -> Columns:
     """Return `staging/in_violation`, in order of camera, instant and member; `_person` numbers the persons of pairs."""
     pairs = held["pairs"]
-    close = np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"])
-    person, own, other = (
-        np.concatenate([picked(pairs[c], close) for c in sides])
-        for sides in (("_a", "_b"), ("track_a", "track_b"), ("track_b", "track_a"))
-    )
-    n_others = np.bincount(person)
-    n, rows = len(n_others), np.flatnonzero(n_others)
-    last = np.full(n, -1, dtype=np.int64)
-    np.maximum.at(last, person, other.astype(np.int64))
+    persons = _PersonsInPairs.of(pairs, np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"]))
+    n_unknown = persons.n_unknown("track_b", "track_a")
     return {
-        **_people(held, close, rows, site),
-        "track_id": _least_id(own, person, n)[rows],
-        "n_others": n_others[rows],
-        "n_named": np.bincount(person[other >= 0], minlength=n)[rows],
-        "first_other_id": _least_id(other, person, n)[rows],
-        "last_other_id": last[rows],
-        "_person": rows,
+        **_people(held, persons, site),
+        "member": persons.one("member_a", "member_b"),
+        "track_id": persons.one("track_a", "track_b"),
+        "n_others": persons.n_others,
+        "n_named": persons.n_others - n_unknown,
+        "first_other_id": persons.least("track_b", "track_a", unknown=-1),
+        "last_other_id": persons.greatest("track_b", "track_a"),
+        "_person": persons.number,
     }
 
 
-def _people(held: Held, rows: Ints, numbers: Ints, site: SiteTables) -> Columns:
-    """Return camera, instant, member, place and weight of persons of some pairs, and whether their camera counts them.
-
-    Args:
-        held: The relations.
-        rows: The rows of `pairs`.
-        numbers: The persons in these, by number, in order.
-        site: The tables of the site.
-    """
+def _people(held: Held, persons: _PersonsInPairs, site: SiteTables) -> Columns:
+    """Return camera, instant, place and weight of persons, and whether their camera counts them."""
     pairs = held["pairs"]
-    columns = ("camera_id", "ts_ms", "member", "x_mm", "y_mm", "weight_ms", "is_owned")
+    columns = ("camera_id", "ts_ms", "x_mm", "y_mm", "weight_ms", "is_owned")
     if pairs["is_derived"].all():  # then their numbers are those of their records
-        return take(held["located"], numbers, *columns)
-    n = int(numbers[-1]) + 1 if len(numbers) else 0
-    person = np.concatenate([pairs["_a"][rows], pairs["_b"][rows]])
-    of = np.zeros(n, dtype=np.int64)
-    of[person] = np.arange(len(person))
-    found = {}
-    for name in ("camera_id", "ts_ms", "weight_ms", "member"):
-        a, b = ("member_a", "member_b") if name == "member" else (name, name)
-        found[name] = np.concatenate([pairs[a][rows], pairs[b][rows]])[of[numbers]]
-    for c in ("x", "y"):
-        values = np.concatenate([pairs[f"{c}_a_mm"][rows], pairs[f"{c}_b_mm"][rows]])
-        least = _least(np.where(values == NULL, _LAST, values), person, n)[numbers]
-        found[f"{c}_mm"] = np.where(least == _LAST, NULL, least)
-    has_owned = np.zeros(n, dtype=np.bool_)
-    has_owned[person[np.tile(pairs["is_owned"][rows], 2)]] = True
-    x, y = found["x_mm"], found["y_mm"]
+        return take(held["located"], persons.number, *columns)
+    found = {name: persons.one(name, name) for name in ("camera_id", "ts_ms", "weight_ms")}
+    x, y = (persons.least(f"{c}_a_mm", f"{c}_b_mm", unknown=NULL) for c in "xy")
+    # people without a place are in pairs without one, which their own camera counts
     is_owned = site.floors.is_owned(found["camera_id"], found["ts_ms"], x, y)
-    return {**found, "is_owned": np.where(x == NULL, has_owned[numbers], is_owned)}
-
-
-def _least(values: Ints, person: Ints, n: int) -> Ints:
-    """Return the least value of each person, `_LAST` without any."""
-    found = np.full(n, _LAST, dtype=np.int64)
-    np.minimum.at(found, person, values)
-    return found
-
-
-def _least_id(ids: Ints, person: Ints, n: int) -> Ints:
-    """Return the least known id of each person, -1 without any."""
-    found = _least(np.where(ids < 0, _LAST, ids.astype(np.int64)), person, n)
-    return np.where(found == _LAST, -1, found)
+    return {**found, "x_mm": x, "y_mm": y, "is_owned": is_owned}
 
 
 def distance_times(held: Held, site: SiteTables) -> Columns:
     """Return `facts/distance_times`, counted in a table that has a place for every distance of a camera and bucket."""
     pairs = held["pairs"]
-    every = np.arange(len(pairs["_a"]))
-    person = np.concatenate([pairs["_a"], pairs["_b"]])
-    n = int(person.max()) + 1 if len(person) else 0
-    nearest = _least(np.tile(pairs["distance_mm"], 2), person, n)
-    numbers = np.flatnonzero(nearest < _LAST)
-    persons = _people(held, every, numbers, site)
+    of_pairs = _PersonsInPairs.of(pairs, np.arange(len(pairs["_a"])))
+    persons = _people(held, of_pairs, site)
     runs = [BucketRuns.of(of["camera_id"], of["ts_ms"], site) for of in (pairs, persons)]
     groups, cameras, buckets = numbered(runs)
-    distances = pairs["distance_mm"], nearest[numbers]
+    distances = pairs["distance_mm"], of_pairs.least("distance_mm", "distance_mm", unknown=NULL)
     width = max((int(of.max()) + 1 for of in distances if len(of)), default=1)
     of_pair, of_person = (
         of.each(group) * width + distance for of, group, distance in zip(runs, groups, distances, strict=True)
@@ -175,66 +218,90 @@ def violation_time(held: Held, site: SiteTables) -> Columns:
 
 def company_times(held: Held, site: SiteTables) -> Columns:
     """Return `facts/company_times`."""
-    pairs, persons = held["pairs"], held["in_violation"]
-    named = ("camera_id", "ts_ms", "track_id", "weight_ms", "n_others", "n_named", "_person")
+    persons = held["in_violation"]
+    named = ("camera_id", "ts_ms", "track_id", "weight_ms", "n_others", "n_named", "first_other_id", "_person")
     persons = take(persons, persons["is_owned"], *named)
-    is_known = persons["n_named"] == persons["n_others"]
-    n = int(persons["_person"].max()) + 1 if len(persons["_person"]) else 0
-    row_of = np.full(n, -1, dtype=np.int64)
-    row_of[persons["_person"][is_known]] = np.flatnonzero(is_known)
-    close = np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"])
-    person, other = (
-        np.concatenate([picked(pairs[c], close) for c in sides]) for sides in (("_a", "_b"), ("track_b", "track_a"))
-    )
-    wanted = np.flatnonzero(person < n)
-    row = picked(row_of, picked(person, wanted))
-    is_known = row >= 0
-    row, other = row[is_known], picked(other, wanted[is_known])
-    order = order_by(row, other)
-    row, other = picked(row, order), picked(other, order)
-    company = _companies(row, other, len(persons["ts_ms"]))
+    n = len(persons["ts_ms"])
+    n_others = np.where(persons["n_named"] == persons["n_others"], persons["n_others"], 0)
+    others = _others(held["pairs"], persons["_person"], np.flatnonzero(n_others > 1), site)
+    company = np.where(n_others == 1, persons["first_other_id"].astype(np.int64) + 1, 0)
+    _number_companies(company, *others, first=site.n_tracks + 1)
     track = np.where(persons["track_id"] < 0, site.n_tracks, persons["track_id"])
     bucket = bucket_of(persons["ts_ms"], site)
-    keys = (bucket, persons["camera_id"], track, company)
-    order, starts = grouped_by(*keys)
-    first = order[starts]
+    same = one_alike(track, site.n_tracks + 1, bucket, persons["camera_id"], track, company)
+    # sums of milliseconds of a day stay far below 2**53: floats hold them exactly
+    violation_ms = np.bincount(same, persons["weight_ms"], minlength=n)
+    first = np.flatnonzero(same == np.arange(n))
     return _in_text_order(
         {
             "hour": bucket[first] // 4,
             "camera_id": persons["camera_id"][first],
             "bucket_quarter": bucket[first],
             "track_id": persons["track_id"][first],
-            "company": _texts(held, first, row, other),
-            "violation_ms": sums(persons["weight_ms"][order], starts),
+            "company": _texts(held, n_others[first], persons["first_other_id"][first], first, *others),
+            "violation_ms": violation_ms[first].astype(np.int64),
         },
         site,
     )
 
 
-def _companies(row: Ints, other: Ints, n: int) -> Ints:
-    """Return a number of the company of each of `n` rows, given their others in order; 0 without any."""
+def _others(pairs: Columns, person: Ints, wanted: Ints, site: SiteTables) -> tuple[Ints, Ints]:
+    """Return row and other of some rows of persons, one for each pair they are in, in order of both.
+
+    Args:
+        pairs: The relation.
+        person: Number of each person.
+        wanted: The rows.
+        site: The tables of the site.
+    """
+    row_of = np.full(int(person[-1]) + 1 if len(person) else 0, -1, dtype=np.int64)
+    row_of[person[wanted]] = wanted
+    close = np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"])
+    rows, others = [row_of[:0]], [row_of[:0]]
+    for one, two in (("_a", "track_b"), ("_b", "track_a")) if len(wanted) else ():
+        number = picked(pairs[one], close)
+        row = np.where(number < len(row_of), picked(row_of, number), -1)  # -1 also after the last person counted here
+        is_wanted = np.flatnonzero(row >= 0)
+        rows.append(row[is_wanted])
+        others.append(pairs[two][close[is_wanted]])
+    row, other = np.concatenate(rows), np.concatenate(others)
+    order = order_by(row, other)
+    return picked(row, order), picked(other, order)
+
+
+def _number_companies(company: Ints, row: Ints, other: Ints, *, first: int) -> None:
+    """Number the companies of several others in place, from `first` on, given rows with their others in order."""
     starts = starts_of(row)
     n_others = np.diff(starts, append=len(row))
-    found, used = np.zeros(n, dtype=np.int64), 0
     at = np.arange(len(starts))
     step = 0
     while len(at := at[n_others[at] > step]):  # each further other splits the companies so far
         rows = row[starts[at]]
-        before, added = found[rows], other[starts[at] + step]
-        order, runs = grouped_by(before, added)
-        found[rows[order]] = used + 1 + run_of(runs, len(order))
-        used += len(runs)
+        order, runs = grouped_by(company[rows], other[starts[at] + step])
+        company[rows[order]] = first + run_of(runs, len(order))
+        first += len(runs)
         step += 1
-    return found
 
 
-def _texts(held: Held, rows: Ints, row: Ints, other: Ints) -> NDArray[np.object_]:
-    """Return the names of the others of some rows, joined; None without any."""
-    first, after = np.searchsorted(row, rows), np.searchsorted(row, rows, side="right")
-    n_others = after - first
+def _texts(held: Held, n_others: Ints, only: NDArray[Any], rows: Ints, row: Ints, other: Ints) -> NDArray[np.object_]:
+    """Return the names of the others of some rows, joined; None without any.
+
+    Args:
+        held: The relations.
+        n_others: Number of others.
+        only: The other of rows with one.
+        rows: The rows.
+        row: Rows with several others, once for each of them, in order.
+        other: These others.
+    """
     ends = np.cumsum(n_others)
-    found = np.arange(n_others.sum()) + np.repeat(first - ends + n_others, n_others)
-    names = held.names_of("track_name").take(pa.array(other[found]))
+    found = np.zeros(int(n_others.sum()), dtype=np.int64)
+    found[ends[n_others == 1] - 1] = only[n_others == 1]
+    several = np.flatnonzero(n_others > 1)
+    n = n_others[several]
+    step = np.arange(n.sum()) - np.repeat(np.cumsum(n) - n, n)
+    found[np.repeat(ends[several] - n, n) + step] = other[np.repeat(np.searchsorted(row, rows[several]), n) + step]
+    names = held.names_of("track_name").take(pa.array(found))
     lists = pa.ListArray.from_arrays(np.concatenate([[0], ends]).astype(np.int32), names)
     texts = pc.if_else(pa.array(n_others > 0), pc.binary_join(lists, chr(1)), None)
     joined: NDArray[np.object_] = texts.to_numpy(zero_copy_only=False)

@@ -20,7 +20,7 @@ UNUSED = ("quality", "distance_sd_mm")
 
 
 def read_records(table: TableName, parts: Sequence[Part], first_ms: int, after_ms: int) -> pa.Table:
-    """Return the stored records of a table in [first_ms, after_ms), ids as dictionaries of all their names.
+    """Return the stored records of a table in [first_ms, after_ms), ids as dictionaries, one of each part.
 
     Args:
         table: The table.
@@ -34,7 +34,7 @@ def read_records(table: TableName, parts: Sequence[Part], first_ms: int, after_m
         with opened(part, table) as file:
             rows = read_columns(file, NotedColumns(file.metadata), table, wanted)
         read.append(_within(rows, first_ms, after_ms))
-    return pa.concat_tables([_schema(table, wanted).empty_table(), *read]).unify_dictionaries().combine_chunks()
+    return pa.concat_tables([_schema(table, wanted).empty_table(), *read])
 
 
 def opened(part: Part, table: TableName) -> pq.ParquetFile:
@@ -115,41 +115,53 @@ def _column(rows: pa.Table, field: pa.Field) -> pa.ChunkedArray | pa.Array:
     return values.cast(field.type)
 
 
-def id_names(records: Mapping[TableName, pa.Table], cameras: Iterable[str]) -> dict[str, pa.Array]:
-    """Return the names of each enum type in order: cameras of site and records, and tracks of the records."""
-    found = {"camera_name": [pa.array(cameras, pa.string())], "track_name": [pa.array([], pa.string())]}
-    for rows in records.values():
-        for column in (c for c in rows.column_names if c in ENUMS):
-            found[ENUMS[column]] += [chunk.dictionary for chunk in rows[column].chunks]
-    every = {enum: pa.concat_arrays(names).unique() for enum, names in found.items()}
-    # texts of Arrow are compared by their bytes, as those of DuckDB
-    return {enum: names.take(pc.sort_indices(names)) for enum, names in every.items()}
+def with_names(
+    records: Mapping[TableName, pa.Table], cameras: Iterable[str]
+) -> tuple[dict[TableName, pa.Table], dict[str, pa.Array]]:
+    """Return records whose ids are dictionaries of all names of their enum type, and these names by type, in order.
+
+    Args:
+        records: Records by table, as they were read.
+        cameras: Cameras of the site.
+    """
+    found, names = dict(records), {}
+    for enum, others in (("camera_name", pa.array(cameras, pa.string())), ("track_name", pa.array([], pa.string()))):
+        columns = [(table, c) for table, rows in found.items() for c in rows.column_names if ENUMS.get(c) == enum]
+        pieces = [chunk for table, c in columns for chunk in found[table][c].chunks]
+        every = pa.concat_arrays([*(piece.dictionary for piece in pieces), others]).dictionary_encode()
+        order = pc.sort_indices(every.dictionary)  # texts of Arrow are compared by their bytes, as those of DuckDB
+        names[enum] = every.dictionary.take(order)
+        place = np.empty(len(order), dtype=np.int32)
+        place[order] = np.arange(len(order), dtype=np.int32)
+        numbers = pa.array(place[every.indices])
+        at = 0
+        for table, c in columns:
+            kind, pieces = pa.dictionary(pa.int32(), pa.string()), []
+            for piece in found[table][c].chunks:
+                own = numbers.slice(at, len(piece.dictionary)).take(piece.indices)
+                pieces.append(pa.DictionaryArray.from_arrays(own, names[enum], safe=False))
+                at += len(piece.dictionary)
+            rows = found[table]
+            found[table] = rows.set_column(rows.column_names.index(c), c, pa.chunked_array(pieces, kind))
+    return found, names
 
 
-def columns_of(rows: pa.Table, names: Mapping[str, pa.Array]) -> Columns:
+def columns_of(rows: pa.Table) -> Columns:
     """Return stored records as columns: `ts` as UTC milliseconds in `ts_ms`, ids as numbers of their names."""
     found: Columns = {}
     for column in rows.column_names:
-        values = rows[column].combine_chunks() if rows.num_rows else rows[column]
-        if 0 < len(values) == values.null_count and column not in ENUMS:  # numbers without memory of their own
+        values = rows[column]
+        if column in ENUMS:
+            numbers = (chunk.indices.fill_null(-1).to_numpy() for chunk in values.chunks)
+            found[column] = np.concatenate([np.zeros(0, dtype=np.int32), *numbers])
+        elif 0 < len(values) == values.null_count:  # numbers without memory of their own
             is_float = pa.types.is_floating(values.type)
             found[column] = np.broadcast_to(np.nan if is_float else np.int64(NULL), len(values))
-        elif column in ENUMS:
-            found[column] = _codes(rows[column], names[ENUMS[column]])
         elif column == "ts":
-            found["ts_ms"] = rows[column].cast(pa.int64()).to_numpy()
-        elif pa.types.is_floating(rows.schema.field(column).type):
+            found["ts_ms"] = values.cast(pa.int64()).to_numpy()
+        elif pa.types.is_floating(values.type):
             found[column] = values.to_numpy(zero_copy_only=False).astype(np.float64)
         else:
-            whole = rows[column].cast(pa.int64())
+            whole = values.cast(pa.int64())
             found[column] = (whole.fill_null(NULL) if whole.null_count else whole).to_numpy()
     return found
-
-
-def _codes(column: pa.ChunkedArray, names: pa.Array) -> np.ndarray[tuple[int], np.dtype[np.int32]]:
-    found = [np.zeros(0, dtype=np.int32)]
-    for chunk in column.chunks:
-        at = pc.index_in(chunk.dictionary, names).fill_null(-1).to_numpy().astype(np.int32)
-        codes = chunk.indices.fill_null(len(at)).to_numpy()
-        found.append(np.append(at, np.int32(-1))[codes])
-    return np.concatenate(found)
