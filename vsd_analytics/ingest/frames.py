@@ -21,7 +21,7 @@ from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read
 from vsd_analytics.ingest.envelopes import bare, text_before
 from vsd_analytics.ingest.instants import ambiguous_note, local_to_utc
-from vsd_analytics.ingest.message_columns import pair_columns, person_columns
+from vsd_analytics.ingest.message_columns import Columns, pair_columns, person_columns
 from vsd_analytics.ingest.raw import raw_table, rejected
 from vsd_analytics.ingest.reasons import TOO_MANY, UNKNOWN_FIELD
 from vsd_analytics.ingest.text_lines import line_blocks
@@ -171,8 +171,8 @@ class MessageRows:
         self._frame: dict[str, list[Any]] = {name: [] for name in _OF_FRAME}
         self._n_persons: list[int | None] = []
         self._n_pairs: list[int | None] = []
-        self._persons: list[pa.Table] = []
-        self._pairs: list[pa.Table] = []
+        self._persons: list[Columns] = []
+        self._pairs: list[Columns] = []
         self._numbers: list[int] = []
         self._rejected: list[Rejected] = []
         self._dropped: Counter[str] = Counter()
@@ -257,7 +257,7 @@ class MessageRows:
                 line=lines,
             )
         }
-        parts: tuple[tuple[TableName, list[pa.Table], list[int | None]], ...] = (
+        parts: tuple[tuple[TableName, list[Columns], list[int | None]], ...] = (
             ("observations", self._persons, self._n_persons),
             ("pairs", self._pairs, self._n_pairs),
         )
@@ -267,10 +267,9 @@ class MessageRows:
             counts = np.array([n or 0 for n in n_of_frame], dtype=np.int64)
             of_row = np.repeat(np.arange(len(counts)), counts)
             at = pa.array(of_row)
-            columns = pa.concat_tables(found).combine_chunks()
-            of_table = dict(zip(columns.column_names, columns.columns, strict=True))
+            columns: dict[str, Any] = {c: pa.concat_arrays([part[c] for part in found]) for c in found[0]}
             if name == "observations":
-                of_table["person"] = np.arange(len(of_row)) - np.repeat(np.cumsum(counts) - counts, counts)
+                columns["person"] = np.arange(len(of_row)) - np.repeat(np.cumsum(counts) - counts, counts)
             tables[name] = raw_table(
                 name,
                 camera=cameras.take(at),
@@ -278,7 +277,7 @@ class MessageRows:
                 zone=zones.take(at),
                 quality=qualities.take(at),
                 line=lines[of_row],
-                **of_table,
+                **columns,
             )
         engines = sorted({e for e in self._frame["engine"] if e})
         batch = RawBatch(tables, self._rejected, +self._dropped, notes, done_bytes, engines, first_line="")

@@ -13,23 +13,22 @@ if TYPE_CHECKING:
     from vsd_analytics.ingest.frames import FrameMessage, Id
 
 Ints = NDArray[np.int64]
+Columns = dict[str, pa.Array]
 
 
-def person_columns(messages: Sequence[FrameMessage]) -> pa.Table:
+def person_columns(messages: Sequence[FrameMessage]) -> Columns:
     """Return the persons of some messages, one a row: `track x_m y_m u_px v_px`."""
     persons = [p for m in messages for p in m.persons or ()]
-    return pa.table(
-        {
-            "track": _texts([p.id for p in persons]),
-            "x_m": pa.array([p.x_m for p in persons], pa.float64()),
-            "y_m": pa.array([p.y_m for p in persons], pa.float64()),
-            "u_px": pa.array([p.u_px for p in persons], pa.float64()),
-            "v_px": pa.array([p.v_px for p in persons], pa.float64()),
-        }
-    )
+    return {
+        "track": _texts([p.id for p in persons]),
+        "x_m": pa.array([p.x_m for p in persons], pa.float64()),
+        "y_m": pa.array([p.y_m for p in persons], pa.float64()),
+        "u_px": pa.array([p.u_px for p in persons], pa.float64()),
+        "v_px": pa.array([p.v_px for p in persons], pa.float64()),
+    }
 
 
-def pair_columns(messages: Sequence[FrameMessage]) -> pa.Table:
+def pair_columns(messages: Sequence[FrameMessage]) -> Columns:
     """Return the pairs of some messages, one a row, with the numbers of their persons and the places that these have.
 
     A person has the number of its place among the persons of the message. Those that it does not list have numbers
@@ -38,25 +37,21 @@ def pair_columns(messages: Sequence[FrameMessage]) -> pa.Table:
     messages = [m for m in messages if m.pairs]
     pairs = [p for m in messages for p in m.pairs or ()]
     persons = [p for m in messages for p in m.persons or ()]
-    n_pairs, n_persons = (
-        np.array([len(of or ()) for of in column], dtype=np.int64)
-        for column in ([m.pairs for m in messages], [m.persons for m in messages])
-    )
+    n_pairs = np.array([len(m.pairs or ()) for m in messages], dtype=np.int64)
+    n_persons = np.array([len(m.persons or ()) for m in messages], dtype=np.int64)
     of_pair = np.repeat(np.arange(len(messages)), n_pairs)
-    first_person = np.cumsum(n_persons) - n_persons
+    first_of_pair, n_of_pair = (np.cumsum(n_persons) - n_persons)[of_pair], n_persons[of_pair]
     tracks = {"a": _texts([p.a for p in pairs]), "b": _texts([p.b for p in pairs])}
     numbers = _numbers(_texts([p.id for p in persons]), tracks, n_persons, n_pairs)
-    columns: dict[str, pa.Array | Ints] = {}
+    x_m, y_m = pa.array([p.x_m for p in persons], pa.float64()), pa.array([p.y_m for p in persons], pa.float64())
+    columns: Columns = {}
     for side, number in numbers.items():
-        columns |= {f"person_{side}": number, f"track_{side}": tracks[side]}
-    for axis, places in (("x", [p.x_m for p in persons]), ("y", [p.y_m for p in persons])):
-        known = pa.array(places, pa.float64())
-        for side, number in numbers.items():
-            at = pa.array(first_person[of_pair] + number, mask=number >= n_persons[of_pair])
-            columns[f"{axis}_{side}_m"] = known.take(at)
+        place = pa.array(first_of_pair + number, mask=number >= n_of_pair)
+        columns |= {f"person_{side}": pa.array(number), f"track_{side}": tracks[side]}
+        columns |= {f"x_{side}_m": x_m.take(place), f"y_{side}_m": y_m.take(place)}
     columns["distance_m"] = pa.array([p.distance_m for p in pairs], pa.float64())
     columns["distance_sd_m"] = pa.array([p.sd_m for p in pairs], pa.float64())
-    return pa.table(columns)
+    return columns
 
 
 def _numbers(listed: pa.Array, tracks: Mapping[str, pa.Array], n_persons: Ints, n_pairs: Ints) -> dict[str, Ints]:
