@@ -77,7 +77,8 @@ def _numbers(listed: pa.Array, tracks: Mapping[str, pa.Array], n_persons: Ints, 
     of_other = keys[n_listed:] // max(n_codes, 1)
     number = np.empty(len(keys), dtype=np.int64)
     number[person[: len(ids)][::-1]] = place[has_id][::-1]  # of several with one id the first
-    number[n_listed:] = n_persons[of_other] + np.arange(len(of_other)) - np.searchsorted(of_other, of_other)
+    n_others = np.bincount(of_other, minlength=len(n_persons))
+    number[n_listed:] = np.arange(len(of_other)) + (n_persons - np.cumsum(n_others) + n_others)[of_other]
     return dict(zip(tracks, number[person[len(ids) :]].reshape(-1, 2).T, strict=True))
 
 

@@ -80,12 +80,9 @@ def new_rows(table: TableName, span: FoldSpan, *, known: Sequence[Path], noted: 
             for day, paths in span.by_day.items()
         }
         names = [*SCHEMAS[table].names, OWNER]
-        rows = pa.concat_tables([piece.select(names).replace_schema_metadata() for piece in pieces.values()])
-        rows = rows.unify_dictionaries()
-        del pieces
-        hours = _instants(rows) // HOUR_MS
-        is_inside = (hours >= span.first_hour) & (hours <= span.last_hour)
-        rows = (rows if is_inside.all() else rows.filter(pa.array(is_inside))).combine_chunks()
+        inside = [_inside(piece.select(names).replace_schema_metadata(), span) for piece in pieces.values()]
+        rows = pa.concat_tables(inside).unify_dictionaries().combine_chunks()
+        del pieces, inside
         is_doubtful = _doubtful(table, rows, known)
         fresh, again, n_second = rows, rows.slice(0, 0), 0
         if is_doubtful.any():
@@ -118,6 +115,13 @@ def _read(path: Path, table: TableName) -> pa.Table:
     return rows.set_column(at, OWNER, pc.fill_null(rows[OWNER], "").dictionary_encode())
 
 
+def _inside(rows: pa.Table, span: FoldSpan) -> pa.Table:
+    """Return the rows of a segment that belong to a span: mostly all."""
+    hours = _instants(rows) // HOUR_MS
+    is_inside = (hours >= span.first_hour) & (hours <= span.last_hour)
+    return rows if is_inside.all() else rows.filter(pa.array(is_inside))
+
+
 def _texts(table: TableName) -> list[str]:
     return [column.name for column in SCHEMAS[table] if pa.types.is_string(column.type)]
 
@@ -148,7 +152,14 @@ def _are_shared(own: NDArray[Any], stored: NDArray[Any]) -> NDArray[np.bool_]:
     stored = np.sort(stored)
     in_order = np.sort(own)  # `numpy.unique` and `numpy.isin` hash, which takes many times as long
     others = np.concatenate([in_order[1:][in_order[1:] == in_order[:-1]], in_order[_is_in(in_order, stored)]])
-    return _is_in(own, np.sort(others))
+    # few numbers are looked up among few: those that share their first 16 bits with one of them
+    first_bits = np.array(8 * own.itemsize - 16, dtype=own.dtype)
+    is_possible = np.zeros(2**16, dtype=np.bool_)
+    is_possible[others >> first_bits] = True
+    at = np.flatnonzero(is_possible[own >> first_bits])
+    is_shared = np.zeros(len(own), dtype=np.bool_)
+    is_shared[at] = _is_in(own[at], np.sort(others))
+    return is_shared
 
 
 def _is_in(hashes: NDArray[Any], in_order: NDArray[Any]) -> NDArray[np.bool_]:
