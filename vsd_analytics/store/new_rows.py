@@ -207,9 +207,10 @@ def _numbers(values: pa.ChunkedArray) -> Ints:
     elif pa.types.is_floating(values.type):
         known = values.fill_null(np.nan).to_numpy().astype(np.float64) + 0.0  # -0.0 equals 0.0
         known[np.isnan(known)] = np.nan
-        numbers: Ints = np.where(values.is_null().to_numpy(), _NULL, known.view(np.int64))
-        return numbers
-    return np.ascontiguousarray(values.cast(pa.int64()).fill_null(_NULL).to_numpy())
+        of_floats: Ints = np.where(values.is_null().to_numpy(), _NULL, known.view(np.int64))
+        return of_floats
+    numbers = values.cast(pa.int64())
+    return np.ascontiguousarray((numbers.fill_null(_NULL) if numbers.null_count else numbers).to_numpy())
 
 
 def _compared(
@@ -299,11 +300,13 @@ def _rank(values: pa.ChunkedArray) -> tuple[Ints, int]:
         rank_of = np.empty(n + 1, dtype=np.int64)
         rank_of[pc.sort_indices(coded.dictionary).to_numpy()] = np.arange(n)
         rank_of[n] = n
-        return rank_of[coded.indices.fill_null(n).to_numpy()], n + 1
+        return rank_of[(coded.indices.fill_null(n) if coded.null_count else coded.indices).to_numpy()], n + 1
     least, greatest = pc.min_max(values).as_py().values()
     if pa.types.is_integer(values.type) and greatest - least < _ROOM // 2:
         size = greatest - least + 1
-        return values.cast(pa.int64()).fill_null(greatest + 1).to_numpy() - least, size + 1
+        if values.null_count:
+            values = values.cast(pa.int64()).fill_null(greatest + 1)
+        return np.subtract(values.to_numpy(), least, dtype=np.int64), size + 1
     known, of_row = np.unique(values.drop_null().to_numpy(), return_inverse=True)
     ranks = np.full(len(values), len(known), dtype=np.int64)
     ranks[values.is_valid().to_numpy()] = of_row
