@@ -55,7 +55,7 @@ def segment_bytes(table: TableName, rows: pa.Table, engines: Sequence[str], *, c
 
 
 def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.Buffer:
-    """Return the bytes of a part: zstd, dictionary for ids and persons, delta coding for time, page checksums.
+    """Return the bytes of a part: zstd, dictionary for ids, delta coding for time, page checksums.
 
     Millimetres get a dictionary where it is smaller, as of whole centimetres, and delta coding elsewhere.
 
@@ -65,16 +65,14 @@ def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.B
         engines: Engine names and versions, noted in the metadata.
     """
     bare, owners = without_owners(rows) if OWNER in rows.column_names else (rows, None)
-    repeated = [
-        f.name for f in SCHEMAS[table] if pa.types.is_string(f.type) or "person" in f.name or f.name.endswith("_px")
-    ]
+    repeated = [f.name for f in SCHEMAS[table] if pa.types.is_string(f.type) or f.name.endswith("_px")]
     delta = ["ts"]
     for name in (name for name in SCHEMAS[table].names if name.endswith("_mm")):
         (repeated if _is_repeated(bare[name]) else delta).append(name)
     return parquet_bytes(
         _with_engines(table, bare, engines, {OWNERS: owners} if owners is not None else {}),
         compression="zstd",
-        compression_level=3,
+        compression_level=4,
         row_group_size=1_000_000,
         write_page_checksum=True,
         write_statistics=[name for name in SCHEMAS[table].names if name != "quality"],  # texts take long to compare
