@@ -51,7 +51,7 @@ def test_millimetres_have_the_smaller_encoding_and_their_values(
     column = pq.read_metadata(path).row_group(0).column(rows.column_names.index("x_mm"))
     assert ("RLE_DICTIONARY" in column.encodings) == is_dictionary
     assert ("DELTA_BINARY_PACKED" in column.encodings) != is_dictionary
-    options = {"compression": "zstd", "compression_level": 3}
+    options = {"compression": "zstd", "compression_level": 4}
     one = rows.select(["x_mm"])
     pq.write_table(one, tmp_path / "a", use_dictionary=True, **options)
     pq.write_table(one, tmp_path / "b", use_dictionary=False, column_encoding="DELTA_BINARY_PACKED", **options)

@@ -55,7 +55,7 @@ class Crowds:
         records = rows.select([*_FRAME, *_TRACKS[name], *_PLACES[name]])
         if name in self._newest:
             records = pa.concat_tables([self._newest[name], records])
-        if _crowded(records, self._most[name]).num_rows:  # rare; only then the slower count of different records
+        if _may_be_crowded(records, self._most[name]):  # rare; only then the slower count of different records
             self._note(_crowded(_different(name, records), self._most[name]))
         self._newest[name] = _newest(records)
         return self._is_found(rows)
@@ -68,6 +68,13 @@ class Crowds:
             return pa.repeat(pa.scalar(False), rows.num_rows)
         frames = zip(*(rows[c].to_pylist() for c in _FRAME), strict=True)
         return pa.array([frame in self._found for frame in frames], pa.bool_())
+
+
+def _may_be_crowded(records: pa.Table, most: int) -> bool:
+    """Return whether a frame may have more than so many records: first by the instants of all cameras together."""
+    if records.num_rows <= most or pc.max(pc.value_counts(records["ts_ms"]).field("counts")).as_py() <= most:
+        return False
+    return bool(_crowded(records, most).num_rows)
 
 
 def _crowded(records: pa.Table, most: int) -> pa.Table:

@@ -13,6 +13,8 @@ import pandas as pd
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
 
+Ints = npt.NDArray[np.int64]
+
 PEOPLE_MIN: Final = 2
 FRAMES_MAX: Final = 5
 STEP_MAX_M_S: Final = 2.4
@@ -141,27 +143,32 @@ def _followed(records: pd.DataFrame, rows: pd.DataFrame) -> _Followed | None:
     # an id that comes again after a long time is somebody else's, or the same person's next visit
     life = (steps_ms.isna() | (steps_ms > LIFE_STEPS * usual_ms)).cumsum()
     lives = rows.groupby(["camera_no", life], sort=False)["ts_ms"].agg(["min", "max"]).reset_index(level=1, drop=True)
-    stretches = np.concatenate([_stretches_ms(of_camera) for _, of_camera in lives.groupby("camera_no")])
-    in_company = records.groupby("camera_no")["ts_ms"].transform(lambda ts: _n_in_view(ts, lives.loc[[ts.name]]) > 1)
+    stretches, is_in_company = list[npt.NDArray[np.int64]](), np.zeros(len(records), dtype=bool)
+    of_life, begun, ended = lives.index.to_numpy(), lives["min"].to_numpy(), lives["max"].to_numpy()
+    of_record, ts_ms = records["camera_no"].to_numpy(), records["ts_ms"].to_numpy()
+    for camera in np.unique(of_life):
+        of_camera, is_here = of_life == camera, of_record == camera
+        stretches.append(_stretches_ms(begun[of_camera], ended[of_camera]))
+        is_in_company[is_here] = _n_in_view(ts_ms[is_here], begun[of_camera], ended[of_camera]) > 1
+    stretches_ms = np.concatenate(stretches)
     return _Followed(
         usual_ms,
         float((lives["max"] - lives["min"]).sum()),
-        float(stretches.sum()),
-        len(stretches),
-        in_company.to_numpy(dtype=bool),
+        float(stretches_ms.sum()),
+        len(stretches_ms),
+        is_in_company,
     )
 
 
-def _n_in_view(ts_ms: pd.Series, lives: pd.DataFrame) -> npt.NDArray[np.int64]:
+def _n_in_view(ts_ms: Ints, begun: Ints, ended: Ints) -> Ints:
     """Return how many of the lives of one camera each instant is within."""
-    begun, ended = (np.sort(lives[end].to_numpy()) for end in ("min", "max"))
-    return np.asarray(np.searchsorted(begun, ts_ms, side="right") - np.searchsorted(ended, ts_ms, side="left"))
+    return np.searchsorted(np.sort(begun), ts_ms, side="right") - np.searchsorted(np.sort(ended), ts_ms, side="left")
 
 
-def _stretches_ms(lives: pd.DataFrame) -> npt.NDArray[np.int64]:
+def _stretches_ms(begun: Ints, ended: Ints) -> Ints:
     """Return how long each stretch with somebody in view lasts, from the first and last instants of tracks."""
-    ordered = lives.sort_values("min")
-    starts, latest = ordered["min"].to_numpy(), np.maximum.accumulate(ordered["max"].to_numpy())
+    order = np.argsort(begun)
+    starts, latest = begun[order], np.maximum.accumulate(ended[order])
     is_new = np.r_[True, starts[1:] > latest[:-1]]
     firsts, lasts = starts[is_new], latest[np.r_[is_new[1:], True]]
     return np.asarray(lasts - firsts, dtype=np.int64)

@@ -115,14 +115,18 @@ def _is_followed(
     ends: pd.DataFrame, first: pd.DataFrame, axes: tuple[str, str], near: float, *, within_ms: int
 ) -> npt.NDArray[np.bool_]:
     """Return for each end of a track whether one of the first records, in order of time, is near and soon behind it."""
-    found = pd.Series(data=False, index=ends.index)
-    for camera, of_camera in ends.groupby("camera_no"):
-        begun = first[first["camera_no"] == camera]
-        from_, to = (np.searchsorted(begun["ts_ms"], of_camera["ts_ms"] + late) for late in (1, within_ms + 1))
-        places = begun[[*axes]].to_numpy()
-        for row, place, i, j in zip(of_camera.index, of_camera[[*axes]].to_numpy(), from_, to, strict=True):
-            found[row] = bool((np.hypot(*(places[i:j] - place).T) <= near).any())
-    return found.to_numpy(dtype=bool)
+    found = np.zeros(len(ends), dtype=bool)
+    ended_ms, begun_ms = ends["ts_ms"].to_numpy(), first["ts_ms"].to_numpy()
+    here, there = ends[[*axes]].to_numpy(), first[[*axes]].to_numpy()
+    for camera in np.unique(ends["camera_no"]):
+        of_end, of_first = (np.flatnonzero(rows["camera_no"].to_numpy() == camera) for rows in (ends, first))
+        from_, to = (np.searchsorted(begun_ms[of_first], ended_ms[of_end] + late) for late in (1, within_ms + 1))
+        while len(of_end):  # the next first record of each end that has one left
+            has_one = from_ < to
+            of_end, from_, to = of_end[has_one], from_[has_one], to[has_one]
+            found[of_end] |= np.hypot(*(there[of_first[from_]] - here[of_end]).T) <= near
+            from_ = from_ + 1
+    return found
 
 
 def _reach(sample: Sample) -> tuple[tuple[str, str], float]:

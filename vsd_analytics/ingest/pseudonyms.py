@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Callable, Container
 from datetime import date, datetime, timedelta
+from functools import cache
 
 import numpy as np
 import pyarrow as pa
@@ -12,7 +13,7 @@ from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.ingest.instants import QUARTER_MS
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.day_chain import read_chain
-from vsd_analytics.store.secrets import DayKeys, pseudonym
+from vsd_analytics.store.secrets import DayKeys, namer
 
 NAMES_MAX = 500_000
 
@@ -62,24 +63,27 @@ class Pseudonyms:
         """
         coded = engine_tracks.dictionary_encode()
         tracks = [t or None for t in coded.dictionary.to_pylist()]
-        if self._keys is None:
+        keys = self._keys
+        if keys is None:
             return pa.array(tracks, pa.string()).take(coded.indices)
         # camera, day and track of each row as one number: few of them differ, and only these are hashed
         cameras = camera_ids.dictionary_encode()
-        quarters, of_row = np.unique(ts_ms // QUARTER_MS, return_inverse=True)
-        days = [self._site_day(q) for q in quarters.tolist()]
+        quarters = pa.array(ts_ms // QUARTER_MS).dictionary_encode()
+        days = [self._site_day(q) for q in quarters.dictionary.to_pylist()]
         different_days = sorted(set(days))
-        day_of_row = np.array([different_days.index(d) for d in days], dtype=np.int64)[of_row]
+        day_of_row = np.array([different_days.index(d) for d in days], dtype=np.int64)[np.asarray(quarters.indices)]
         track_of_row = np.asarray(coded.indices.fill_null(len(tracks)), dtype=np.int64)
         shape = (len(cameras.dictionary), len(different_days), len(tracks) + 1)
         numbers = np.ravel_multi_index((np.asarray(cameras.indices), day_of_row, track_of_row), shape)
-        different, of_row = np.unique(numbers, return_inverse=True)
+        named = pa.array(numbers).dictionary_encode()  # `numpy.unique` sorts, which takes many times as long
+        different = np.asarray(named.dictionary)
         camera_names, all_tracks = cameras.dictionary.to_pylist(), [*tracks, None]
+        of_camera = cache(lambda camera_id, day: namer(keys.key(day), camera_id=camera_id))
         names = [
-            self._name(self._keys, camera_names[camera], different_days[day], all_tracks[track])
+            self._name(of_camera, camera_names[camera], different_days[day], all_tracks[track])
             for camera, day, track in zip(*(a.tolist() for a in np.unravel_index(different, shape)), strict=True)
         ]
-        return pa.array(names, pa.string()).take(pa.array(of_row))
+        return pa.array(names, pa.string()).take(named.indices)
 
     def days(self, ts_ms: np.ndarray) -> set[date]:
         """Return the site days of some instants (UTC milliseconds)."""
@@ -90,15 +94,16 @@ class Pseudonyms:
         quarters, of_row = np.unique(ts_ms // QUARTER_MS, return_inverse=True)
         return np.array([self._site_day(q) in days for q in quarters.tolist()], dtype=bool)[of_row]
 
-    def _name(self, keys: DayKeys, camera_id: str, day: date, track: str | None) -> str | None:
+    def _name(
+        self, of_camera: Callable[[str, date], Callable[[str], str]], camera_id: str, day: date, track: str | None
+    ) -> str | None:
         if track is None:
             return None
         name = self._names.get((camera_id, day, track))
         if name is None:
             if len(self._names) >= NAMES_MAX:
                 self._names.clear()
-            name = pseudonym(keys.key(day), camera_id=camera_id, engine_track=track)
-            self._names[camera_id, day, track] = name
+            name = self._names[camera_id, day, track] = of_camera(camera_id, day)(track)
         return name
 
     def _site_day(self, quarter: int) -> date:

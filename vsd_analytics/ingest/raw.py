@@ -176,5 +176,5 @@ def _array(values: Any, kind: pa.DataType, length: int) -> pa.Array | pa.Chunked
     if not _is_sequence(values):
         return pa.repeat(pa.scalar(values, type=kind), length)
     if isinstance(values, pa.Array | pa.ChunkedArray):
-        return values.cast(kind)
+        return values if values.type == kind else values.cast(kind)
     return pa.array(values, type=kind, from_pandas=False)

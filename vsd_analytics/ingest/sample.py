@@ -117,9 +117,11 @@ class Sample:
         rows = self.placed("x", "y")
         rows = rows[rows["camera_no"] >= 0]
         key = ["camera_no", "track_no"]
-        if step_min_s:
-            slots = rows[key].assign(slot=rows["ts_ms"] // (step_min_s * 1000)).sort_index()
-            rows = rows[~slots.duplicated().reindex(rows.index)]  # of each slot the first in the file
+        if step_min_s and len(rows):  # of each slot the first in the file
+            slots = np.column_stack([rows[key], rows["ts_ms"] // (step_min_s * 1000)])
+            starts = np.flatnonzero(np.r_[True, (np.diff(slots, axis=0) != 0).any(axis=1)])
+            firsts = np.minimum.reduceat(rows.index.to_numpy(), starts)
+            rows = rows.loc[firsts]
         is_same = (np.diff(rows[key].to_numpy(), axis=0) == 0).all(axis=1)
         step_s = np.diff(rows["ts_ms"].to_numpy()) / 1000
         way_m = np.hypot(*np.diff(rows[["x", "y"]].to_numpy(), axis=0).T)

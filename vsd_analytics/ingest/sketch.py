@@ -40,12 +40,13 @@ def sketch_of(sample: Sample) -> str:
     places = np.nan_to_num(rows[axes].to_numpy(dtype=float) * (1 if axes[0] == "u" else 100))
     with np.errstate(invalid="ignore"):
         whole = np.rint(places).astype(np.int64)
+    of_row, ids = pd.factorize(rows["track"].fillna(""))
     frames = pd.DataFrame(
         {
             "camera": rows["camera_no"],
             "ts_ms": rows["ts_ms"],
             "places": _mixed(whole),
-            "ids": pd.util.hash_array(rows["track"].fillna("").astype(str).to_numpy(dtype=object)),
+            "ids": pd.util.hash_array(np.asarray(ids.astype(str), dtype=object))[of_row],
         }
     )
     frames = frames.groupby(["camera", "ts_ms"], as_index=False).sum()  # whatever the order of the rows

@@ -62,7 +62,9 @@ def line_blocks(
 
 
 def _split(whole: bytes, max_bytes: int) -> list[bytes | None]:
-    lines: list[bytes] = whole.removesuffix(b"\r").replace(b"\r\n", b"\n").split(b"\n")
+    if b"\r" in whole:  # most files have none, which takes a tenth of the time to see
+        whole = whole.removesuffix(b"\r").replace(b"\r\n", b"\n")
+    lines: list[bytes] = whole.split(b"\n")
     if len(whole) <= max_bytes:
         return list(lines)
     return [line if len(line) <= max_bytes else None for line in lines]

@@ -80,12 +80,9 @@ def new_rows(table: TableName, span: FoldSpan, *, known: Sequence[Path], noted: 
             for day, paths in span.by_day.items()
         }
         names = [*SCHEMAS[table].names, OWNER]
-        rows = pa.concat_tables([piece.select(names).replace_schema_metadata() for piece in pieces.values()])
-        rows = rows.unify_dictionaries()
-        del pieces
-        hours = _instants(rows) // HOUR_MS
-        is_inside = (hours >= span.first_hour) & (hours <= span.last_hour)
-        rows = (rows if is_inside.all() else rows.filter(pa.array(is_inside))).combine_chunks()
+        inside = [_inside(piece.select(names).replace_schema_metadata(), span) for piece in pieces.values()]
+        rows = pa.concat_tables(inside).unify_dictionaries().combine_chunks()
+        del pieces, inside
         is_doubtful = _doubtful(table, rows, known)
         fresh, again, n_second = rows, rows.slice(0, 0), 0
         if is_doubtful.any():
@@ -118,6 +115,13 @@ def _read(path: Path, table: TableName) -> pa.Table:
     return rows.set_column(at, OWNER, pc.fill_null(rows[OWNER], "").dictionary_encode())
 
 
+def _inside(rows: pa.Table, span: FoldSpan) -> pa.Table:
+    """Return the rows of a segment that belong to a span: mostly all."""
+    hours = _instants(rows) // HOUR_MS
+    is_inside = (hours >= span.first_hour) & (hours <= span.last_hour)
+    return rows if is_inside.all() else rows.filter(pa.array(is_inside))
+
+
 def _texts(table: TableName) -> list[str]:
     return [column.name for column in SCHEMAS[table] if pa.types.is_string(column.type)]
 
@@ -148,7 +152,14 @@ def _are_shared(own: NDArray[Any], stored: NDArray[Any]) -> NDArray[np.bool_]:
     stored = np.sort(stored)
     in_order = np.sort(own)  # `numpy.unique` and `numpy.isin` hash, which takes many times as long
     others = np.concatenate([in_order[1:][in_order[1:] == in_order[:-1]], in_order[_is_in(in_order, stored)]])
-    return _is_in(own, np.sort(others))
+    # few numbers are looked up among few: those that share their first 16 bits with one of them
+    first_bits = np.array(8 * own.itemsize - 16, dtype=own.dtype)
+    is_possible = np.zeros(2**16, dtype=np.bool_)
+    is_possible[others >> first_bits] = True
+    at = np.flatnonzero(is_possible[own >> first_bits])
+    is_shared = np.zeros(len(own), dtype=np.bool_)
+    is_shared[at] = _is_in(own[at], np.sort(others))
+    return is_shared
 
 
 def _is_in(hashes: NDArray[Any], in_order: NDArray[Any]) -> NDArray[np.bool_]:
@@ -196,9 +207,10 @@ def _numbers(values: pa.ChunkedArray) -> Ints:
     elif pa.types.is_floating(values.type):
         known = values.fill_null(np.nan).to_numpy().astype(np.float64) + 0.0  # -0.0 equals 0.0
         known[np.isnan(known)] = np.nan
-        numbers: Ints = np.where(values.is_null().to_numpy(), _NULL, known.view(np.int64))
-        return numbers
-    return np.ascontiguousarray(values.cast(pa.int64()).fill_null(_NULL).to_numpy())
+        of_floats: Ints = np.where(values.is_null().to_numpy(), _NULL, known.view(np.int64))
+        return of_floats
+    numbers = values.cast(pa.int64())
+    return np.ascontiguousarray((numbers.fill_null(_NULL) if numbers.null_count else numbers).to_numpy())
 
 
 def _compared(
@@ -288,11 +300,13 @@ def _rank(values: pa.ChunkedArray) -> tuple[Ints, int]:
         rank_of = np.empty(n + 1, dtype=np.int64)
         rank_of[pc.sort_indices(coded.dictionary).to_numpy()] = np.arange(n)
         rank_of[n] = n
-        return rank_of[coded.indices.fill_null(n).to_numpy()], n + 1
+        return rank_of[(coded.indices.fill_null(n) if coded.null_count else coded.indices).to_numpy()], n + 1
     least, greatest = pc.min_max(values).as_py().values()
     if pa.types.is_integer(values.type) and greatest - least < _ROOM // 2:
         size = greatest - least + 1
-        return values.cast(pa.int64()).fill_null(greatest + 1).to_numpy() - least, size + 1
+        if values.null_count:
+            values = values.cast(pa.int64()).fill_null(greatest + 1)
+        return np.subtract(values.to_numpy(), least, dtype=np.int64), size + 1
     known, of_row = np.unique(values.drop_null().to_numpy(), return_inverse=True)
     ranks = np.full(len(values), len(known), dtype=np.int64)
     ranks[values.is_valid().to_numpy()] = of_row

@@ -72,9 +72,10 @@ def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.B
     return parquet_bytes(
         _with_engines(table, bare, engines, {OWNERS: owners} if owners is not None else {}),
         compression="zstd",
-        compression_level=3,
+        compression_level=4,
         row_group_size=1_000_000,
         write_page_checksum=True,
+        write_statistics=[name for name in SCHEMAS[table].names if name != "quality"],  # texts take long to compare
         use_dictionary=repeated,
         column_encoding=dict.fromkeys(delta, "DELTA_BINARY_PACKED"),
     )

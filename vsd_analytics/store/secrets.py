@@ -14,7 +14,7 @@ import json
 import os
 import re
 import secrets
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -219,7 +219,18 @@ class DayKeys:
         fsync_dir(self.folder)
 
 
+def namer(key: bytes, *, camera_id: str) -> Callable[[str], str]:
+    """Return a function that names the tracks of a camera: `pseudonym`, with the key and the camera hashed once."""
+    begun = hashlib.blake2b(camera_id.encode() + b"\0", key=key, digest_size=8)
+
+    def name(engine_track: str) -> str:
+        of_track = begun.copy()
+        of_track.update(engine_track.encode("utf-8", "surrogatepass"))
+        return of_track.hexdigest()
+
+    return name
+
+
 def pseudonym(key: bytes, *, camera_id: str, engine_track: str) -> str:
     """Return the 16 hexadecimal digits of BLAKE2b(key; camera, 0, engine's track id)."""
-    message = camera_id.encode() + b"\0" + engine_track.encode("utf-8", "surrogatepass")
-    return hashlib.blake2b(message, key=key, digest_size=8).hexdigest()
+    return namer(key, camera_id=camera_id)(engine_track)
