@@ -27,7 +27,7 @@ FAST := $(addprefix tests/, test_architecture.py test_light_imports.py cli/test_
 check: $(VENV)/.installed-test $(VENV)/.linted-sql
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/ruff check --quiet .
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers 2
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not browser and not realdata and not simulation and not long" $(FAST)
 
 test: $(VENV)/.installed-test lint
@@ -36,7 +36,7 @@ test: $(VENV)/.installed-test lint
 lint: $(VENV)/.installed-test $(VENV)/.linted-sql
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/mypy --num-workers 2
 
 # SQL files that changed since the last run without a fault; all of them, which takes half a minute, after new rules.
 $(VENV)/.linted-sql: pyproject.toml $(wildcard sql/*/*.sql) | $(VENV)/.installed-test

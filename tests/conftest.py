@@ -143,12 +143,14 @@ def realdata() -> Callable[[str], Path]:
 
 @pytest.fixture(scope="session")
 def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of a demo project with one detailed week, 2026-W46, stored and built. Tests leave it as it is.
+    """Return the folder of a demo project with one week, 2026-W46, stored and built. Tests leave it as it is.
 
-    It takes half a minute to make, so the workers of a run share one: the first that needs it makes it.
+    Half a minute becomes a quarter with half the frames, and the workers of a run share one: the first that needs it
+    makes it.
     """
     from vsd_analytics.config import load_site
     from vsd_analytics.ingest import pipeline
+    from vsd_analytics.simulate import demo_project as demo
     from vsd_analytics.simulate import write_demo_project
     from vsd_analytics.simulate.demo import ingest_demo
     from vsd_analytics.warehouse.build import build
@@ -161,7 +163,8 @@ def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not (folder / "made").exists():
-            write_demo_project(root, seed=4, weeks=1)
+            with mock.patch.object(demo, "DETAILED_S", 4.0):
+                write_demo_project(root, seed=4, weeks=1)
             with mock.patch.object(pipeline._Ingest, "understand", return_value=None):  # no test reads the cards
                 ingest_demo(load_site(root), sorted((root / "engine").iterdir()), seed=4)
             build(load_site(root))

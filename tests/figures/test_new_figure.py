@@ -69,7 +69,7 @@ def test_two_functions_for_one_figure_are_refused() -> None:
 def test_the_three_files_of_the_example_put_a_figure_on_the_page_and_into_the_json_file(tmp_path: Path) -> None:
     tree = tmp_path / "tree"
     for folder in ("vsd_analytics", "sql", "reports"):
-        shutil.copytree(REPOSITORY / folder, tree / folder, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(REPOSITORY / folder, tree / folder)  # with compiled modules
     # the pairs of a small world stand for ten seconds
     sql = example("figure").replace("duration_s >= 60", "duration_s >= 10")
     (tree / "sql/marts/long_violations.sql").write_text(sql, encoding="utf-8")

@@ -13,6 +13,7 @@ from notebooks.executed import NOTEBOOKS, execute, figures
 
 from vsd_analytics import load_site, open_warehouse
 from vsd_analytics.ingest import pipeline
+from vsd_analytics.simulate import demo_project as demo
 from vsd_analytics.simulate import write_canteen_project, write_demo_project
 from vsd_analytics.simulate.demo import ingest_demo
 
@@ -46,6 +47,7 @@ def test_a_hotspot_is_found_in_two_weeks_of_the_demo(
     """The shared week, and before it a week of the camera that sees the planted spot: 14 recorded days."""
     root = Path(shutil.copytree(demo_project, tmp_path / "vsd-demo"))
     monkeypatch.setattr(pipeline._Ingest, "understand", no_card)
+    monkeypatch.setattr(demo, "DETAILED_S", 4.0)  # as in the shared week
     write_demo_project(tmp_path / "before", seed=4, weeks=1, last_week="2026-W45")
     ingest_demo(load_site(root), sorted((tmp_path / "before" / "engine").glob("cam-2_*")), seed=4)
     done = execute("find-a-hotspot", tmp_path, monkeypatch, VSD_PROJECT=str(root))

@@ -328,8 +328,8 @@ class Days:
 
         Example:
             >>> walks = site.days("2026-11-09").trajectories("cam-1")
-            >>> walks.frame_rate_hz
-            0.5
+            >>> walks.frame_rate_hz == site.site.cameras[0].hz
+            True
         """
         from vsd_analytics.api.trajectories import trajectories
 

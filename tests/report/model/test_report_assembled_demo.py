@@ -86,7 +86,7 @@ def test_every_number_of_the_demos_page_is_in_its_json_file(report: WeekReport) 
     assert strangers(report, render_html(report)) == set()
 
 
-def test_one_hour_equals_a_count_by_hand(demo_project: Path, site: Site) -> None:
+def test_one_hour_equals_a_count_by_hand(demo_project: Path, site: Site, truth: DemoTruth) -> None:
     """Saturday from 12:00 to 13:00, from the engine's own files, with plain Python: all cameras, each pair once.
 
     By hand cameras are compared at their frames; the facts compare them at every second, which once in a while tells
@@ -100,7 +100,8 @@ def test_one_hour_equals_a_count_by_hand(demo_project: Path, site: Site) -> None
     files = {c.camera_id: demo_project / "engine" / f"{c.camera_id}_2026-11-14.jsonl.zst" for c in site.cameras}
     # what began before the hour is not of it, however late it is seen first; what begins in it ends or lasts 3 s
     seen = {c: frames(path, ms - 600_000, ms + 3_600_000 + 60_000) for c, path in files.items()}
-    by_hand = Counter(camera for camera, at in violations(seen, owners) if ms <= at < ms + 3_600_000)
+    step_ms = round(1000 * truth.frame_interval_s[0])
+    by_hand = Counter(camera for camera, at in violations(seen, owners, step_ms) if ms <= at < ms + 3_600_000)
     with open_warehouse(site, MONDAY, MONDAY + timedelta(days=6)) as warehouse:
         rows = warehouse.rows("select camera_id, n_violations from camera_hours where hour_start_ms = $ms", {"ms": ms})
     counted = {r["camera_id"]: r["n_violations"] for r in rows}
@@ -128,11 +129,14 @@ def frames(path: Path, first_ms: int, end_ms: int) -> Frames:
     }
 
 
-def violations(seen: dict[str, Frames], owners: dict[tuple[int, int], str]) -> list[tuple[str, int]]:
-    """Return camera and first instant of every violation: runs of one camera, joined over cameras, counted once."""
+def violations(seen: dict[str, Frames], owners: dict[tuple[int, int], str], step_ms: int) -> list[tuple[str, int]]:
+    """Return camera and first instant of every violation: runs of one camera, joined over cameras, counted once.
+
+    Frames come every `step_ms`.
+    """
     import networkx as nx
 
-    runs = [r for camera, told in seen.items() for r in runs_of(camera, told)]
+    runs = [r for camera, told in seen.items() for r in runs_of(camera, told, step_ms)]
     at: dict[int, dict[str, list[Run]]] = {}
     for run in runs:
         for ms in run[3]:
@@ -165,16 +169,16 @@ def violations(seen: dict[str, Frames], owners: dict[tuple[int, int], str]) -> l
     for component in nx.connected_components(graph):
         records = [(ms, r) for r in sorted(component) for ms in r[3] if owner(r, ms) in (None, r[0])]
         if records:
-            begins = min(ms - lead(seen[r[0]], r, ms, -1) for ms, r in records)
-            ends = max(ms + lead(seen[r[0]], r, ms, 1) for ms, r in records)
+            begins = min(ms - lead(seen[r[0]], r, ms, -step_ms) for ms, r in records)
+            ends = max(ms + lead(seen[r[0]], r, ms, step_ms) for ms, r in records)
             if ends - begins >= 3000:
                 most = Counter(r[0] for _, r in records)
                 found.append((max(sorted(most), key=lambda c: most[c]), min(ms for ms, _ in records)))
     return found
 
 
-def runs_of(camera: str, told: Frames) -> list[Run]:
-    """Return the runs of pairs nearer than 2 m with no gap over 5 s, of a frame every 2 s."""
+def runs_of(camera: str, told: Frames, step_ms: int) -> list[Run]:
+    """Return the runs of pairs nearer than 2 m with no gap over 2.5 frames."""
     close: dict[tuple[str, str], list[int]] = {}
     for ms in sorted(told):
         for (a, p), (b, q) in combinations(sorted(told[ms].items()), 2):
@@ -182,23 +186,27 @@ def runs_of(camera: str, told: Frames) -> list[Run]:
                 close.setdefault((a, b), []).append(ms)
     found: list[Run] = []
     for (a, b), instants in close.items():
-        cuts = [i for i in range(1, len(instants)) if instants[i] - instants[i - 1] > 5000]
+        cuts = [i for i in range(1, len(instants)) if instants[i] - instants[i - 1] > 2.5 * step_ms]
         for low, high in pairwise([0, *cuts, len(instants)]):
             found.append((camera, a, b, tuple(instants[low:high])))
     return found
 
 
-def lead(told: Frames, run: Run, ms: int, step: int) -> float:
-    """Return for how long they were close before a record (-1) or after it (1), by way of the middle of a cubic."""
-    around = (told.get(ms + n * 2000 * step, {}) for n in (-1, 0, 1, 2))
+def lead(told: Frames, run: Run, ms: int, step_ms: int) -> float:
+    """Return for how long, in ms, they were close after a record, by way of the middle of a cubic.
+
+    With a negative step: before it.
+    """
+    half_ms = abs(step_ms) // 2
+    around = (told.get(ms + n * step_ms, {}) for n in (-1, 0, 1, 2))
     seen = [np.subtract(f[run[1]], f[run[2]]) if {run[1], run[2]} <= f.keys() else None for f in around]
     behind, r0, r1, beyond = seen
-    if ms != run[3][0 if step < 0 else -1] or r0 is None or r1 is None or math.hypot(*r1) < 2000:
-        return 1000.0
+    if ms != run[3][0 if step_ms < 0 else -1] or r0 is None or r1 is None or math.hypot(*r1) < 2000:
+        return half_ms
     v0 = r1 - r0 if behind is None else (r1 - behind) / 2
     v1 = r1 - r0 if beyond is None else (beyond - r0) / 2
     middle = (r0 + r1) / 2 + (v0 - v1) / 8
-    way = np.concatenate([np.linspace(r0, middle, 1001), np.linspace(middle, r1, 1001)[1:]])
+    way = np.concatenate([np.linspace(r0, middle, half_ms + 1), np.linspace(middle, r1, half_ms + 1)[1:]])
     return float(np.argmax(np.hypot(*way.T) >= 2000))
 
 
