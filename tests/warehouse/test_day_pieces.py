@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
@@ -100,3 +101,13 @@ def test_a_page_computes_the_marts_of_a_new_day_together(
     page(site, FIRST)
     assert len(pieces_of) > 2
     assert set(pieces_of.values()) == {1}
+
+
+def test_marts_that_are_computed_ahead_and_not_read_leave_no_older_file(tmp_path: Path) -> None:
+    site = write_site(tmp_path, n_records=9_000, n_cameras=1, open_h=1, interval_s=5)
+    assert site.opening is not None
+    later = replace(site, opening=(((9 * 60, 20 * 60),), *site.opening[1:]))
+    for of_rules in (site, later):
+        with Warehouse(of_rules, FIRST, FIRST + timedelta(days=6)) as warehouse:
+            warehouse.compute_ahead("cell_days")
+        assert len(list((tmp_path / "facts" / WEEKS / "cell_days").rglob("*.parquet"))) == 1

@@ -52,7 +52,7 @@ _MARTS: Final = (
     *("violations", "camera_hours", "area_hours", "crowding_hours", "joined_days"),
     *("cell_days", "cell_hours", "planner_cells"),
 )
-"""Marts that every page reads."""
+"""Marts that the page of a floor with enough data reads."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

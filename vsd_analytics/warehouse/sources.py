@@ -135,6 +135,7 @@ class RelationSources:
         for a in absent:
             if not a.missing:
                 a.week.reuse(a.older, a.relation.stored_by)
+        self._superseded += [o for found in weeks.values() for w in found if not w.rows for o in others_of(w.path)]
         self._marts |= weeks
 
     def of(self, relation: Relation) -> RelationSource:
@@ -233,7 +234,6 @@ class RelationSources:
         self.ahead([relation.name])
         weeks = self._marts[relation.name]
         paths = [week.path for week in weeks if not week.rows]
-        self._superseded += [other for path in paths for other in others_of(path)]
         mondays = {week.monday for week in weeks}
         firsts = [m for m in sorted(mondays) if m - timedelta(days=DAYS) not in mondays]
         pieces: list[Path | pa.Table] = []

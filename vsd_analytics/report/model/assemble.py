@@ -52,7 +52,7 @@ _MARTS = (
     *("track_days", "together_days", "track_groups", "company_hours", "episodes", "distances", "gatherings"),
     *("cluster_sizes", "met_days", "neighbour_hours", "footsteps"),
 )
-"""Marts that every report reads, sooner or later."""
+"""Marts that the report of a site with enough data reads."""
 MADE_UP_ENGINE = "vsd-demo "
 """What the simulator of `vsd demo` calls itself: its reports say that the data are made up."""
 
