@@ -145,8 +145,8 @@ def realdata() -> Callable[[str], Path]:
 def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the folder of a demo project with one week, 2026-W46, stored and built. Tests leave it as it is.
 
-    Half a minute becomes a quarter with half the frames, and the workers of a run share one: the first that needs it
-    makes it.
+    With half of the frames it takes a quarter of a minute, not half a minute. The workers of a run share one: the first
+    that needs it makes it.
     """
     from vsd_analytics.config import load_site
     from vsd_analytics.ingest import pipeline
