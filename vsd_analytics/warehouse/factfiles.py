@@ -98,11 +98,10 @@ class FactWriter:
 
 def _with_texts(rows: pa.Table) -> pa.Table:
     """Return rows with texts for dictionaries: these may have names that no row of the file has."""
-    if not any(pa.types.is_dictionary(f.type) for f in rows.schema):
-        return rows
-    return rows.cast(
-        pa.schema([(f.name, pa.string() if pa.types.is_dictionary(f.type) else f.type) for f in rows.schema])
-    )
+    for k, field in enumerate(rows.schema):
+        if pa.types.is_dictionary(field.type):
+            rows = rows.set_column(k, field.name, rows.column(k).cast(pa.string()))
+    return rows
 
 
 def _encoding(column: pa.Field) -> str | None:

@@ -112,7 +112,7 @@ def _column(rows: pa.Table, field: pa.Field) -> pa.ChunkedArray | pa.Array:
     values = rows[field.name]
     if pa.types.is_dictionary(field.type) and not pa.types.is_dictionary(values.type):
         values = values.cast(pa.string()).dictionary_encode()
-    return values.cast(field.type)
+    return values if values.type == field.type else values.cast(field.type)
 
 
 def with_names(
