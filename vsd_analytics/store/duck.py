@@ -54,20 +54,27 @@ def connect(
     return connection
 
 
+def n_threads(connection: duckdb.DuckDBPyConnection) -> int:
+    """Return the number of threads of a connection."""
+    return int(connection.execute("select current_setting('threads')").fetchall()[0][0])
+
+
 @contextlib.contextmanager
-def one_thread(connection: duckdb.DuckDBPyConnection) -> Iterator[None]:
-    """Let a connection use one thread meanwhile; one with locked settings is left as it is."""
-    before, is_locked = connection.execute(
-        "select current_setting('threads'), current_setting('lock_configuration')"
-    ).fetchall()[0]
-    if is_locked or int(before) == 1:
-        yield
-        return
-    connection.execute("set threads = 1")
+def one_thread(connection: duckdb.DuckDBPyConnection, *, of: int) -> Iterator[None]:
+    """Let a connection of some threads use one meanwhile; one with locked settings is left as it is."""
+    import duckdb
+
+    is_changed = of > 1
+    if is_changed:
+        try:
+            connection.execute("set threads = 1")
+        except duckdb.InvalidInputException:  # the settings are locked
+            is_changed = False
     try:
         yield
     finally:
-        connection.execute(f"set threads = {int(before):d}")
+        if is_changed:
+            connection.execute(f"set threads = {of:d}")
 
 
 def literal_list(paths: Iterable[Path]) -> str:

@@ -13,7 +13,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from vsd_analytics.store.duck import one_thread
+from vsd_analytics.store.duck import n_threads, one_thread
 from vsd_analytics.warehouse.sqlfiles import RECORD_RELATIONS, Relation, queried_relations, relations
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ class Catalog:
         ahead: Callable[[Iterable[str]], None],
     ) -> None:
         self._con, self._source, self._ahead = con, source, ahead
+        self._threads = n_threads(con)
         self._known = queried_relations()
         self._sources: dict[str, RelationSource] = {}
         self._views, self._tables = set[str](), set[str]()
@@ -120,18 +121,18 @@ class Catalog:
                 self._views.add(name)
 
     def _materialise(self, name: str) -> None:
+        import duckdb
+
         if name in self._tables:
             return
         if name in self._views:
-            is_view = self._con.execute(
-                "select count(*) > 0 from duckdb_views() where view_name = $name", {"name": name}
-            ).fetchall()[0][0]
-            if not is_view:  # a caller replaced the view by a table of its own
+            try:
+                self._con.execute(f"drop view {name}")
+            except duckdb.CatalogException:  # a caller replaced the view by a table of its own
                 self._tables.add(name)
                 return
-            self._con.execute(f"drop view {name}")
             self._views.discard(name)
         source = self._sources[name]
-        with one_thread(self._con) if source.is_files else nullcontext():
+        with one_thread(self._con, of=self._threads) if source.is_files else nullcontext():
             self._con.execute(f"create temp table {name} as {source.query}")
         self._tables.add(name)
