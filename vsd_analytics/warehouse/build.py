@@ -6,6 +6,7 @@ import contextlib
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -398,8 +399,13 @@ def _fresh_days(
 
 def _n_persons(table: TableName, part: Part) -> int:
     """Return the rows of a part, of pairs twice: each is of two persons, and takes the room of two while it is held."""
-    n_rows: int = pq.read_metadata(part.path).num_rows
-    return 2 * n_rows if table == "pairs" else n_rows
+    return 2 * _n_rows(part.path) if table == "pairs" else _n_rows(part.path)
+
+
+@lru_cache(maxsize=100_000)
+def _n_rows(path: Path) -> int:
+    """Return the rows of a part. A part is named by the hash of its bytes, so they never change."""
+    return int(pq.read_metadata(path).num_rows)
 
 
 def _batches(units: Sequence[Unit]) -> Iterator[Sequence[Unit]]:
