@@ -75,11 +75,6 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
-def pytest_unconfigure() -> None:
-    """Let what the tests left behind be collected, so that libraries can look for leaks when Python ends."""
-    gc.unfreeze()
-
-
 @pytest.fixture(scope="module", autouse=True)
 def _no_wait_for_the_disk(request: pytest.FixtureRequest) -> Iterator[None]:
     """Let fsync do nothing in this process: only a power cut or a broken disk shows a difference.
