@@ -98,6 +98,22 @@ def expected(number: int, message: dict[str, Any]) -> dict[str, list[dict[str, A
     return {"frames": [{**shared, **counts, "seq": message.get("seq")}], "observations": people, "pairs": links}
 
 
+def test_a_person_of_one_message_and_a_listed_one_of_the_next_have_their_own_numbers(tmp_path: Path) -> None:
+    """Numbers of people who are not listed start anew in each message; here only the second one lists somebody."""
+    ts = "2026-11-09T09:00:00Z"
+    first = {"v": 1, "camera": "cam-1", "ts": ts, "pairs": [{"a": "z", "b": "y"}, {"a": "y", "b": "x"}]}
+    second = {
+        "v": 1,
+        "camera": "cam-2",
+        "ts": ts,
+        "persons": [{"id": "p"}, {"id": "q"}],
+        "pairs": [{"a": "q", "b": "w"}],
+    }
+    content = "\n".join(map(json.dumps, (first, second)))
+    found = read_frames(tmp_path / "a.jsonl", content, OPTIONS).tables["pairs"]
+    assert [(row["person_a"], row["person_b"]) for row in found] == [(0, 1), (1, 2), (1, 2)]
+
+
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(lines=st.lists(messages | odd_lines, max_size=12), held=st.integers(1, 12), batch=st.integers(1, 40))
 def test_messages_read_together_give_the_rows_of_each(

@@ -7,14 +7,17 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from raw_reading import NINE_MS, NOW, small_site
 
+from vsd_analytics.errors import StoreError
 from vsd_analytics.ingest.adapter import RawBatch, Rejected
 from vsd_analytics.ingest.normalise import Normalised, Normaliser
+from vsd_analytics.ingest.pseudonyms import Pseudonyms
 from vsd_analytics.schema import RAW_SCHEMAS, SCHEMAS, TableName
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Site
@@ -262,3 +265,25 @@ def test_pairs_and_persons_get_the_same_pseudonyms(tmp_path: Path) -> None:
     names = _tracks(keys, *(("cam-1", NOON, t) for t in "ab"))
     (row,) = stored("pairs", {**PAIR, "ts_ms": int(NOON.timestamp() * 1000)}, keys=keys)
     assert [row["track_a"], row["track_b"]] == sorted(str(n) for n in names)
+
+
+def test_a_key_that_was_destroyed_meanwhile_names_no_other_track(tmp_path: Path) -> None:
+    keys = DayKeys(tmp_path)
+    pseudonyms = Pseudonyms(SITE, keys)
+
+    def named(track: str) -> str | None:
+        at = {"camera_ids": pa.array(["cam-1"]), "ts_ms": np.array([NINE_MS])}
+        name: str | None = pseudonyms.tracks(pa.array([track]), **at)[0].as_py()
+        return name
+
+    first = named("7")
+    assert first is not None
+    assert first == named("7")
+    keys.forget(keys.days())
+    with pytest.raises(StoreError, match="was destroyed"):
+        named("8")
+
+
+def test_records_without_ids_make_no_key(tmp_path: Path) -> None:
+    normalised("observations", person(), keys=DayKeys(tmp_path))
+    assert DayKeys(tmp_path).days() == []
