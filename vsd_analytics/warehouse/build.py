@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import Counter, defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from collections.abc import Set as AbstractSet
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +28,7 @@ from vsd_analytics.warehouse.camera_days import (
     day_path,
     day_units,
     hour_units,
+    joined_days,
     read_days,
     weeks_of_days,
 )
@@ -102,8 +102,7 @@ def build(
                 from vsd_analytics.warehouse.day_files import superseded_anywhere
 
                 fresh = {path for of_day in result.paths.values() for path in of_day.values()}
-                unneeded += [path for path in superseded_anywhere(site) if path not in fresh]
-                unneeded += superseded.temporaries(root)
+                unneeded += [*superseded_anywhere(site, fresh), *superseded.temporaries(root)]
             superseded.clear(root, unneeded, has_published=is_published)
             return result
     except (*_errors_of_duckdb(), pa.ArrowException, UnicodeDecodeError, OSError) as error:
@@ -154,7 +153,12 @@ def _build(
     for folder in {files.paths[name][day].parent for day in stale for name in files.names}:
         sweep_temporaries(folder)
     unneeded: tuple[Path, ...] = ()
-    paths = _joined(site, files, day_units_of, sealed, first_day, last_day)
+    without = sealed.whole_days | {hour // 24 for hour in sealed.hours}
+    unsealed = [u for u in day_units_of if u.number not in sealed.whole_days]
+    paths = {
+        **files.joined(first_day=first_day, last_day=last_day, without=without),
+        DAY_FACT: joined_days(site, unsealed, first_day=first_day, last_day=last_day, without=without),
+    }
     if files.missing or not is_trusting or paths != files.paths or files.has_others():
         # Of facts that nobody asked for, older files stay: rows of the hours that did not change are taken from them.
         asked = {DAY_FACT, *files.names, *(relations("facts").keys() - files.paths.keys())}
@@ -179,21 +183,6 @@ def _build(
         Counter({name: n for name in files.names if (n := sum(len(of.get(name, ())) for of in stale.values()))}),
         unneeded,
     )
-
-
-def _joined(
-    site: Site,
-    files: FactDays,
-    units: Iterable[Unit],
-    sealed: SealedRange,
-    first_day: int | None,
-    last_day: int | None,
-) -> dict[str, Mapping[int, Path]]:
-    """Join the files of weeks that are over; return the fresh file of each fact and UTC day."""
-    weeks, without = weeks_of_days(site), sealed.whole_days | {hour // 24 for hour in sealed.hours}
-    own = weeks.resting({u.number: day_path(site, u) for u in units if u.number not in sealed.whole_days})
-    of_days = weeks.join(own, first_day=first_day, last_day=last_day, without=without)
-    return {**files.joined(first_day=first_day, last_day=last_day, without=without), DAY_FACT: of_days}
 
 
 def day_work(site: Site, day: int) -> dict[str, bytes]:
@@ -354,14 +343,13 @@ class BuildPlan:
 
     Attributes:
         days: UTC days with records.
-        inputs: By path of a fresh file, input hashes by UTC hour number, of `camera_days` by UTC day number; of a week
-            those of the range. Files of a day are left out where their names are unknown, because the fact
-            `camera_days` of a day around it has to be computed first.
+        inputs: By path of a fresh file, input hashes by UTC hour number, of `camera_days` by UTC day number, of what is
+            in the range. Files of a day are left out where `camera_days` of a day around it has to be computed first.
         fresh, stale, missing: Hours with records by the state of their facts: all there; some out of date; some not
             computed, because nobody asked for them so far.
     """
 
-    days: AbstractSet[int]
+    days: Set[int]
     inputs: Mapping[Path, Mapping[int, InputHashes]]
     fresh: Collection[int]
     stale: Collection[int]

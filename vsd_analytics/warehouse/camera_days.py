@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,6 +65,15 @@ def day_path(site: Site, unit: Unit) -> Path:
 def weeks_of_days(site: Site) -> FactWeeks:
     """Return the week files of the fact."""
     return FactWeeks(site.root / "facts", DAY_FACT, site.site_id)
+
+
+def joined_days(
+    site: Site, units: Iterable[Unit], *, first_day: int | None, last_day: int | None, without: Collection[int]
+) -> dict[int, Path]:
+    """Join the files of weeks that are over; return the file with the rows of each day. See `FactWeeks.join`."""
+    weeks = weeks_of_days(site)
+    own = weeks.resting({unit.number: day_path(site, unit) for unit in units})
+    return weeks.join(own, first_day=first_day, last_day=last_day, without=without)
 
 
 def day_bytes(unit: Unit, rows: pa.Table) -> bytes:

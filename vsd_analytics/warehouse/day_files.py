@@ -199,8 +199,8 @@ def relations_stored_by_day() -> list[Relation]:
     return [r for r in relations("facts", "marts").values() if r.stored_by]
 
 
-def superseded_anywhere(site: Site) -> list[Path]:
-    """Return all but the newest of the files of each day and week, and those of marts no longer stored.
+def superseded_anywhere(site: Site, fresh: Collection[Path]) -> list[Path]:
+    """Return all but the newest of the files of each day and week, `fresh` apart, and those of marts no longer stored.
 
     There are several where a reader held the older one when the newer one was written, or was killed.
     """
@@ -208,7 +208,7 @@ def superseded_anywhere(site: Site) -> list[Path]:
     folders = [(root / folder, name) for root in roots for folder in (FOLDER.name, WEEKS) for name in _ever_stored()]
     paths = [part.path for folder, name in folders for part in list_parts(folder, name, site.site_id)]
     newest = {path.parent: path for path in sorted(paths, key=lambda p: (_written_ns(p), p.name))}
-    return [*no_longer_stored(site), *(path for path in paths if newest[path.parent] != path)]
+    return [*no_longer_stored(site), *(path for path in paths if path not in fresh and newest[path.parent] != path)]
 
 
 def _written_ns(path: Path) -> int:
