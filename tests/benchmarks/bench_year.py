@@ -137,7 +137,7 @@ def _write_facts(site: Site, pattern: Site) -> None:
         for day, path in files.paths[name].items():
             days = day - FIRST_NUMBER
             rows = later(rows_of[days % PATTERN], days - days % PATTERN)
-            writer = FactWriter(by_kind({u.number: files.inputs(name, u) for u in files.units[day]}))
+            writer = FactWriter(by_kind({u.number: files.inputs(name, u) for u in files.units[day]}, day * 24))
             hours = rows["hour"].to_numpy()
             for unit in files.units[day]:
                 first, after = np.searchsorted(hours, [unit.number, unit.number + 1])

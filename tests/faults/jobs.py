@@ -174,6 +174,23 @@ def _with_stale_facts(root: Path) -> None:
     vsd(root, "ingest", str(_given(root, "second.jsonl")))
 
 
+def _with_weeks(root: Path) -> None:
+    """Make facts of a week that is over, so that their files are joined, and of the week after the next."""
+    write_project(root)
+    old = [line for k in (14, 13, 11) for line in messages(START - timedelta(days=k), 3)]
+    _given(root, "old.jsonl").write_text("\n".join(old))
+    for name in ("old.jsonl", "first.jsonl"):
+        vsd(root, "ingest", str(_given(root, name)))
+    vsd(root, "build")
+
+
+def _with_stale_week(root: Path) -> None:
+    _with_weeks(root)
+    late = messages(START - timedelta(days=13) + timedelta(hours=2), 3)
+    _given(root, "late.jsonl").write_text("\n".join(late))
+    vsd(root, "ingest", str(_given(root, "late.jsonl")))
+
+
 def _with_first(root: Path) -> None:
     write_project(root)
     vsd(root, "ingest", str(_given(root, "first.jsonl")))
@@ -199,6 +216,11 @@ def fill_quarantine(root: Path, ack: Ack) -> None:
 
 def _build(root: Path, ack: Ack) -> str:
     return vsd(root, "build", ack=ack)
+
+
+def _build_after(root: Path) -> None:
+    """Compute again what a refusing disk did not leave of a week that a purge touched."""
+    vsd(root, "build")
 
 
 def _with_facts(root: Path) -> None:
@@ -262,6 +284,10 @@ def _purge_by_camera(root: Path, ack: Ack) -> str:
     return vsd(root, "purge", "--camera", "cam-1", "--range", "2026-11-09T11:05..2026-11-10", ack=ack)
 
 
+def _purge_in_week(root: Path, ack: Ack) -> str:
+    return vsd(root, "purge", "--camera", "cam-1", "--range", "2026-10-27", "--force", ack=ack)
+
+
 def _with_seals(root: Path) -> None:
     _with_few_days(root)
     _purge_by_age(root, lambda value: None)
@@ -285,6 +311,7 @@ JOBS = {
         Job("append", write_project, _append, finish=_fold),
         Job("fold", _half_folded, _fold),
         Job("build", _with_stale_facts, _build),
+        Job("build of weeks", _with_stale_week, _build),
         Job("day keys", write_project, make_keys),
         Job("quarantine", write_project, fill_quarantine),
         Job("log add", _with_log, add_to_log),
@@ -293,6 +320,7 @@ JOBS = {
         Job("planner", _before_planner, _planner),
         Job("purge by age", _with_few_days, _purge_by_age),
         Job("purge by camera", _with_few_days, _purge_by_camera),
+        Job("purge in a week", _with_weeks, _purge_in_week, finish=_build_after),
         Job("purge of sealed", _with_seals, _purge_of_sealed),
         Job("forget keys", _with_seals, _forget_keys),
         Job("vsd ingest", _with_first, _ingest, is_named_alike=False),  # a new day's key is random

@@ -153,7 +153,7 @@ def fact_hours(site: Site) -> dict[tuple[str, int], tuple[list[dict[str, Any]], 
         for path in (site.root / "facts" / name).rglob("*.parquet"):
             day = (date.fromisoformat(path.parent.name.removeprefix("date=")) - date(1970, 1, 1)).days
             rows: list[dict[str, Any]] = pq.ParquetFile(path).read().to_pylist()
-            for hour, inputs in by_hour(noted_inputs(path.read_bytes()), day).items():
+            for hour, inputs in by_hour(noted_inputs(path.read_bytes()), day * 24).items():
                 found[name, hour] = ([row for row in rows if row["hour"] == hour], inputs)
     return found
 

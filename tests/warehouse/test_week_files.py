@@ -5,25 +5,20 @@ from __future__ import annotations
 import errno
 import shutil
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from warehouse.small_projects import Frame, Person, make_site, put
 
 from vsd_analytics.retention.purge import Terms, purge_older, purge_range
 from vsd_analytics.site.model import Camera, Site
-from vsd_analytics.store import Store
+from vsd_analytics.warehouse import fact_weeks as fact_weeks_module
 from vsd_analytics.warehouse import week_files as week_files_module
 from vsd_analytics.warehouse.build import build
-from vsd_analytics.warehouse.camera_days import day_units, read_days
 from vsd_analytics.warehouse.day_files import relations_stored_by_day
-from vsd_analytics.warehouse.factfiles import DIGEST, fact_bytes, noted_inputs
-from vsd_analytics.warehouse.units import PartIndex
+from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.verify_facts import verify
 from vsd_analytics.warehouse.warehouse import Warehouse
 from vsd_analytics.warehouse.week_files import DAYS, FOLDER
@@ -106,9 +101,10 @@ def test_a_range_is_read_by_weeks_facts_without_the_last_days(project: Site) -> 
     found: dict[str, list[date]] = {name: [] for name in SOME}
     for path in weeks(project):
         name, _, day, _ = path.relative_to(project.root / "facts" / FOLDER).parts
-        found[name].append(date.fromisoformat(day.removeprefix("date=")))
+        found.setdefault(name, []).append(date.fromisoformat(day.removeprefix("date=")))
     mondays = [MONDAY + timedelta(days=k) for k in (0, DAYS, 2 * DAYS)]
-    assert found == {name: mondays[: 1 if name in FACTS else 3] for name in SOME}
+    facts = relations("facts")
+    assert found == {name: mondays[: 1 if name in facts else 3] for name in found}
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -157,30 +153,11 @@ def test_where_no_week_can_be_written_the_days_are_read(stored: Path, tmp_path: 
 
     with pytest.MonkeyPatch.context() as full:
         full.setattr(week_files_module, "publish", refused)
+        full.setattr(fact_weeks_module, "publish", refused)
         without = rows(site)
     assert not weeks(site)
     assert rows(site) == without
     assert [p.name for p in weeks(site)] == [p.name for p in weeks(site_of(read))]
-
-
-def test_large_days_get_no_week(stored: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(week_files_module, "_BYTES_MAX", 10)
-    site = site_of(Path(shutil.copytree(stored, tmp_path / "shop")))
-    assert rows(site, FACTS)
-    assert not weeks(site)
-
-
-def test_a_damaged_day_gets_into_no_week(project: Site) -> None:
-    for path in weeks(project):
-        path.unlink()
-    day = next((project.root / "facts" / "exposure").rglob(f"date={MONDAY}/*.parquet"))
-    data = bytearray(day.read_bytes())
-    data[data.rindex(DIGEST) + len(DIGEST) + 9] ^= 1  # damage that no reader stumbles over
-    day.write_bytes(data)
-    with Warehouse(project, MONDAY, SUNDAY) as warehouse:
-        warehouse.prepare("select * from exposure join violation_time using (camera_id, quarter)")
-    names = {p.relative_to(project.root / "facts" / FOLDER).parts[0] for p in weeks(project)}
-    assert names == {"violation_time"}
 
 
 def test_verify_finds_a_flipped_bit_and_a_wrong_name(project: Site) -> None:
@@ -235,36 +212,3 @@ def test_files_of_a_mart_that_are_no_longer_stored_go_with_the_next_build_and_wi
 
 def _purge_half(site: Site) -> None:
     purge_older(site, before=MONDAY + timedelta(days=9), terms=Terms(now=NOW, is_forced=True))
-
-
-def test_units_of_hours_are_the_same_from_week_files_of_camera_days_and_from_those_of_its_days(tmp_path: Path) -> None:
-    """Two parts share an hour, so days note where these lie; files of an older version noted nothing."""
-    site = site_of(tmp_path)
-    days = [MONDAY + timedelta(days=k) for k in range(21)]
-    put_days(site, days)
-    put(site, [replace(r, ts=r.ts + 30 * 60_000) for day in days for r in some_minutes(day, 1)])
-    rows(site, ("camera_days",))
-    files = {p: p.read_bytes() for p in weeks(site) if "camera_days" in p.parts}
-    assert len(files) == 2
-    found = known_days(site)
-    assert len(found[0]) == 21
-    assert found[1]
-    for path, data in files.items():
-        path.write_bytes(fact_bytes(pq.ParquetFile(pa.BufferReader(data)).read(), inputs=noted_inputs(data)))
-    assert known_days(site) == found
-    for place in (30, 60, 90):  # in the rows
-        for path, data in files.items():
-            path.write_bytes(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :])
-        assert known_days(site) == found
-    for path in files:
-        path.unlink()
-    assert known_days(site) == found
-
-
-def known_days(site: Site) -> tuple[dict[int, tuple], dict[str, tuple[int, int]]]:
-    """Return what is read of each UTC day, and the spans of all parts that share an hour."""
-    store = Store(site.root / "store", site_id=site.site_id)
-    index = PartIndex(store, first_hour=None, last_hour=None)
-    found = read_days(site, day_units(index, index.hours(), site=site))
-    spans = {digest: span for day in found.values() for digest, span in day.spans.items()}
-    return {n: (d.digest, d.rows.to_pylist(), d.cameras, d.reach_ms) for n, d in found.items()}, spans

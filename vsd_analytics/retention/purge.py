@@ -28,8 +28,9 @@ from vsd_analytics.store.seals import DAY_FACT, FOLDER, DaySeal, Seals, UnitSeal
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.build_result import BuildResult
-from vsd_analytics.warehouse.day_files import facts_around
+from vsd_analytics.warehouse.day_files import facts_around, spare_other_days
 from vsd_analytics.warehouse.fact_days import hour_files
+from vsd_analytics.warehouse.fact_weeks import day_bytes_of
 from vsd_analytics.warehouse.sealed import CurrentRules
 from vsd_analytics.warehouse.sqlfiles import relations
 
@@ -139,7 +140,9 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
         if n_old:
             quarantine.drop(site.root / quarantine.FOLDER, lambda _, entry: entry is not None and is_old(entry))
         again = [p.path for t in TABLES for p in store.repeats(t, last_hour=edge - 1)]
-        unlink = [*(p.path for p in going), *again, *facts_around(site, sealer.sealed_before())]
+        sealed = sealer.sealed_before()
+        spare_other_days(site, sealed)
+        unlink = [*(p.path for p in going), *again, *facts_around(site, sealed)]
         entry = audit_line(terms, found, {"older_than": before.isoformat()})
         remove_records(store.root, Intent(site_id=site.site_id, entry=entry, unlink=below(site.root, unlink)))
         return found
@@ -197,6 +200,7 @@ def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: i
         if terms.is_dry_run or found.is_nothing:
             return found
         what = {"camera_id": camera_id, "from": _iso(first_ms), "to": _iso(after_ms)}
+        spare_other_days(site, hours)
         intent = Intent(
             site_id=site.site_id,
             entry=audit_line(terms, found, what),
@@ -294,12 +298,13 @@ class _Sealer:
         found: dict[int, dict[str, str]] = {hour: {} for hour in hours}
         names = [r.name for r in relations("facts").values() if r.unit == "hour" and r.name in built.paths]
         for name in names if hours else ():
-            for hour, data in hour_files(built.paths[name][day], day, hours).items():
+            for hour, data in hour_files(built.paths[name][day], hours).items():
                 found[hour][name] = self._seals.put(name, hour, data)
         return found
 
     def _day(self, day: int, built: BuildResult) -> UnitSeal:
-        digest = self._seals.put(DAY_FACT, day * 24, built.paths[DAY_FACT][day].read_bytes())
+        data = day_bytes_of(built.paths[DAY_FACT][day], DAY_FACT, day)
+        digest = self._seals.put(DAY_FACT, day * 24, data)
         return UnitSeal(fingerprint=built.day_fingerprints[day], causes={}, facts={DAY_FACT: digest})
 
     def _hour(self, hour: int, fingerprint: str, facts: Mapping[str, str]) -> UnitSeal:

@@ -16,7 +16,7 @@ from vsd_analytics.store.owners import brought_by
 from vsd_analytics.store.removal import Intent, remove_records, removing
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.taking_back import n_replacing
-from vsd_analytics.warehouse.day_files import facts_around
+from vsd_analytics.warehouse.day_files import facts_around, spare_other_days
 
 SHORTEST_ID = 4
 """Digits of an id that must be given at least."""
@@ -97,6 +97,7 @@ def purge_import(site: Site, given: str, *, terms: Terms) -> tuple[ImportLine | 
         if terms.is_dry_run or found.is_nothing:
             return line, found
         what = {"import_id": import_id, "source": None if line is None else line.source}
+        spare_other_days(site, going)
         intent = Intent(
             site_id=site.site_id,
             entry=audit_line(terms, found, what),

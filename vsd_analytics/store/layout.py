@@ -23,7 +23,8 @@ from vsd_analytics.schema import TableName
 HOUR_MS = 3_600_000
 _EVER = 10**9
 """An hour number after all others."""
-_PART = re.compile(r"^(?P<hour>[01]\d|2[0-3])-(?P<digest>[0-9a-f]{16})\.parquet$")
+_PART = re.compile(r"^(?P<hour>[01]\d|2[0-3])-(?P<digest>[0-9a-f]{16}(?:[0-9a-f]{96})?)\.parquet$")
+"""The name of a week file of facts has the fingerprints of its seven days."""
 _SEGMENT = re.compile(r"^[0-9a-f]{16}\.parquet$")
 _DATE = re.compile(r"^date=(\d{4}-\d{2}-\d{2})$")
 

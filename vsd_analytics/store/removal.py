@@ -40,7 +40,7 @@ LOCK = ".purge.lock"
 AUDIT = "purge.jsonl"
 WAIT_S = 600.0
 
-_UNIT = r"/site=[a-z0-9][a-z0-9_-]{0,62}/date=\d{4}-\d{2}-\d{2}/([01]\d|2[0-3])-[0-9a-f]{16}\.parquet\Z"
+_UNIT = r"/site=[a-z0-9][a-z0-9_-]{0,62}/date=\d{4}-\d{2}-\d{2}/([01]\d|2[0-3])-[0-9a-f]{16}([0-9a-f]{96})?\.parquet\Z"
 # an intent may come with somebody else's project: it may name only files that a purge removes, and nothing else
 PartName = Annotated[str, msgspec.Meta(pattern=rf"^store/(again/)?({'|'.join(TABLES)}){_UNIT}")]
 _FACTS = r"facts(/beside/[0-9a-f]{16})?(/days|/weeks)?"

@@ -24,7 +24,7 @@ from vsd_analytics.store.part_files import HASH_DIFFERS
 from vsd_analytics.store.repeats import AGAIN
 from vsd_analytics.store.store import Store
 
-_PART = re.compile(r"site=([^/]+)/date=(\d{4}-\d{2}-\d{2})/(?:[01]\d|2[0-3])-[0-9a-f]{16}\.parquet")
+_PART = re.compile(r"site=([^/]+)/date=(\d{4}-\d{2}-\d{2})/(?:[01]\d|2[0-3])-[0-9a-f]{16}(?:[0-9a-f]{96})?\.parquet")
 _OTHERS = re.compile(
     r"\.lock|\.purge\.lock|\.ballast|purge/[0-9a-f]{16}\.json|imports\.jsonl|live/(.+)/[0-9a-f]{16}\.parquet"
 )

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 from collections import Counter, defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -24,10 +23,20 @@ from vsd_analytics.store.reused_memory import reused_memory
 from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.warehouse import beside, superseded
 from vsd_analytics.warehouse.build_result import BuildResult
-from vsd_analytics.warehouse.camera_days import KnownDay, day_bytes, day_path, day_units, hour_units, read_days
+from vsd_analytics.warehouse.camera_days import (
+    KnownDay,
+    day_bytes,
+    day_path,
+    day_units,
+    hour_units,
+    joined_days,
+    read_days,
+    weeks_of_days,
+)
 from vsd_analytics.warehouse.compute import day_facts, hour_facts
-from vsd_analytics.warehouse.fact_days import DayWriter, FactDays, damaged_facts, is_whole, slices
-from vsd_analytics.warehouse.factfiles import is_undamaged_file
+from vsd_analytics.warehouse.fact_days import DayWriter, FactDays, slices
+from vsd_analytics.warehouse.factfiles import damaged_facts, is_undamaged_file, is_whole
+from vsd_analytics.warehouse.input_fingerprint import InputHashes
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.spread import Spread, publish_days
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
@@ -93,7 +102,8 @@ def build(
             if first_hour is None and last_hour is None:
                 from vsd_analytics.warehouse.day_files import superseded_anywhere
 
-                unneeded += [*superseded_anywhere(site), *superseded.temporaries(root)]
+                fresh = {path for of_day in result.paths.values() for path in of_day.values()}
+                unneeded += [*superseded_anywhere(site, fresh), *superseded.temporaries(root)]
             superseded.clear(root, unneeded, has_published=is_published)
             return result
     except (*_errors_of_duckdb(), pa.ArrowException, UnicodeDecodeError, OSError) as error:
@@ -129,6 +139,7 @@ def _build(
     days = _fresh_days(site, day_units_of, check, spread)
     units = hour_units(site, index, hours, days)
     files = FactDays(site, units, facts=facts, is_trusting=is_trusting)
+    files.take_apart()
     stale = _stale(files)
     computed = _computed(units, stale)
     reasons = Counter(files.reason(u) for u in computed)
@@ -143,9 +154,13 @@ def _build(
     for folder in {files.paths[name][day].parent for day in stale for name in files.names}:
         sweep_temporaries(folder)
     unneeded: tuple[Path, ...] = ()
-    of_days = {u.number: day_path(site, u) for u in day_units_of if u.number not in sealed.whole_days}
-    paths = {**files.paths, DAY_FACT: of_days}
-    if files.missing or not is_trusting or files.has_others():
+    without = sealed.whole_days | {hour // 24 for hour in sealed.hours}
+    unsealed = [u for u in day_units_of if u.number not in sealed.whole_days]
+    paths = {
+        **files.joined(first_day=first_day, last_day=last_day, without=without),
+        DAY_FACT: joined_days(site, unsealed, first_day=first_day, last_day=last_day, without=without),
+    }
+    if files.missing or not is_trusting or paths != files.paths or files.has_others():
         # Of facts that nobody asked for, older files stay: rows of the hours that did not change are taken from them.
         asked = {DAY_FACT, *files.names, *(relations("facts").keys() - files.paths.keys())}
         unneeded = superseded.find(
@@ -229,7 +244,7 @@ def _publish(site: Site, result: BuildResult) -> bool:
 def current_files(site: Site, result: BuildResult) -> dict[str, list[Path]]:
     """Return the fresh and sealed files of each fact, given the build of everything stored."""
     sealed = {name: [path for _, path in result.sealed.fact_paths(site, name)] for name in relations("facts")}
-    found = {name: [*result.paths.get(name, {}).values(), *paths] for name, paths in sealed.items()}
+    found = {name: [*dict.fromkeys(result.paths.get(name, {}).values()), *paths] for name, paths in sealed.items()}
     return {name: paths for name, paths in found.items() if paths}
 
 
@@ -329,14 +344,14 @@ class BuildPlan:
 
     Attributes:
         days: UTC days with records.
-        inputs: By path of a fresh file, what it notes about its inputs. Files of a day are left out where their names
-            are unknown, because the fact `camera_days` of a day around it has to be computed first.
+        inputs: By path of a fresh file, input hashes by UTC hour number, of `camera_days` by UTC day number, of what is
+            in the range. Files of a day are left out where `camera_days` of a day around it has to be computed first.
         fresh, stale, missing: Hours with records by the state of their facts: all there; some out of date; some not
             computed, because nobody asked for them so far.
     """
 
-    days: Collection[int]
-    inputs: Mapping[Path, Mapping[str, Any]]
+    days: Set[int]
+    inputs: Mapping[Path, Mapping[int, InputHashes]]
     fresh: Collection[int]
     stale: Collection[int]
     missing: Collection[int]
@@ -347,12 +362,17 @@ def build_plan(site: Site, *, first_hour: int | None = None, last_hour: int | No
     store = Store(site.root / "store", site_id=site.site_id)
     index, hours, sealed = _range(site, store, *_days(first_hour, last_hour))
     units = day_units(index, [*hours, *sealed.hours], site=site)
-    paths = {u.number: day_path(site, u) for u in units}
-    days = read_days(site, [u for u in units if is_undamaged_file(paths[u.number])])
+    paths = weeks_of_days(site).resting({u.number: day_path(site, u) for u in units})
+    is_there = {path: is_undamaged_file(path) for path in set(paths.values())}
+    days = read_days(site, [u for u in units if is_there[paths[u.number]]])
     unknown = {h // 24 for h in hours if any(d in paths and d not in days for d in days_around(h))}
     files = FactDays(site, hour_units(site, index, [h for h in hours if h // 24 not in unknown], days))
-    inputs: dict[Path, Mapping[str, Any]] = {paths[u.number]: u.inputs for u in units}
-    inputs |= {of_day[day]: files.noted(name, day) for name, of_day in files.paths.items() for day in of_day}
+    inputs: dict[Path, dict[int, InputHashes]] = defaultdict(dict)
+    for u in units:
+        inputs[paths[u.number]][u.number] = u.inputs
+    for name, of_day in files.paths.items():
+        for day, path in of_day.items():
+            inputs[path] |= {u.number: files.inputs(name, u) for u in files.units[day]}
     asked = {h for h in hours if _is_within(h, first_hour, last_hour)}
     found = [(n, u) for day, names in files.missing.items() for n in names for u in files.stale(n, day)]
     outdated = {u.number for n, u in found if files.is_noted(n, u)}
@@ -380,8 +400,10 @@ def _fresh_days(
     site: Site, units: Sequence[Unit], check: Callable[[Iterable[Part]], None], spread: Spread | None
 ) -> dict[int, KnownDay]:
     """Return the fact `camera_days` of each UTC day, after computing the stale ones."""
-    paths = {u.number: day_path(site, u) for u in units}
-    missing = [u for u in units if not is_whole(paths[u.number])]
+    paths, weeks = {u.number: day_path(site, u) for u in units}, weeks_of_days(site)
+    weeks.take_apart(paths)
+    resting = weeks.resting(paths)
+    missing = [u for u in units if not is_whole(resting[u.number])]
     if spread is not None and len(missing) > 1:
         wanted = {u.number: [paths[u.number]] for u in missing}
         publish_days(day_work, site, wanted, spread, on_day=lambda day: sweep_temporaries(paths[day].parent))

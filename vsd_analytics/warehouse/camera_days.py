@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,13 +13,13 @@ import pyarrow.parquet as pq
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.warehouse.dimensions import params
-from vsd_analytics.warehouse.fact_days import damaged_facts, slices
-from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged
+from vsd_analytics.warehouse.fact_days import slices
+from vsd_analytics.warehouse.fact_weeks import FactWeeks
+from vsd_analytics.warehouse.factfiles import damaged_facts, fact_bytes
 from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, SiteInputs, fact_inputs, text_hash
-from vsd_analytics.warehouse.reach import SPANS, NearParts, Spans, noted_spans, reach_ms, spans_of
+from vsd_analytics.warehouse.reach import NearParts, Spans, noted_spans, reach_ms, spans_of
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import PartIndex, Unit, day_unit, days_around, fact_path, hour_unit
-from vsd_analytics.warehouse.week_files import DAYS, by_week, fact_weeks
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +32,8 @@ class KnownDay:
         digest: Hash of the rows.
         cameras: Cameras with records.
         reach_ms: How far beyond an hour of the day its facts read records.
-        spans: Of parts of the day that share an hour and a table. The first day of a week file has those of all seven.
+        spans: Of parts of the day that share an hour and a table. The first day of a week's file has those of all its
+            days.
     """
 
     unit: Unit
@@ -60,6 +62,20 @@ def day_path(site: Site, unit: Unit) -> Path:
     return fact_path(site.root / "facts", DAY_FACT, site.site_id, unit, is_day=True)
 
 
+def weeks_of_days(site: Site) -> FactWeeks:
+    """Return the week files of the fact."""
+    return FactWeeks(site.root / "facts", DAY_FACT, site.site_id)
+
+
+def joined_days(
+    site: Site, units: Iterable[Unit], *, first_day: int | None, last_day: int | None, without: Collection[int]
+) -> dict[int, Path]:
+    """Join the files of weeks that are over; return the file with the rows of each day. See `FactWeeks.join`."""
+    weeks = weeks_of_days(site)
+    own = weeks.resting({unit.number: day_path(site, unit) for unit in units})
+    return weeks.join(own, first_day=first_day, last_day=last_day, without=without)
+
+
 def day_bytes(unit: Unit, rows: pa.Table) -> bytes:
     """Return the bytes of its file."""
     return fact_bytes(rows, inputs=unit.inputs, noted=noted_spans(unit.parts))
@@ -73,18 +89,14 @@ def read_days(site: Site, units: Iterable[Unit]) -> dict[int, KnownDay]:
     """
     settings = params(site)
     units_of = {unit.number: unit for unit in units}
-    paths = {day: day_path(site, unit) for day, unit in units_of.items()}
-    weeks = fact_weeks(site.root / "facts", DAY_FACT, site.site_id, paths)
+    days_in: dict[Path, list[int]] = defaultdict(list)
+    for day, path in weeks_of_days(site).resting({day: day_path(site, unit) for day, unit in units_of.items()}).items():
+        days_in[path].append(day)
     found = {}
-    queue = list(by_week(weeks, paths).items())
-    for first_day, path in queue:
-        days = (first_day,) if path == paths.get(first_day) else range(first_day, first_day + DAYS)
+    for path, days in days_in.items():
         try:
             # a report opens many of these small files, and bytes are opened faster than a path
             data = path.read_bytes()
-            if len(days) > 1 and not _notes_spans(data):
-                queue += [(day, paths[day]) for day in days]
-                continue
             with pq.ParquetFile(pa.BufferReader(data), pre_buffer=False) as file:
                 rows, spans = file.read(use_threads=False), spans_of(file.metadata.metadata)
         except (pa.ArrowException, OSError) as error:
@@ -95,11 +107,6 @@ def read_days(site: Site, units: Iterable[Unit]) -> dict[int, KnownDay]:
             of_day = KnownDay(units_of[day], own, text_hash(known), cameras, reach_ms(settings, known), spans)
             found[day], spans = of_day, {}
     return {day: found[day] for day in units_of}
-
-
-def _notes_spans(week: bytes) -> bool:
-    """Return whether a week file is undamaged, and not of an older version, which noted no spans."""
-    return is_undamaged(week) and SPANS in (pq.read_metadata(pa.BufferReader(week)).metadata or {})
 
 
 def hour_units(site: Site, index: PartIndex, hours: Iterable[int], days: Mapping[int, KnownDay]) -> list[Unit]:

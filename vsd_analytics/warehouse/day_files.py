@@ -27,6 +27,7 @@ from vsd_analytics.store.layout import list_parts, unit_folder
 from vsd_analytics.warehouse import beside
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.dimensions import params
+from vsd_analytics.warehouse.fact_weeks import FactWeeks, fingerprints
 from vsd_analytics.warehouse.input_fingerprint import InputHashes, SiteInputs, text_hash
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 from vsd_analytics.warehouse.stored_days import Extent
@@ -198,8 +199,8 @@ def relations_stored_by_day() -> list[Relation]:
     return [r for r in relations("facts", "marts").values() if r.stored_by]
 
 
-def superseded_anywhere(site: Site) -> list[Path]:
-    """Return all but the newest of the files of each day and week, and those of marts no longer stored.
+def superseded_anywhere(site: Site, fresh: Collection[Path]) -> list[Path]:
+    """Return all but the newest of the files of each day and week, `fresh` apart, and those of marts no longer stored.
 
     There are several where a reader held the older one when the newer one was written, or was killed.
     """
@@ -207,7 +208,7 @@ def superseded_anywhere(site: Site) -> list[Path]:
     folders = [(root / folder, name) for root in roots for folder in (FOLDER.name, WEEKS) for name in _ever_stored()]
     paths = [part.path for folder, name in folders for part in list_parts(folder, name, site.site_id)]
     newest = {path.parent: path for path in sorted(paths, key=lambda p: (_written_ns(p), p.name))}
-    return [*no_longer_stored(site), *(path for path in paths if newest[path.parent] != path)]
+    return [*no_longer_stored(site), *(path for path in paths if path not in fresh and newest[path.parent] != path)]
 
 
 def _written_ns(path: Path) -> int:
@@ -243,13 +244,13 @@ def _ever_stored() -> Iterable[str]:
 def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
     """Return all files of facts, days and weeks, of all settings, whose rows may come from records of some UTC hours.
 
-    Hourly facts are those of the days of these hours: their files hold whole days.
+    Facts are those of the days of these hours: their files hold whole days, or whole weeks (`spare_other_days`).
     """
     own = {h // 24 for h in hours}
     near = {d + k for d in own for k in range(-_AROUND_DAYS, _AROUND_DAYS + 1)}
     if not near:
         return []
-    within = {"first_hour": min(near) * 24, "last_hour": max(near) * 24 + 23}
+    within, facts = {"first_hour": min(near) * 24, "last_hour": max(near) * 24 + 23}, relations("facts")
     found: list[Path] = []
     for root in (site.root / "facts", *beside.folders(site)):
         for name in _ever_stored():
@@ -260,9 +261,21 @@ def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
             found += [p.path for p in parts if p.hour // 24 in near]
         within["first_hour"] -= (DAYS - 1) * 24
         for name in _ever_stored():
-            weeks = list_parts(root / WEEKS, name, site.site_id, **within)
-            found += [p.path for p in weeks if near & set(range(p.hour // 24, p.hour // 24 + DAYS))]
+            weeks, reached = list_parts(root / WEEKS, name, site.site_id, **within), own if name in facts else near
+            found += [p.path for p in weeks if reached & set(range(p.hour // 24, p.hour // 24 + DAYS))]
     return found
+
+
+def spare_other_days(site: Site, hours: Collection[int]) -> None:
+    """Write the other days of the weeks of facts that lie in `facts_around` some hours as files of their own."""
+    own = {h // 24 for h in hours}
+    for root in (site.root / "facts", *beside.folders(site)) if own else ():
+        for name in relations("facts"):
+            weeks = FactWeeks(root, name, site.site_id)
+            for week in weeks.files(min(own), max(own)):
+                days = fingerprints(week.path).keys()
+                if own & days:
+                    weeks.write_days(week.path, days - own)
 
 
 def _marts_of(relation: Relation) -> list[Relation]:

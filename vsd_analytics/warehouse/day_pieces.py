@@ -42,11 +42,12 @@ def fact_sizes(site: Site, built: BuildResult, facts: Collection[str]) -> dict[i
     """Return the bytes of the files of some facts by UTC day number; files that are not there count nothing."""
     found: Counter[int] = Counter()
     for name in facts:
-        fresh = built.paths.get(name, {}).items()
+        fresh = built.paths.get(name, {})
+        n_days = Counter(fresh.values())  # the file of a week has several
         sealed = ((hour // 24, path) for hour, path in built.sealed.fact_paths(site, name))
-        for day, path in (*fresh, *sealed):
+        for day, path in (*fresh.items(), *sealed):
             try:
-                found[day] += path.stat().st_size
+                found[day] += path.stat().st_size // n_days.get(path, 1)
             except FileNotFoundError:
                 continue
     return dict(found)

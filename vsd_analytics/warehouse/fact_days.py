@@ -4,6 +4,8 @@
 facts/<fact>/site=<site>/date=<YYYY-MM-DD>/00-<fingerprint>.parquet
 ```
 
+Files of small facts are joined when their week is over (`fact_weeks`).
+
 The fingerprint covers the inputs of every hour of the day, so one name answers whether a day is fresh. The file notes
 the inputs of each hour. When the fingerprint changes, the new file takes the rows of the hours whose own inputs did not
 change from the old one; only the others are computed.
@@ -21,18 +23,20 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from vsd_analytics.errors import StoreError
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import publish
 from vsd_analytics.store.layout import unit_folder
 from vsd_analytics.warehouse import beside
 from vsd_analytics.warehouse.dimensions import ASKED_TABLES, asked_tables
+from vsd_analytics.warehouse.fact_weeks import FactWeeks, fingerprints, first_day_of
 from vsd_analytics.warehouse.factfiles import (
     FactWriter,
     by_hour,
     by_kind,
+    damaged_facts,
     fact_bytes,
     is_undamaged,
+    is_whole,
     noted_inputs,
 )
 from vsd_analytics.warehouse.input_fingerprint import (
@@ -77,6 +81,7 @@ class FactDays:
     ) -> None:
         self._roots, self._site_id = beside.roots(site), site.site_id
         every = stored_facts(site)
+        self._weeks = {name: FactWeeks(self._roots[name], name, site.site_id) for name in every}
         self.names = every if facts is None else [name for name in every if name in facts]
         self._inputs_of = {name: fact_inputs(site, [name]) for name in every}
         self._of_places = {name: kinds for name in every if (kinds := kinds_of_places(name))}
@@ -84,22 +89,49 @@ class FactDays:
         for unit in units:
             self.units[unit.number // 24].append(unit)
         self._hashes: dict[tuple[int, tuple[str, ...]], str] = {}
-        self._noted: dict[tuple[str, int], dict[Path, dict[int, dict[str, str]]]] = {}
+        self._noted: dict[tuple[str, int], dict[Path, Mapping[int, Mapping[str, str]]]] = {}
+        self._noted_in: dict[Path, Mapping[int, Mapping[str, str]] | None] = {}
         self._names: dict[int, Mapping[str, frozenset[str]]] = {}
         self._torn_of: dict[int, Collection[str]] = {}
         self._is_trusting, self._write = is_trusting, write or _publish
 
     @cached_property
     def paths(self) -> Mapping[str, Mapping[int, Path]]:
-        """The path of the fresh file of every fact and UTC day, whether it exists or not."""
+        """The path of the fresh file of every fact and UTC day, or of its week; a day's whether it exists or not."""
+        trusts = self._is_trusting
+        return {name: self._weeks[name].resting(own, is_trusting=trusts) for name, own in self._day_paths.items()}
+
+    @cached_property
+    def _day_paths(self) -> Mapping[str, Mapping[int, Path]]:
         return {name: {day: self._path(name, day) for day in self.units} for name in self._inputs_of}
+
+    def take_apart(self) -> None:
+        """Write the fresh days of weeks of which other days are stale as files of their own. Asked before `paths`."""
+        for name in self.names:
+            self._weeks[name].take_apart(self._day_paths[name])
+
+    def joined(
+        self, *, first_day: int | None, last_day: int | None, without: Collection[int]
+    ) -> dict[str, Mapping[int, Path]]:
+        """Join the files of weeks that are over, now that all are there; return `paths` afterwards.
+
+        Args:
+            first_day: First UTC day number of the range; None = everything stored.
+            last_day: Last one, inclusive.
+            without: UTC days whose weeks are not joined.
+        """
+        asked = {
+            name: self._weeks[name].join(self.paths[name], first_day=first_day, last_day=last_day, without=without)
+            for name in self.names
+        }
+        return {**self.paths, **asked}
 
     @cached_property
     def missing(self) -> Mapping[int, list[str]]:
         """By UTC day, the facts without a complete fresh file; days with all files are left out."""
         trusted = {day for day in self.units if self._is_trusting and self._are_named(day)}
         found = {
-            day: [name for name in self.names if not is_whole(self.paths[name][day])]
+            day: [n for n in self.names if not self._is_in_week(n, day) and not is_whole(self.paths[n][day])]
             for day in self.units
             if day not in trusted
         }
@@ -113,10 +145,6 @@ class FactDays:
     def inputs(self, name: str, unit: Unit) -> InputHashes:
         """Return the input hashes of one fact of an hour."""
         return self._inputs_of[name].of_unit(unit.current)
-
-    def noted(self, name: str, day: int) -> dict[str, dict[str, list[int]]]:
-        """Return what the fresh file of a fact and day notes about its inputs."""
-        return by_kind({u.number: self.inputs(name, u) for u in self.units[day]})
 
     def reason(self, unit: Unit) -> str:
         """Return in words why an hour is stale."""
@@ -155,11 +183,17 @@ class FactDays:
         return any(unit.number in hours for hours in self._older(name, unit.number // 24).values())
 
     def has_others(self) -> bool:
-        """Return whether a folder of the days holds a file that is not the fresh one of its fact and day.
+        """Return whether a folder of the days or weeks holds a file that is not the fresh one of its fact and time.
 
-        Asked only where no file was missing, so nothing was written since the folders were listed.
+        Folders of days that rest in weeks are not looked into. Asked only where no file was missing, so nothing was
+        written since the folders were listed.
         """
-        return any(
+        of_weeks = (
+            week.path not in set(self.paths[name].values())
+            for name in (self.names if self.units else ())
+            for week in self._weeks[name].files(min(self.units), max(self.units))
+        )
+        return any(of_weeks) or any(
             file.endswith(".parquet") and file != self.paths[name][day].name
             for day in self.units
             for name, files in self._listed(day).items()
@@ -182,7 +216,7 @@ class FactDays:
         if day in self._names:
             return self._names[day]
         found = {}
-        for name in self.names:
+        for name in (name for name in self.names if not self._is_in_week(name, day)):
             try:
                 found[name] = frozenset(os.listdir(self.paths[name][day].parent))
             except FileNotFoundError:
@@ -190,15 +224,26 @@ class FactDays:
         self._names[day] = found
         return found
 
-    def _older(self, name: str, day: int) -> dict[Path, dict[int, dict[str, str]]]:
-        """Return the inputs by hour of each undamaged file of a fact and day; only of them rows may be used again."""
+    def _is_in_week(self, name: str, day: int) -> bool:
+        """Return whether the rows of a fact and day are fresh in the file of their week."""
+        return self.paths[name][day] != self._day_paths[name][day]
+
+    def _older(self, name: str, day: int) -> dict[Path, Mapping[int, Mapping[str, str]]]:
+        """Return the inputs by hour of each undamaged file with a fact and day; only their rows may be used again."""
         if (name, day) not in self._noted:
             folder = unit_folder(self._roots[name], name, self._site_id, day * 24)
-            read = {path: path.read_bytes() for path in sorted(folder.glob("00-*.parquet"))}
-            self._noted[name, day] = {
-                path: by_hour(noted_inputs(data), day) for path, data in read.items() if is_undamaged(data)
-            }
+            weeks = [week.path for week in self._weeks[name].files(day, day) if fingerprints(week.path)]
+            paths = [*sorted(folder.glob("00-*.parquet")), *weeks]
+            self._noted[name, day] = {p: noted for p in paths if (noted := self._read_inputs(p)) is not None}
         return self._noted[name, day]
+
+    def _read_inputs(self, path: Path) -> Mapping[int, Mapping[str, str]] | None:
+        """Return the inputs by hour that a file notes; None where it is damaged. The file of a week is read once."""
+        if path not in self._noted_in:
+            data = path.read_bytes()
+            first_hour = first_day_of(path) * 24
+            self._noted_in[path] = by_hour(noted_inputs(data), first_hour) if is_undamaged(data) else None
+        return self._noted_in[path]
 
     def _path(self, name: str, day: int) -> Path:
         given = self._inputs_of[name]
@@ -225,7 +270,7 @@ class DayWriter:
     ) -> None:
         self._path, self._reused, self._write = path, dict(reused), write
         self._left = sorted(hours, reverse=True)
-        self._file = FactWriter(by_kind(hours))
+        self._file = FactWriter(by_kind(hours, min(hours) // 24 * 24))
 
     def add(self, hours: Sequence[int], rows: pa.Table) -> None:
         """Append the rows of the next hours that are not reused; `rows` may have other hours, too, in order."""
@@ -259,27 +304,17 @@ def _publish(path: Path, data: bytes) -> None:
     publish(path, data, is_synced=False)
 
 
-def hour_files(path: Path, day: int, hours: Iterable[int]) -> dict[int, bytes]:
-    """Return the bytes of one fact file for each of some hours of a UTC day, given the file of the day.
+def hour_files(path: Path, hours: Iterable[int]) -> dict[int, bytes]:
+    """Return the bytes of one fact file for each of some hours, given the file of their UTC day or week.
 
     Raises:
-        StoreError: E302, the file of the day is damaged.
+        StoreError: E302, the file is damaged.
     """
     data = path.read_bytes() if path.exists() else b""
     if not is_undamaged(data):
         raise damaged_facts(path, "its bytes do not match the digest in it")
-    rows, noted = pq.ParquetFile(pa.BufferReader(data)).read(), by_hour(noted_inputs(data), day)
+    rows, noted = pq.ParquetFile(pa.BufferReader(data)).read(), by_hour(noted_inputs(data), first_day_of(path) * 24)
     return {h: fact_bytes(of_hour, inputs=noted[h]) for h, of_hour in slices(rows, "hour", hours)}
-
-
-def damaged_facts(error: object, why: str = "") -> StoreError:
-    """Return the error for a fact file that has its full length but cannot be read."""
-    return StoreError(
-        "a file of the computed facts is damaged",
-        code="E302",
-        why=why or " ".join(str(error).split())[:300],
-        fix="delete the folder facts and run vsd build: facts are computed from the store again",
-    )
 
 
 def slices(rows: pa.Table, column: str, numbers: Iterable[int]) -> Iterator[tuple[int, pa.Table]]:
@@ -297,22 +332,3 @@ def together(rows: pa.Table, column: str, numbers: Sequence[int]) -> pa.Table:
     if np.array_equal(first[1:], after[:-1]):
         return rows.slice(int(first[0]), int(after[-1] - first[0]))
     return pa.concat_tables(rows.slice(int(f), int(n)) for f, n in zip(first, after - first, strict=True))
-
-
-def is_whole(path: Path) -> bool:
-    """Return whether a fact file exists to its end: Parquet ends with the length of its footer and `PAR1`.
-
-    Reads 8 bytes. Facts are written without fsync, so a power cut can leave a short file under a right name.
-    """
-    try:
-        fd = os.open(path, os.O_RDONLY)
-    except OSError:
-        return False
-    try:
-        size = os.fstat(fd).st_size
-        tail = os.pread(fd, 8, max(0, size - 8))
-    except OSError:
-        return False
-    finally:
-        os.close(fd)
-    return tail[4:] == b"PAR1" and int.from_bytes(tail[:4], "little") + 12 <= size

@@ -3,14 +3,15 @@
 The digest is BLAKE2b over the whole file with zeros in the digest's place. So it covers rows, statistics and footer: a
 flipped bit in a statistic could make a reader skip rows that are in the file.
 
-A file of hourly facts holds the hours of a UTC day. Its metadata names the inputs of each hour as
-`{kind of input: {hash: [hours of the day]}}`, because most hours of a day share most inputs.
+A file of hourly facts holds the hours of a UTC day or of a week. Its metadata names the inputs of each hour as
+`{kind of input: {hash: [hours since the first]}}`, because most hours of a day share most inputs.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from vsd_analytics.errors import StoreError
 from vsd_analytics.warehouse.arrays.held import ENUMS
 
 INPUTS = b"vsd.causes"
@@ -148,29 +150,58 @@ def is_undamaged_file(path: Path) -> bool:
         return False
 
 
+def is_whole(path: Path) -> bool:
+    """Return whether a fact file exists to its end: Parquet ends with the length of its footer and `PAR1`.
+
+    Reads 8 bytes. Facts are written without fsync, so a power cut can leave a short file under a right name.
+    """
+    try:
+        fd = os.open(path, os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        size = os.fstat(fd).st_size
+        tail = os.pread(fd, 8, max(0, size - 8))
+    except OSError:
+        return False
+    finally:
+        os.close(fd)
+    return tail[4:] == b"PAR1" and int.from_bytes(tail[:4], "little") + 12 <= size
+
+
+def damaged_facts(error: object, why: str = "") -> StoreError:
+    """Return the error for a fact file that has its full length but cannot be read."""
+    return StoreError(
+        "a file of the computed facts is damaged",
+        code="E302",
+        why=why or " ".join(str(error).split())[:300],
+        fix="delete the folder facts and run vsd build: facts are computed from the store again",
+    )
+
+
 def noted_inputs(data: bytes) -> dict[str, Any]:
     """Return what the metadata of an undamaged fact file notes: hash of each kind of input, for days by hour."""
     noted = (pq.read_metadata(pa.BufferReader(data)).metadata or {}).get(INPUTS, b"{}")
     return dict(json.loads(noted))
 
 
-def by_kind(inputs: Mapping[int, Mapping[str, str]]) -> dict[str, dict[str, list[int]]]:
-    """Return the input hashes of the hours of a UTC day as the metadata of its file notes them."""
+def by_kind(inputs: Mapping[int, Mapping[str, str]], first: int) -> dict[str, dict[str, list[int]]]:
+    """Return the input hashes of hours, given their numbers and the first of a file, as its metadata notes them."""
     found: dict[str, dict[str, list[int]]] = {}
     for hour, hashes in sorted(inputs.items()):
         for kind, value in hashes.items():
-            found.setdefault(kind, {}).setdefault(value, []).append(hour % 24)
+            found.setdefault(kind, {}).setdefault(value, []).append(hour - first)
     return found
 
 
-def by_hour(noted: Mapping[str, Any], day: int) -> dict[int, dict[str, str]]:
-    """Return the input hashes by UTC hour number that the metadata of a file of a UTC day notes; see `by_kind`."""
+def by_hour(noted: Mapping[str, Any], first: int) -> dict[int, dict[str, str]]:
+    """Return the input hashes by hour number that the metadata of a file from hour `first` on notes; see `by_kind`."""
     found: dict[int, dict[str, str]] = {}
     for kind, hours_of in noted.items():
         # a file of a version with a file for each hour notes one hash: it holds no hours that could be used again
         for value, hours in hours_of.items() if isinstance(hours_of, dict) else ():
             for hour in hours:
-                found.setdefault(day * 24 + int(hour), {})[str(kind)] = str(value)
+                found.setdefault(first + int(hour), {})[str(kind)] = str(value)
     return found
 
 

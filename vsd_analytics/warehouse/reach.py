@@ -81,16 +81,15 @@ def noted_spans(parts: Mapping[Any, Iterable[Part]]) -> dict[bytes, bytes]:
             of_hour.setdefault(part.hour, []).append(part)
         for shared in (found_parts for found_parts in of_hour.values() if len(found_parts) > 1):
             found |= {part.digest: span for part in shared if (span := ends_ms(part.path)) is not None}
-    return {SPANS: json.dumps(found, sort_keys=True).encode()} if found else {}
+    return span_metadata(found)
 
 
-def spans_of_week(of_days: Iterable[Mapping[bytes, bytes] | None]) -> dict[bytes, bytes]:
-    """Return what the files of some days note, for the metadata of one file with the rows of all of them."""
-    found = {digest: span for metadata in of_days for digest, span in spans_of(metadata).items()}
-    return {SPANS: json.dumps(found, sort_keys=True).encode()}
+def span_metadata(spans: Spans) -> dict[bytes, bytes]:
+    """Return the metadata that notes some spans; empty without any."""
+    return {SPANS: json.dumps(spans, sort_keys=True).encode()} if spans else {}
 
 
 def spans_of(metadata: Mapping[bytes, bytes] | None) -> Spans:
-    """Return what `noted_spans` noted; files of an older version note nothing."""
+    """Return the spans that the metadata of a file notes; files of an older version note none."""
     noted = json.loads((metadata or {}).get(SPANS, b"{}"))
     return {str(digest): (int(first), int(last)) for digest, (first, last) in noted.items()}

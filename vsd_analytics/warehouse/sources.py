@@ -21,11 +21,11 @@ from vsd_analytics.warehouse.build import record_rows
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.day_files import SITE_DAY, DayFile, DayFiles
 from vsd_analytics.warehouse.day_pieces import PIECE_BYTES, fact_sizes, pieces
-from vsd_analytics.warehouse.fact_days import damaged_facts, is_whole
-from vsd_analytics.warehouse.factfiles import fact_bytes, is_undamaged_file
+from vsd_analytics.warehouse.fact_weeks import days_besides
+from vsd_analytics.warehouse.factfiles import damaged_facts, fact_bytes, is_undamaged_file, is_whole
 from vsd_analytics.warehouse.relations import SECOND_READ, RelationSource
 from vsd_analytics.warehouse.sqlfiles import Relation, facts_behind, marts_by_day
-from vsd_analytics.warehouse.week_files import DAYS, WeekFile, by_week, fact_weeks, make_fact_week, others_of
+from vsd_analytics.warehouse.week_files import DAYS, WeekFile, others_of
 
 if TYPE_CHECKING:
     import duckdb
@@ -180,18 +180,21 @@ class RelationSources:
             return {d: path for d, path in built.paths.get(relation.name, {}).items() if first <= d * 24 <= last}
 
         fresh = fresh_files(self._built)
-        sealed_days = {h // 24 for h, _ in sealed}
-        weeks = self._weeks(relation, {d: path for d, path in fresh.items() if d not in sealed_days})
-        if not is_day and not all(map(is_whole, by_week(weeks, fresh).values())):
+        if not is_day and not all(map(is_whole, set(fresh.values()))):
             fresh = fresh_files(self._whole_facts(relation.name))
-        self._make(weeks, fresh)
-        is_cut = not is_day and any(d * 24 < first_hour or d * 24 + 23 > last_hour for d in fresh)
-        files = [(d * 24, path) for d, path in by_week(weeks, fresh).items()]
-        paths = [path for _, path in sorted([*files, *sealed])]
+        files = {path: d * 24 for d, path in sorted(fresh.items(), reverse=True)}  # a week's by the first of its days
+        others = {d for path in files for d in days_besides(path, fresh)}
+        paths = [path for _, path in sorted([*((h, path) for path, h in files.items()), *sealed])]
         self._read += paths
         if not paths:
             return _empty(relation)
-        within = f" where hour between {first_hour:d} and {last_hour:d}" if is_cut else ""
+        within = ""
+        if is_day and others:
+            within = f" where utc_day not in ({', '.join(map(str, sorted(others)))})"
+        elif not is_day and (others or any(d * 24 < first_hour or d * 24 + 23 > last_hour for d in fresh)):
+            within = f" where hour between {first_hour:d} and {last_hour:d}"
+            if gone := [str(d) for d in sorted(others) if first_hour <= d * 24 and d * 24 + 23 <= last_hour]:
+                within += f" and hour // 24 not in ({', '.join(gone)})"
         if not sealed:
             return f"select * from read_parquet({literal_list(paths)}, hive_partitioning = false){within}"
         # Facts sealed by an older version may lack a column of today or have one that no longer exists.
@@ -247,18 +250,6 @@ class RelationSources:
         materialise_at = None if is_large or relation.name in _MARTS_IN_FILES else SECOND_READ
         query = self._in_order(relation, pieces, is_own)
         return RelationSource(query, materialise_at=materialise_at, is_files=True, is_large=is_large)
-
-    def _weeks(self, relation: Relation, paths: Mapping[int, Path]) -> list[WeekFile]:
-        """Return the week files of a fact; none for a warehouse that computes the rows of days."""
-        if self._days is None:
-            return []
-        return fact_weeks(self._roots[relation.name], relation.name, self._site.site_id, paths)
-
-    def _make(self, weeks: Iterable[WeekFile], paths: Mapping[int, Path]) -> None:
-        """Write the week files of a fact that are missing. Note what each replaces, also if its writer was killed."""
-        for week in weeks:
-            if make_fact_week(week, paths):
-                self._superseded += others_of(week.path)
 
     def _write(self, files: Mapping[int, DayFile], rows_by_day: Iterable[tuple[int, pa.Table]]) -> dict[int, pa.Table]:
         """Write day files, and return the rows that a full or read-only disk refuses."""

@@ -17,6 +17,8 @@ from vsd_analytics.store.durable import is_temporary, make_dirs, remove
 from vsd_analytics.store.layout import list_parts
 from vsd_analytics.store.published import published_files, sweep_generations
 from vsd_analytics.warehouse.sealed import SealedRange
+from vsd_analytics.warehouse.week_files import DAYS
+from vsd_analytics.warehouse.week_files import FOLDER as WEEKS
 
 
 @contextlib.contextmanager
@@ -44,23 +46,28 @@ def find(
     first_day: int | None,
     last_day: int | None,
 ) -> tuple[Path, ...]:
-    """Return the fact files of a range of UTC days that are not the fresh ones.
+    """Return the fact files of a range of UTC days, and of the whole weeks in it, that are not the fresh ones.
 
     Args:
         roots: Folder of each fact.
         site_id: The site.
-        fresh: Fresh file by fact and UTC day.
+        fresh: Fresh file by fact and UTC day, which is that of a week or of the day alone.
         sealed: What is sealed of the range; the purge removes the files of whole sealed days.
         first_day: First UTC day number; None = open.
         last_day: Last one, inclusive; None = open.
     """
     first, last = (None if first_day is None else first_day * 24), (None if last_day is None else last_day * 24 + 23)
-    return tuple(
+    found = [
         part.path
         for name, root in roots.items()
         for part in list_parts(root, name, site_id, first_hour=first, last_hour=last)
         if part.hour // 24 not in sealed.whole_days and part.path != fresh.get(name, {}).get(part.hour // 24)
-    )
+    ]
+    last_monday = None if last is None else last - DAYS * 24 + 1
+    for name, root in roots.items():
+        weeks = list_parts(root / WEEKS, name, site_id, first_hour=first, last_hour=last_monday)
+        found += [week.path for week in weeks if week.path not in fresh.get(name, {}).values()]
+    return tuple(found)
 
 
 def temporaries(root: Path) -> list[Path]:

@@ -30,6 +30,7 @@ from vsd_analytics.warehouse.audits import audit_rows
 from vsd_analytics.warehouse.build import BuildPlan, build_plan
 from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
 from vsd_analytics.warehouse.day_files import day_fingerprint, no_longer_stored, relations_stored_by_day
+from vsd_analytics.warehouse.fact_weeks import FactWeeks, fingerprints, inputs_in
 from vsd_analytics.warehouse.factfiles import is_undamaged, is_undamaged_file, noted_inputs
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.week_files import DAYS, week_fingerprint
@@ -182,8 +183,10 @@ def check_facts(
     known = relations("facts")
     fresh = {path.parent: path for path in wanted.inputs}
     first = None if first_hour is None else first_hour // 24 * 24  # the file of a day lies in its first hour
+    days = [None if hour is None else hour // 24 for hour in (first_hour, last_hour)]
     for relation in sorted(known):
-        for part in list_parts(site.root / "facts", relation, site.site_id, first_hour=first, last_hour=last_hour):
+        of_days = list_parts(site.root / "facts", relation, site.site_id, first_hour=first, last_hour=last_hour)
+        for part in (*of_days, *FactWeeks(site.root / "facts", relation, site.site_id).files(*days)):
             try:
                 data = part.path.read_bytes()
             except FileNotFoundError:
@@ -193,16 +196,16 @@ def check_facts(
             n += 1
             if not is_undamaged(data):
                 damaged.append(_damaged_fact(part.path))
-            elif part.path in wanted.inputs and noted_inputs(data) != wanted.inputs[part.path]:
+            elif not _has_inputs(part.path, relation, data, wanted):
                 damaged.append(_other_fact(part.path))
-            elif part.hour // 24 not in wanted.days or _is_superseded(part, fresh):
+            elif wanted.days.isdisjoint(fingerprints(part.path) or [part.hour // 24]) or _is_superseded(part, fresh):
                 orphans.append(_orphan(part.path))
 
     former = {path.relative_to(site.root / "facts").as_posix(): path for path in no_longer_stored(site)}
     orphans += map(_orphan, former.values())
     of_sealed = {r.name for r in relations_stored_by_day() if r.layer == "facts"}
-    by_week = {*known, *(r.name for r in relations_stored_by_day())}
-    n_day_files, day_findings = _check_days(site, of_sealed, by_week, first_hour=first_hour, last_hour=last_hour)
+    of_weeks = {r.name for r in relations_stored_by_day() if r.layer == "marts"}
+    n_day_files, day_findings = _check_days(site, of_sealed, of_weeks, first_hour=first_hour, last_hour=last_hour)
 
     n_beside, beside_findings = _check_beside(site)
 
@@ -217,7 +220,7 @@ def check_facts(
             return relation in of_sealed and is_part(rest, site.site_id)
         if relation == WEEKS:
             relation, _, rest = rest.partition("/")
-            return relation in by_week and is_part(rest, site.site_id)
+            return (relation in of_weeks or relation in known) and is_part(rest, site.site_id)
         return relation in known and is_part(rest, site.site_id)
 
     n_names, foreign = foreign_files(site.root / "facts", is_known)
@@ -234,14 +237,14 @@ def check_facts(
 
 
 def _check_days(
-    site: Site, of_sealed: Collection[str], by_week: Collection[str], *, first_hour: int | None, last_hour: int | None
+    site: Site, of_sealed: Collection[str], of_weeks: Collection[str], *, first_hour: int | None, last_hour: int | None
 ) -> tuple[int, list[StoreFault]]:
-    """Return the number of files of days and weeks checked, and findings of damaged ones and of wrong names."""
+    """Return the number of files of sealed days and of weeks of marts, and findings of damage and wrong names."""
     n, found = 0, []
     first = None if first_hour is None else first_hour - 24  # a local day may begin in the UTC day before
     of_week = None if first is None else first - (DAYS - 1) * 24
     folders = [(DAYS_FOLDER, name, first) for name in sorted(of_sealed)]
-    folders += [(DAYS_FOLDER.with_name(WEEKS), name, of_week) for name in sorted(by_week)]
+    folders += [(DAYS_FOLDER.with_name(WEEKS), name, of_week) for name in sorted(of_weeks)]
     for folder, name, since in folders:
         for part in list_parts(site.root / folder, name, site.site_id, first_hour=since, last_hour=last_hour):
             n += 1
@@ -268,6 +271,14 @@ def _check_beside(site: Site) -> tuple[int, list[StoreFault]]:
     """Return the number of files of other settings, and findings of those that are damaged."""
     paths = [path for folder in beside.folders(site) for path in sorted(folder.rglob("*.parquet"))]
     return len(paths), [_damaged_fact(path) for path in paths if path.is_file() and not is_undamaged_file(path)]
+
+
+def _has_inputs(path: Path, name: str, data: bytes, wanted: BuildPlan) -> bool:
+    """Return whether an undamaged file notes the inputs it should; of a week, those of the range."""
+    if path not in wanted.inputs:
+        return True
+    expected, noted = wanted.inputs[path], inputs_in(path, name, noted_inputs(data))
+    return expected.items() <= noted.items() if fingerprints(path) else expected == noted
 
 
 def _is_superseded(part: Part, fresh: Mapping[Path, Path]) -> bool:

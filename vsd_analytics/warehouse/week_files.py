@@ -1,7 +1,7 @@
-"""Week files: the rows of the days of a week of one relation, as one file that later reports read.
+"""Week files of marts: the rows of the days of a week of one mart, as one file that later reports read.
 
 ```
-facts/weeks/<relation>/site=<site>/date=<Monday>/00-<fingerprint>.parquet
+facts/weeks/<mart>/site=<site>/date=<Monday>/00-<fingerprint>.parquet
 ```
 
 The name holds the fingerprint of the inputs of each of its days, and the file notes them. So a file under the right
@@ -9,10 +9,6 @@ name is fresh, and of another one the rows of the days whose inputs did not chan
 
 Marts have no other files. A mart by `site_day` has the Sunday before the Monday too, which ends on it: a range of whole
 weeks reads the site days that touch it.
-
-Small facts have files of their days, which stay: ranges that begin or end in the middle of a week read those. A report
-reads ten weeks, and opening 70 small files of a fact costs more than their rows do. The week file of `camera_days` also
-has what its seven files note about their parts.
 """
 
 from __future__ import annotations
@@ -31,32 +27,23 @@ import pyarrow.parquet as pq
 
 from vsd_analytics.store.durable import is_temporary, publish, sweep_temporaries
 from vsd_analytics.store.layout import unit_folder
-from vsd_analytics.store.seals import DAY_FACT
-from vsd_analytics.warehouse.fact_days import is_whole
 from vsd_analytics.warehouse.factfiles import FactWriter, by_hour, by_kind, is_undamaged, noted_inputs
 from vsd_analytics.warehouse.input_fingerprint import InputHashes, text_hash
-from vsd_analytics.warehouse.reach import spans_of_week
 
 FOLDER = "weeks"
 DAYS = 7
-_MONDAY = 4
-"""UTC day number of the first Monday of 1970."""
-_RUNNING_DAYS = 7
-"""Days at the end of a range of facts that get no week file: late records may still change them."""
-_BYTES_MAX = 1_000_000
-"""Of larger files of a fact the rows cost more than opening them, and a second copy would need the disk."""
 _EPOCH = date(1970, 1, 1)
 
 
 @dataclass(slots=True)
 class WeekFile:
-    """The file of one relation and week.
+    """The file of one mart and week.
 
     Rows of a stored week are held as bytes of its file as soon as those of all days before them are there: as rows they
     would take twenty times the room.
 
     Attributes:
-        name: The relation.
+        name: The mart.
         path: Its path, whether it exists or not.
         monday: Its Monday.
         inputs: Input hashes of each of its days, in order: those of the week that are in the range.
@@ -106,39 +93,35 @@ class WeekFile:
         """
         self.rows.update((day, rows.filter(pc.equal(rows[column], day))) for day in days)
 
-    def encode(self, noted: Mapping[bytes, bytes] | None = None) -> None:
+    def encode(self) -> None:
         """Turn the rows of the first days, as far as they are there, into bytes of the file."""
-        self._writer = self._writer or FactWriter(_noted(self.monday, self.inputs), noted)
+        self._writer = self._writer or FactWriter(_noted(self.monday, self.inputs))
         for day in list(self.inputs)[len(self._encoded) :]:
             if day not in self.rows:
                 return
             self._writer.add(self.rows.pop(day))
             self._encoded.append(day)
 
-    def write(self, column: str | None, noted: Mapping[bytes, bytes] | None = None) -> bool:
-        """Write the rows of all days unless the disk refuses; return whether the file is there.
+    def write(self, column: str) -> None:
+        """Write the rows of all days; where the disk refuses, `rows` has them again.
 
         Args:
-            column: Day of a row, by which `rows` has them again where the disk refuses; None = nobody needs them then.
-            noted: Other metadata.
+            column: Day of a row.
         """
-        self.encode(noted)
+        self.encode()
         assert self._writer is not None
         data = self._writer.finish()
         try:
             publish(self.path, data, is_synced=False)
             sweep_temporaries(self.path.parent)
         except OSError:
-            if column:
-                self.take(pq.ParquetFile(pa.BufferReader(data)).read().replace_schema_metadata(), self._encoded, column)
-            return False
-        return True
+            self.take(pq.ParquetFile(pa.BufferReader(data)).read().replace_schema_metadata(), self._encoded, column)
 
 
 def week_file(
     root: Path, name: str, site_id: str, monday: date, inputs: Mapping[date, InputHashes], *, is_stored: bool = True
 ) -> WeekFile:
-    """Return the week file of a relation and the days of a week, given the folder of the settings it belongs to."""
+    """Return the week file of a mart and the days of a week, given the folder of the settings it belongs to."""
     folder = unit_folder(root / FOLDER, name, site_id, (monday - _EPOCH).days * 24)
     fingerprint = week_fingerprint(name, monday, _noted(monday, inputs))
     return WeekFile(name, folder / f"00-{fingerprint}.parquet", monday, inputs, is_stored)
@@ -147,63 +130,6 @@ def week_file(
 def week_fingerprint(name: str, monday: date, noted: Mapping[str, Any]) -> str:
     """Return the fingerprint in the name of a week file, given what it notes about its inputs."""
     return text_hash([name, monday.isoformat(), sorted(noted.items())])
-
-
-def fact_weeks(root: Path, name: str, site_id: str, paths: Mapping[int, Path]) -> list[WeekFile]:
-    """Return the week files of a fact: of the whole weeks of a range, from Monday to Sunday, without those at its end.
-
-    Args:
-        root: Folder of the settings that the files belong to.
-        name: The fact.
-        site_id: The site.
-        paths: The file of each day of the range, by UTC day number.
-    """
-    found = []
-    last = max(paths, default=0)
-    for monday in (d for d in sorted(paths) if (d - _MONDAY) % DAYS == 0 and d + DAYS + _RUNNING_DAYS - 1 <= last):
-        days = range(monday, monday + DAYS)
-        if all(d in paths for d in days):
-            inputs = {_EPOCH + timedelta(days=d): {"file": paths[d].name} for d in days}
-            found.append(week_file(root, name, site_id, _EPOCH + timedelta(days=monday), inputs))
-    return found
-
-
-def make_fact_week(week: WeekFile, paths: Mapping[int, Path]) -> bool:
-    """Write the week file of a fact from the files of its days unless it is there; return whether it is.
-
-    It is not written where a day's file is damaged (whoever reads the day says so), where the seven are large, and
-    where the disk refuses. Nor where a day has an older file that is yet to be removed: once there is a week file,
-    nobody looks into the folders of its days.
-    """
-    if is_whole(week.path):
-        return True
-    members = [paths[(day - _EPOCH).days] for day in week.inputs]
-    try:
-        if sum(p.stat().st_size for p in members) > _BYTES_MAX or any(map(others_of, members)):
-            return False
-        data = [p.read_bytes() for p in members]
-    except OSError:
-        return False
-    if not all(map(is_undamaged, data)):
-        return False
-    files = [pq.ParquetFile(pa.BufferReader(d)) for d in data]
-    week.rows.update((day, file.read().replace_schema_metadata()) for day, file in zip(week.inputs, files, strict=True))
-    if len({rows.schema for rows in week.rows.values()}) > 1:
-        return False
-    noted = spans_of_week(file.metadata.metadata for file in files) if week.name == DAY_FACT else {}
-    return week.write(None, noted)
-
-
-def by_week(weeks: Iterable[WeekFile], days: Mapping[int, Path]) -> dict[int, Path]:
-    """Return the files to read of a range by first UTC day: a week file where it exists, else the files of its days."""
-    found = dict(days)
-    for week in weeks:
-        if is_whole(week.path):
-            first = (week.monday - _EPOCH).days
-            for day in range(first, first + DAYS):
-                del found[day]
-            found[first] = week.path
-    return dict(sorted(found.items()))
 
 
 def others_of(path: Path) -> list[Path]:
@@ -216,7 +142,7 @@ def others_of(path: Path) -> list[Path]:
 
 def _noted(monday: date, inputs: Mapping[date, InputHashes]) -> dict[str, dict[str, list[int]]]:
     """Return the input hashes of days as the metadata of their file notes them: 0 is the Sunday before the Monday."""
-    return by_kind({(day - monday).days + 1: own for day, own in inputs.items()})
+    return by_kind({(day - monday).days + 1: own for day, own in inputs.items()}, 0)
 
 
 def _by_day(monday: date, noted: Mapping[str, Any]) -> dict[date, dict[str, str]]:
