@@ -31,10 +31,10 @@ def test_of_each_second_the_first_record_in_the_file_is_taken() -> None:
         ("a", "1", 1500, 2.2),
         ("a", "1", 1100, 9.0),
     ]
-    assert sample(rows).speeds_m_s(step_min_s=1.0).tolist() == [pytest.approx(2.0)]
+    assert sample(rows).walked_m_s.tolist() == [pytest.approx(2.0)]
 
 
 def test_each_camera_and_track_has_its_own_steps() -> None:
     rows = [(camera, track, 1000 * i, i * step) for i in range(3) for camera, track, step in TRACKS]
-    assert sorted(sample(rows).speeds_m_s(step_min_s=1.0).tolist()) == [1.0, 1.0, 2.0, 2.0, 4.0, 4.0]
-    assert len(sample([("a", None, 0, 0.0), ("a", None, 1000, 1.0)]).speeds_m_s(step_min_s=1.0)) == 0
+    assert sorted(sample(rows).walked_m_s.tolist()) == [1.0, 1.0, 2.0, 2.0, 4.0, 4.0]
+    assert len(sample([("a", None, 0, 0.0), ("a", None, 1000, 1.0)]).walked_m_s) == 0

@@ -12,7 +12,8 @@ from vsd_analytics.cli.output import count, plain, rounded
 
 if TYPE_CHECKING:
     from vsd_analytics.cli.project import Project
-    from vsd_analytics.ingest.understanding import Extent, SourceCard
+    from vsd_analytics.ingest.sample import Extent
+    from vsd_analytics.ingest.understanding import SourceCard
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _WIDTH = 10

@@ -65,7 +65,7 @@ class Case:
     @property
     def cameras(self) -> tuple[Camera, ...]:
         """Return the cameras of the site that records of the sample name."""
-        named = set(self.sample.rows["camera"].dropna().unique())
+        named = set(self.sample.camera.names)
         return tuple(c for c in self.site.cameras if named & {c.camera_id, *c.engine_ids})
 
     def is_settled_by_where(self, column: str) -> bool:

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from vsd_analytics.ingest.doubt_case import Case, Doubt, plan_bounds_m
+from vsd_analytics.ingest.sample import Ints, Sample, is_last, is_new
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from vsd_analytics.ingest.doubt_case import Bounds
     from vsd_analytics.site.model import Area, Camera, Fixture
 
@@ -141,22 +140,22 @@ def _on_floor(case: Case, camera: Camera) -> _OnFloor | None:
     bounds = None if floor is None else plan_bounds_m(floor)
     if bounds is None:
         return None
-    rows = case.sample.rows
-    rows = rows.loc[rows["camera"].isin([camera.camera_id, *camera.engine_ids]), ["x", "y", "ts_ms", "track_no"]]
-    rows = rows.dropna(subset=["x", "y"])
-    rows = rows[(rows[["x", "y"]].abs() <= case.site.settings.coordinate_max_m).all(axis=1)]
-    if rows.empty:
+    sample = case.sample
+    is_usable = (np.abs(sample.floor_m) <= case.site.settings.coordinate_max_m).all(axis=1)  # NaN is not
+    row = np.flatnonzero(is_usable & sample.camera.is_in([camera.camera_id, *camera.engine_ids]))
+    if not len(row):
         return None
-    first, last = (datetime.fromtimestamp(ms / 1000, UTC) for ms in (rows["ts_ms"].min(), rows["ts_ms"].max()))
+    ts_ms = sample.ts_ms[row]
+    first, last = (datetime.fromtimestamp(ms / 1000, UTC) for ms in (ts_ms.min(), ts_ms.max()))
     at = [f for f in case.site.fixtures if f.floor_id == camera.floor_id and f.is_there(first, until=last)]
     doors = [
         a
         for a in case.site.areas
         if a.is_door and a.floor_id == camera.floor_id and a.is_there(first.date(), last.date())
     ]
-    cells = np.unique(np.floor(rows[["x", "y"]].to_numpy(dtype=float) / CELL_M), axis=0)
+    cells = np.unique(np.floor(sample.floor_m[row] / CELL_M), axis=0)
     x, y = ((cells + 0.5) * CELL_M).T
-    return _OnFloor(bounds, x, y, _ends(rows, has_doors=bool(doors)), _closed(at), _doors(doors))
+    return _OnFloor(bounds, x, y, _ends(sample, row) if doors else np.empty((0, 2)), _closed(at), _doors(doors))
 
 
 def _closed(fixtures: Sequence[Fixture]) -> Any:
@@ -181,15 +180,16 @@ def _prepared(shapes: Sequence[Any]) -> Any:
     return whole
 
 
-def _ends(rows: pd.DataFrame, *, has_doors: bool) -> np.ndarray:
-    """Return where ways begin and end that the sample does not cut."""
-    if not has_doors:
-        return np.empty((0, 2))
-    ways = rows[rows["track_no"] >= 0].sort_values("ts_ms", kind="stable")
-    begin, end = ways.drop_duplicates("track_no"), ways.drop_duplicates("track_no", keep="last")
-    first, last = rows["ts_ms"].min() + 1000 * CUT_S, rows["ts_ms"].max() - 1000 * CUT_S
-    found = [begin.loc[begin["ts_ms"] > first, ["x", "y"]], end.loc[end["ts_ms"] < last, ["x", "y"]]]
-    return np.concatenate([part.to_numpy(dtype=float) for part in found])
+def _ends(sample: Sample, row: Ints) -> np.ndarray:
+    """Return where ways begin and end that the sample does not cut, of some of its records."""
+    ts_ms, track_no = sample.ts_ms[row], sample.track.no[row]
+    order = np.lexsort((ts_ms, track_no))
+    order = order[track_no[order] >= 0]
+    is_first = is_new(track_no[order])
+    begin, end = order[is_first], order[is_last(is_first)]
+    begin = begin[ts_ms[begin] > ts_ms.min() + 1000 * CUT_S]
+    end = end[ts_ms[end] < ts_ms.max() - 1000 * CUT_S]
+    return np.asarray(sample.floor_m[row[np.concatenate([begin, end])]])
 
 
 AXIS_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_turned,)

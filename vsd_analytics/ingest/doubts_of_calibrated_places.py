@@ -23,25 +23,24 @@ def _on_the_floor(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.is_pairs or sample.has_floor or sample.n < 5 * ROWS_MIN or not any(c.calibrations for c in case.cameras):
         return
-    rows = sample.rows.copy()
+    floor_m, is_seen = sample.floor_m.copy(), np.zeros(sample.n, dtype=bool)
     for camera in case.cameras:
-        is_its = rows["camera"].isin([camera.camera_id, *camera.engine_ids]).to_numpy()
-        rows.loc[is_its, ["x", "y"]] = _floor_m(camera, rows.loc[is_its, ["u", "v"]].to_numpy(dtype=float))
-    is_seen = rows["u"].notna() & rows["camera"].isin(
-        [n for c in case.cameras if c.calibrations for n in (c.camera_id, *c.engine_ids)]
-    )
+        is_its = sample.camera.is_in([camera.camera_id, *camera.engine_ids])
+        floor_m[is_its] = _floor_m(camera, sample.picture_px[is_its])
+        if camera.calibrations:
+            is_seen |= is_its & ~np.isnan(sample.picture_px[:, 0])
     if not is_seen.any():
         return
     fix = (
         "vsd check FILE --picture where.svg shows them: feet, u to the right, v downwards, in pictures of the size of "
         "the calibration; else calibrate again"
     )
-    sky = float(rows.loc[is_seen, "x"].isna().mean())
+    sky = float(np.isnan(floor_m[is_seen, 0]).mean())
     if sky > SKY_SHARE:
         what = f"{sky:.0%} of the positions are above the horizon of the calibration"
         yield Doubt("W226", what, "nobody can be in the sky", fix, is_sure=sky > 0.5)
         return
-    on_floor = replace(case, sample=replace(sample, rows=rows), head=None)
+    on_floor = replace(case, sample=replace(sample, floor_m=floor_m), head=None)
     for look in (*PLACE_LOOKS[:1], *AXIS_LOOKS):
         for doubt in look(on_floor):
             what = f"by the calibration, {doubt.what}"

@@ -58,7 +58,7 @@ def _cameras_of_files(case: Case) -> Iterator[Doubt]:
                 is_note=True,
             )
         return
-    if not (case.sample.rows["camera"] == camera).all():
+    if not case.sample.camera.is_in([camera]).all():
         return
     if (n := len(case.differing_cameras)) > 1:
         fix = "a [[camera]] for each, and a [[source]] with camera_from_name; or one command for each, with --camera ID"
@@ -80,7 +80,7 @@ def _cameras(case: Case) -> Iterator[Doubt]:
     """W221: a column of cameras that is not read."""
     if case.head is None or "camera_id" in case.head.plan.theirs:
         return
-    if len(found := cameras_in(str(track) for track in case.sample.rows["track"].dropna().unique())) > 1:
+    if len(found := cameras_in(case.sample.track.names)) > 1:
         yield _merged_cameras(
             case, f"the ids of people name {len(found)} cameras", found, "export the camera in a column of its own"
         )
@@ -265,8 +265,8 @@ def _unit_column(case: Case) -> Iterator[Doubt]:
 
 def _sums(case: Case) -> Iterator[Doubt]:
     """W222: a line of sums below a table, read as a person."""
-    tracks = case.sample.rows["track"].dropna().unique()
-    names = [str(t) for t in tracks if letters(str(t)) in SUMS] if len(tracks) > 2 else []
+    tracks = case.sample.track.names
+    names = [t for t in tracks if letters(t) in SUMS] if len(tracks) > 2 else []
     if names and len(names) < len(tracks) / 2:
         yield Doubt(
             "W222",

@@ -6,13 +6,11 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
-from vsd_analytics.ingest.doubts_of_frames import LIFE_STEPS
 from vsd_analytics.ingest.jumps import steps
-from vsd_analytics.ingest.sample import Sample
+from vsd_analytics.ingest.sample import Bools, Floats, Ints, Sample, Ways, is_last, is_new
 
 NEAR_M, NEAR_SHARE = 1.5, 0.05
 """Nobody walks further in a second; of pixels, a share of the extent of all of them."""
@@ -33,16 +31,16 @@ def _taken_over(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.is_pairs or not sample.has_ids or case.options.period_s is not None:
         return
-    axes, near = _reach(sample)
-    rows = steps(sample, *axes, fast_m_s=JUMP_M_S)
-    if not rows["is_jump"].any():
+    is_step, is_jump = steps(sample, sample.ways, fast_m_s=JUMP_M_S)
+    if not is_jump.any():
         return
-    is_taken = _is_taken_over(rows, axes, near)
-    n_steps, n_taken = int(rows["is_step"].sum()), int(is_taken.sum())
+    is_taken = _is_taken_over(sample.ways, is_jump, _reach(sample))
+    n_steps, n_taken = int(is_step.sum()), int(is_taken.sum())
     if n_taken == 0 or n_taken > n_steps / 10:  # more often: a wrong unit, or no ids at all
         return
-    frames = is_taken.groupby([rows["camera_no"], rows["ts_ms"]]).agg(["size", "sum"])
-    n_at_once = int(((frames["sum"] >= 2) & (frames["sum"] > TOGETHER_SHARE * frames["size"])).sum())
+    frame_no = sample.frame_no[sample.ways.row]
+    n_in_view, n_of_frame = np.bincount(frame_no), np.bincount(frame_no, weights=is_taken)
+    n_at_once = int(((n_of_frame >= 2) & (n_of_frame > TOGETHER_SHARE * n_in_view)).sum())
     if n_at_once or n_taken >= max(TAKEN_MIN, TAKEN_SHARE * n_steps):
         most = f", in {n_at_once:,} frame{'' if n_at_once == 1 else 's'} most people in view at once"
         yield Doubt(
@@ -56,27 +54,27 @@ def _taken_over(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _is_taken_over(rows: pd.DataFrame, axes: tuple[str, str], near: float) -> pd.Series:
-    """Return which jumps of `steps` lead to the last place of another id that is no longer there."""
-    is_taken = pd.Series(data=False, index=rows.index)
-    jumps = rows[rows["is_jump"]].assign(row=rows.index[rows["is_jump"]])
-    jumps["before_ms"] = rows["ts_ms"].shift()[rows["is_jump"]]
-    others = rows[["camera_no", "ts_ms", "track_no", *axes]]
+def _is_taken_over(ways: Ways, is_jump: Bools, near: float) -> Bools:
+    """Return which jumps lead to the last place of another id that is no longer there."""
+    (x, y), jump = ways.places.T, np.flatnonzero(is_jump)
+    columns = {"camera_no": ways.camera_no, "ts_ms": ways.ts_ms, "track_no": ways.track_no, "x": x, "y": y}
+    others = pd.DataFrame(columns)
+    jumps = others.iloc[jump].assign(row=jump, before_ms=ways.ts_ms[jump - 1])
     was = jumps.merge(others, left_on=["camera_no", "before_ms"], right_on=["camera_no", "ts_ms"], suffixes=("", "_2"))
-    was = was[(was["track_no"] != was["track_no_2"]) & (_apart(was, axes) <= near)]
-    here = was[["row", "camera_no", "ts_ms", "track_no_2", *axes]].merge(
+    was = was[(was["track_no"] != was["track_no_2"]) & (_apart(was) <= near)]
+    here = was[["row", "camera_no", "ts_ms", "track_no_2", "x", "y"]].merge(
         others.rename(columns={"track_no": "track_no_2"}),
         on=["camera_no", "ts_ms", "track_no_2"],
         suffixes=("", "_2"),
         how="left",
     )
-    is_taken[here.loc[~(_apart(here, axes) <= near), "row"].unique()] = True
+    is_taken = np.zeros(len(ways), dtype=bool)
+    is_taken[here.loc[~(_apart(here) <= near), "row"]] = True
     return is_taken
 
 
-def _apart(rows: pd.DataFrame, axes: tuple[str, str]) -> npt.NDArray[np.float64]:
-    across, up = (rows[axis] - rows[f"{axis}_2"] for axis in axes)
-    return np.asarray(np.hypot(across, up))
+def _apart(rows: pd.DataFrame) -> Floats:
+    return np.asarray(np.hypot(rows["x"] - rows["x_2"], rows["y"] - rows["y_2"]))
 
 
 def _handed_on(case: Case) -> Iterator[Doubt]:
@@ -84,21 +82,19 @@ def _handed_on(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.is_pairs or not sample.has_ids:
         return
-    axes, near = _reach(sample)
-    key = ["camera_no", "track_no"]
-    rows = sample.placed(*axes)
-    steps_ms = rows.groupby(key)["ts_ms"].diff()
-    usual_ms = steps_ms.median()
-    rows["life"] = (steps_ms.isna() | (steps_ms > LIFE_STEPS * usual_ms)).cumsum()
-    first, last = (rows.drop_duplicates("life", keep=keep).sort_values("ts_ms") for keep in ("first", "last"))
-    if not usual_ms > 0 or len(rows) < 2 * len(first):  # hardly any id comes twice, which has a doubt of its own
+    ways = sample.ways
+    # hardly any id comes twice: it has a doubt of its own
+    if not ways.usual_ms > 0 or len(ways) < 2 * np.count_nonzero(ways.is_begun):
         return
-    ends = last[last["ts_ms"] < last["camera_no"].map(rows.groupby("camera_no")["ts_ms"].max())]
-    ends = ends.assign(is_on=_is_followed(ends, first, axes, near, within_ms=2 * int(usual_ms)))
-    n_on = int(ends["is_on"].sum())
-    frames = ends[ends["is_on"]].groupby(["camera_no", "ts_ms"]).size()
-    in_view = rows.groupby(["camera_no", "ts_ms"]).size().reindex(frames.index)
-    n_at_once = int(((frames >= TOGETHER_MIN) & (frames > TOGETHER_SHARE * in_view)).sum())
+    begun, ended = np.flatnonzero(ways.is_begun), np.flatnonzero(is_last(ways.is_begun))
+    cameras = np.flatnonzero(is_new(ways.camera_no))
+    latest_ms = np.maximum.reduceat(ways.ts_ms, cameras)
+    ends = ended[ways.ts_ms[ended] < latest_ms[np.searchsorted(cameras, ended, side="right") - 1]]
+    followed = ends[_is_followed(ways, ends, begun, _reach(sample), within_ms=2 * int(ways.usual_ms))]
+    n_on = len(followed)
+    frame_no = sample.frame_no[ways.row]
+    n_in_view, n_of_frame = np.bincount(frame_no), np.bincount(frame_no[followed], minlength=frame_no.max() + 1)
+    n_at_once = int(((n_of_frame >= TOGETHER_MIN) & (n_of_frame > TOGETHER_SHARE * n_in_view)).sum())
     is_usual = n_on >= max(ROWS_MIN, ENDS_SHARE * len(ends))
     if is_usual or n_at_once:
         most = f", {'once' if n_at_once == 1 else f'{n_at_once:,} times'} most of those in view together"
@@ -111,31 +107,25 @@ def _handed_on(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _is_followed(
-    ends: pd.DataFrame, first: pd.DataFrame, axes: tuple[str, str], near: float, *, within_ms: int
-) -> npt.NDArray[np.bool_]:
-    """Return for each end of a track whether one of the first records, in order of time, is near and soon behind it."""
+def _is_followed(ways: Ways, ends: Ints, begun: Ints, near: float, *, within_ms: int) -> Bools:
+    """Return for each end of a life whether another one begins near it, and soon behind it."""
     found = np.zeros(len(ends), dtype=bool)
-    ended_ms, begun_ms = ends["ts_ms"].to_numpy(), first["ts_ms"].to_numpy()
-    here, there = ends[[*axes]].to_numpy(), first[[*axes]].to_numpy()
-    for camera in np.unique(ends["camera_no"]):
-        of_end, of_first = (np.flatnonzero(rows["camera_no"].to_numpy() == camera) for rows in (ends, first))
-        from_, to = (np.searchsorted(begun_ms[of_first], ended_ms[of_end] + late) for late in (1, within_ms + 1))
+    for camera in np.unique(ways.camera_no[ends]):
+        of_end, first = np.flatnonzero(ways.camera_no[ends] == camera), begun[ways.camera_no[begun] == camera]
+        first = first[np.argsort(ways.ts_ms[first])]
+        ended_ms, begun_ms = ways.ts_ms[ends[of_end]], ways.ts_ms[first]
+        from_, to = (np.searchsorted(begun_ms, ended_ms + late) for late in (1, within_ms + 1))
         while len(of_end):  # the next first record of each end that has one left
             has_one = from_ < to
             of_end, from_, to = of_end[has_one], from_[has_one], to[has_one]
-            found[of_end] |= np.hypot(*(there[of_first[from_]] - here[of_end]).T) <= near
+            found[of_end] |= np.hypot(*(ways.places[first[from_]] - ways.places[ends[of_end]]).T) <= near
             from_ = from_ + 1
     return found
 
 
-def _reach(sample: Sample) -> tuple[tuple[str, str], float]:
-    """Return the axes of a sample, and how far apart two places of one person in successive frames may be."""
-    if sample.has_floor:
-        return ("x", "y"), NEAR_M
-    extent = sample.extent("u", "v")
-    size = 0.0 if extent is None else max(extent[1] - extent[0], extent[3] - extent[2])
-    return ("u", "v"), NEAR_SHARE * size
+def _reach(sample: Sample) -> float:
+    """Return how far apart two places of one person in successive frames may be, in the unit of `sample.places`."""
+    return NEAR_M if sample.has_floor else NEAR_SHARE * sample.picture_side_px
 
 
 HANDOVER_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_taken_over, _handed_on)

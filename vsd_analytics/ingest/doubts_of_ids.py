@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import re
 import shlex
+from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Final
 
 import numpy as np
-import pandas as pd
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
+from vsd_analytics.ingest.sample import is_new
 from vsd_analytics.ingest.telling_names import ids_like
 
 TWO_PLACES_M: Final = 1.0
 """Nobody is in two places this far apart at once; two boxes of one person are nearer."""
+FAR_SHARE: Final = 0.1
+"""Of pixels, a share of the extent of all of them."""
 TWO_PLACES_SHARE: Final = 0.002
 SECOND_SHARE: Final = 0.05
 COUNTED_SHARE: Final = 0.99
@@ -40,14 +44,13 @@ def _ids(case: Case) -> Iterator[Doubt]:
         yield Doubt("W225", what, why, fix, is_note=not like)
         return
     if sample.has_ids:
-        n_without = int((sample.rows["track_no"] < 0).sum())
+        n_without = int((sample.track.no < 0).sum())
         if n_without > UNKNOWN_SHARE * sample.n:
             what = f"{n_without:,} of {sample.n:,} rows have no track id"
             yield Doubt("W225", what, why, "export the tracker's ids for everybody in view", is_note=True)
-        n_records = sample.rows.loc[sample.rows["track_no"] >= 0, "track_no"].value_counts()
-        n_frames = sample.rows["ts_ms"].nunique()
-        if len(n_records) >= 2 * ROWS_MIN and n_frames >= 3 and float((n_records == 1).mean()) > 0.9:
-            what = f"{len(n_records):,} track ids, and nearly each has one record: they do not last"
+        is_once = sample.track.counts == 1
+        if len(sample.track.names) >= 2 * ROWS_MIN and sample.n_instants >= 3 and is_once.mean() > 0.9:
+            what = f"{len(sample.track.names):,} track ids, and nearly each has one record: they do not last"
             yield Doubt("W225", what, why, f"map the id of the track, not of the detection or row: {named}")
 
 
@@ -56,28 +59,22 @@ def _of_several(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.is_pairs or not sample.has_ids or case.options.period_s is not None:
         return
-    across, up, far = ("x", "y", TWO_PLACES_M) if sample.has_floor else ("u", "v", _far_px(case))
-    key = ["camera_no", "ts_ms", "track_no"]
-    rows = sample.rows.loc[sample.rows["track_no"] >= 0, [*key, "track", across, up]].dropna()
-    rows = rows[rows.duplicated(key, keep=False)]
-    if rows.empty or sample.n_second > SECOND_SHARE * sample.n:  # so many have times that are too coarse: W224
-        return
-    spread = rows.groupby(key)[[across, up]].agg(np.ptp)
-    n_far = int((np.hypot(spread[across], spread[up]) > far).sum())
+    far, ways = TWO_PLACES_M if sample.has_floor else FAR_SHARE * sample.picture_side_px, sample.ways
+    if not ways.is_again.any() or sample.n_second > SECOND_SHARE * sample.n:
+        return  # so many have times that are too coarse: W224
+    is_several = ways.is_again | np.roll(ways.is_again, -1)
+    places, starts = ways.places[is_several], np.flatnonzero(~ways.is_again[is_several])
+    spread = np.maximum.reduceat(places, starts) - np.minimum.reduceat(places, starts)
+    n_far = int((np.hypot(*spread.T) > far).sum())
     if n_far < max(ROWS_MIN, TWO_PLACES_SHARE * sample.n):
         return
-    names = rows["track"].value_counts().index[:3]
+    names = Counter(sample.track.names[no] for no in sample.track.no[np.sort(ways.row[is_several])]).most_common(3)
     yield Doubt(
         "W225",
-        f"an id is in two places at once {n_far:,} times: {', '.join(str(name)[:20] for name in names)}",
+        f"an id is in two places at once {n_far:,} times: {', '.join(name[:20] for name, _ in names)}",
         "it is no id of one person: all but one of them are left out, and its way leads from one to the other",
         "export ids that are unique among people in view, and none for people whom the tracker does not follow",
     )
-
-
-def _far_px(case: Case) -> float:
-    extent = case.sample.extent("u", "v")
-    return np.inf if extent is None else 0.1 * max(extent[1] - extent[0], extent[3] - extent[2])
 
 
 def _numbers_of_a_frame(case: Case) -> Iterator[Doubt]:
@@ -85,18 +82,20 @@ def _numbers_of_a_frame(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.is_pairs or not sample.has_ids or sample.n < 5 * ROWS_MIN:
         return
-    rows = sample.rows.loc[sample.rows["track_no"] >= 0, ["camera_no", "ts_ms", "track"]]
-    number = rows["track"].where(rows["track"].str.fullmatch(r"\d{1,4}"))
-    if number.isna().any():
+    if not all(re.fullmatch("[0-9]{1,4}", name) for name in sample.track.names):
         return
-    frames = number.astype(int).groupby([rows["camera_no"], rows["ts_ms"]]).agg(["min", "max", "nunique", "size"])
-    is_counted = (frames["min"] <= 1) & (frames["max"] - frames["min"] + 1 == frames["nunique"])
-    is_counted &= (frames["size"] == frames["nunique"]) & (frames["min"] == frames["min"].iloc[0])
-    n_changes = int((frames["size"].diff().fillna(0) != 0).sum())
-    if n_changes >= COMINGS_MIN and is_counted.mean() >= COUNTED_SHARE and frames["size"].max() > 2:
+    number = np.array(sample.track.names, dtype=np.int64)[sample.tracked.track_no]
+    frame_no = sample.frame_no[sample.tracked.row]
+    order = np.lexsort((number, frame_no))
+    number, is_first = number[order], is_new(frame_no[order])
+    starts = np.flatnonzero(is_first)
+    sizes, least = np.diff(starts, append=len(order)), number[starts]
+    is_gap = ~is_first & (np.diff(number, prepend=0) != 1)
+    is_counted = (least <= 1) & (least == least[0]) & ~np.logical_or.reduceat(is_gap, starts)
+    if np.count_nonzero(np.diff(sizes)) >= COMINGS_MIN and is_counted.mean() >= COUNTED_SHARE and sizes.max() > 2:
         yield Doubt(
             "W225",
-            f"in nearly each frame the ids are {frames['min'].iloc[0]}, {frames['min'].iloc[0] + 1}, ... without a gap",
+            f"in nearly each frame the ids are {least[0]}, {least[0] + 1}, ... without a gap",
             "they number the people of a frame: who has number 2 is somebody else as soon as number 1 leaves",
             "map the id of the track: --map track_id=...; if there is none, violations cannot be counted",
         )
@@ -107,12 +106,12 @@ def _spelled_twice(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.is_pairs or not sample.has_ids:
         return
-    names = pd.Series(sample.rows["track"].dropna().unique(), dtype=str)
-    plain = names.str.strip().str.casefold().str.replace(r"^0+(?=.)", "", regex=True)
-    n_twice = len(names) - plain.nunique()
-    if n_twice >= max(2, SPELLED_SHARE * plain.nunique()):
-        shown = names[plain.duplicated(keep=False)].to_list()
-        first = [name for name, same in zip(names, plain, strict=True) if same == plain[names == shown[0]].iloc[0]]
+    spellings: dict[str, list[str]] = {}
+    for name in sample.track.names:
+        spellings.setdefault(re.sub(r"^0+(?=.)", "", name.strip().casefold()), []).append(name)
+    n_twice = len(sample.track.names) - len(spellings)
+    if n_twice >= max(2, SPELLED_SHARE * len(spellings)):
+        first = next(names for names in spellings.values() if len(names) > 1)
         yield Doubt(
             "W225",
             f"{n_twice:,} ids are written in two ways, such as {' and '.join(name[:20] for name in first[:2])}",

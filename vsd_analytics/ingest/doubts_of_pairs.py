@@ -9,6 +9,7 @@ import numpy as np
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
 from vsd_analytics.ingest.doubts_of_places import UNIT
+from vsd_analytics.ingest.sample import is_known
 
 PAIR_MAX_M: Final = 50.0
 """No engine measures mostly pairs further apart than this."""
@@ -20,18 +21,18 @@ VALUES_MIN: Final = 3
 
 def _distances(case: Case) -> Iterator[Doubt]:
     """W220: distances of pairs that are no metres, or no distances."""
-    rows = case.sample.rows
-    apart = rows["distance_m"].dropna()
-    if not case.sample.is_pairs or case.head is None or len(apart) < ROWS_MIN:
+    sample = case.sample
+    apart = sample.distance_m[~np.isnan(sample.distance_m)]
+    if not sample.is_pairs or case.head is None or len(apart) < ROWS_MIN:
         return
-    median = float(apart.median())
+    median, is_mapped = float(np.median(apart)), "distance_m" in case.head.plan.theirs
     stored_m = case.site.settings.pair_max_m
     beyond = float((apart > stored_m).mean())
     if median > PAIR_MAX_M:
         what = f"half of the pairs are more than {median:,.0f} m apart"
         yield Doubt("W220", what, "distances in millimetres or centimetres look like this", UNIT, is_sure=True)
-    elif "distance_m" in case.head.plan.theirs and len(apart) >= 5 * ROWS_MIN and apart.nunique() < VALUES_MIN:
-        shown = " and ".join(f"{value:g}" for value in sorted(apart.unique()))
+    elif is_mapped and len(apart) >= 5 * ROWS_MIN and len(values := np.unique(apart)) < VALUES_MIN:
+        shown = " and ".join(f"{value:g}" for value in values)
         yield Doubt(
             "W220",
             f"all {len(apart):,} distances are {shown} m",
@@ -56,8 +57,9 @@ def _distances(case: Case) -> Iterator[Doubt]:
             "--unit ft (or in, cm) if they are; pair_max_m under [rule] says up to where pairs are stored",
             is_note=True,
         )
-    both = rows[["distance_m", "places_m"]].dropna().to_numpy(dtype=float)
-    if "distance_m" not in case.head.plan.theirs or len(both) < ROWS_MIN:
+    both = np.column_stack([sample.distance_m, sample.places_m])
+    both = both[is_known(both)]
+    if not is_mapped or len(both) < ROWS_MIN:
         return
     differ = np.abs(both[:, 0] - both[:, 1])
     is_other = (differ > DIFFERS_M) & (differ > DIFFERS_SHARE * both.min(axis=1))

@@ -6,15 +6,11 @@ from collections.abc import Callable, Iterator
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
-import pandas as pd
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, picture_px
-from vsd_analytics.ingest.sample import Sample
+from vsd_analytics.ingest.sample import Floats, Sample, extent, is_known
 from vsd_analytics.ingest.table_head import TableHead
 from vsd_analytics.ingest.telling_names import letters, side_named
-
-Array = npt.NDArray[np.float64]
 
 _BOX_SIDES: Final = {"right": "size", "bottom": "size", "width": "corner", "height": "corner"}
 """Sides of a box, and what the name of their column must not say."""
@@ -32,23 +28,22 @@ def _names_centre(name: str) -> bool:
     return "cent" in name.lower() or letters(name.rpartition(".")[2]) in ("cx", "cy", "xc", "yc")
 
 
-def _square_side(places: pd.DataFrame) -> int | None:
+def _square_side(places: Floats) -> int | None:
     """Return the side of the square that places fill to 85 % or more in one direction, of those that detectors use."""
-    values = places.to_numpy(dtype=float)
-    found = next((side for side in SQUARES if 0.85 * side <= float(values.max()) <= side), None)
-    is_whole = bool((values * 2 % 1 == 0).all())  # the middle of two whole sides
+    found = next((side for side in SQUARES if 0.85 * side <= float(places.max()) <= side), None)
+    is_whole = bool((places * 2 % 1 == 0).all())  # the middle of two whole sides
     return found if found != SHARES or is_whole else None
 
 
 def _pixels(case: Case) -> Iterator[Doubt]:
     """W226: positions in the picture that are no pixels of it."""
-    places = case.sample.rows[["u", "v"]].dropna()
+    places = case.sample.picture_px[is_known(case.sample.picture_px)]
     if len(places) < 3 or case.sample.has_floor:
         return
     if case.head is not None:
         yield from _columns(case.head)
         yield from _boxes(case.head, places)
-    yield from _scale(case, places["u"].to_numpy(), places["v"].to_numpy())
+    yield from _scale(case, *places.T)
 
 
 def _columns(head: TableHead) -> Iterator[Doubt]:
@@ -84,7 +79,7 @@ def _columns(head: TableHead) -> Iterator[Doubt]:
         )
 
 
-def _boxes(head: TableHead, places: pd.DataFrame) -> Iterator[Doubt]:
+def _boxes(head: TableHead, places: Floats) -> Iterator[Doubt]:
     """Yield doubts whether the sides of boxes are the ones they are read as."""
     if head.n_wide > WIDE_SHARE * head.n_boxes > 0:
         yield Doubt(
@@ -123,7 +118,7 @@ def _boxes(head: TableHead, places: pd.DataFrame) -> Iterator[Doubt]:
         )
 
 
-def _scale(case: Case, u: Array, v: Array) -> Iterator[Doubt]:
+def _scale(case: Case, u: Floats, v: Floats) -> Iterator[Doubt]:
     """Yield doubts whether positions are pixels, and of a picture of this size."""
     size = case.options.size_px or picture_px(case)
     if (shares := _shares(u, v, size)) is not None:
@@ -134,7 +129,7 @@ def _scale(case: Case, u: Array, v: Array) -> Iterator[Doubt]:
         yield from _size_known(case.sample, u, v, size)
 
 
-def _shares(u: Array, v: Array, size_px: tuple[int, int] | None) -> Doubt | None:
+def _shares(u: Floats, v: Floats, size_px: tuple[int, int] | None) -> Doubt | None:
     """Return the doubt about positions that all are shares of the picture."""
     if ((u >= -0.1) & (u <= 1.1) & (v >= -0.1) & (v <= 1.1)).all():
         shown = "1280x720" if size_px is None else f"{size_px[0]}x{size_px[1]}"
@@ -152,7 +147,7 @@ def _shares(u: Array, v: Array, size_px: tuple[int, int] | None) -> Doubt | None
     return None
 
 
-def _size_unknown(u: Array, v: Array) -> Iterator[Doubt]:
+def _size_unknown(u: Floats, v: Floats) -> Iterator[Doubt]:
     if len(u) >= ROWS_MIN and max(np.quantile(u, 0.9), np.quantile(v, 0.9)) > PICTURE_MAX_PX:
         what = f"positions reach to u {u.max():,.0f}, v {v.max():,.0f}"
         why = f"hardly any camera has more than {PICTURE_MAX_PX:,} pixels: engines count to 8191 or 10000 like this"
@@ -166,7 +161,7 @@ def _size_unknown(u: Array, v: Array) -> Iterator[Doubt]:
         )
 
 
-def _size_known(sample: Sample, u: Array, v: Array, size_px: tuple[int, int]) -> Iterator[Doubt]:
+def _size_known(sample: Sample, u: Floats, v: Floats, size_px: tuple[int, int]) -> Iterator[Doubt]:
     width, height = size_px
     beyond = float(((u < -0.02 * width) | (u > 1.02 * width) | (v < -0.02 * height) | (v > 1.1 * height)).mean())
     is_percent = u.max() <= 100 and v.max() <= 100 and min(size_px) >= 300
@@ -181,9 +176,9 @@ def _size_known(sample: Sample, u: Array, v: Array, size_px: tuple[int, int]) ->
         return
     is_corner = bool(np.quantile(u, 0.99) < 0.05 * width and np.quantile(v, 0.99) < 0.05 * height)
     if beyond > 0.1 or is_corner:
-        extent = sample.extent("u", "v")
-        assert extent is not None
-        where = f"u {extent[0]:,.0f} to {extent[1]:,.0f}, v {extent[2]:,.0f} to {extent[3]:,.0f}"
+        usual = extent(sample.picture_px)
+        assert usual is not None
+        where = f"u {usual[0]:,.0f} to {usual[1]:,.0f}, v {usual[2]:,.0f} to {usual[3]:,.0f}"
         yield Doubt(
             "W226",
             f"positions do not fit the picture of {width} x {height} pixels: {where}",

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
+import pandas as pd
 
 from vsd_analytics.config.file_columns import FILE_BOX, METRES
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, floor_bounds_m, quoted
 from vsd_analytics.ingest.jumps import steps
-from vsd_analytics.ingest.sample import Sample
+from vsd_analytics.ingest.sample import Floats, Sample, Ways, extent, is_known, is_last
 from vsd_analytics.ingest.telling_names import named_like, names_degrees, names_motion
 from vsd_analytics.ingest.units import LENGTHS, PIXELS, unit_in_name
 
@@ -50,7 +50,7 @@ def _units(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if not sample.has_floor or sample.is_pairs:
         return
-    speeds = sample.speeds_m_s()
+    speeds = sample.speeds_m_s
     yield from _too_fast(sample, speeds)
     is_walking = len(speeds) >= ROWS_MIN and 0 < float(np.median(speeds)) <= SPEED_MAX_M_S
     yield from _far_out(case, is_walking=is_walking)
@@ -97,17 +97,14 @@ def _named_units(names: Mapping[str, str]) -> Iterator[Doubt]:
             )
 
 
-def _too_fast(sample: Sample, speeds: npt.NDArray[np.float64]) -> Iterator[Doubt]:
+def _too_fast(sample: Sample, speeds: Floats) -> Iterator[Doubt]:
     """Yield the doubt about people who would move faster than people do; speeds are those of all steps, m/s."""
     if len(speeds) >= ROWS_MIN and (median := float(np.median(speeds))) > SPEED_MAX_M_S:
         what = f"people would move at {median:,.0f} m/s: half of the steps are faster"
         yield Doubt(
             "W220", what, "positions are hardly in metres, or ids change people", _unit_fix(sample), is_sure=True
         )
-    elif (
-        len(walked := sample.speeds_m_s(step_min_s=1.0)) >= ROWS_MIN
-        and (median := float(np.median(walked))) > WALK_MAX_M_S
-    ):
+    elif len(walked := sample.walked_m_s) >= ROWS_MIN and (median := float(np.median(walked))) > WALK_MAX_M_S:
         what = f"people would walk at {median:.1f} m/s: half of the steps of a second or longer are faster"
         fix = "--unit ft (or yd, dm) if they are; check --fps where times come from frame numbers"
         why = "most people walk at 0.5 to 1.6 m/s; feet read as metres look like this"
@@ -120,7 +117,7 @@ def _too_fast(sample: Sample, speeds: npt.NDArray[np.float64]) -> Iterator[Doubt
 
 def _unit_fix(sample: Sample) -> str:
     """Return how to state the unit; first comes the one in which the faster steps are those of people who walk."""
-    speeds = sample.speeds_m_s()
+    speeds = sample.speeds_m_s
     fast = float(np.quantile(speeds, 1 - HURRY_SHARE)) if len(speeds) >= ROWS_MIN else 0.0
     if fast <= 0:
         return UNIT
@@ -129,14 +126,14 @@ def _unit_fix(sample: Sample) -> str:
 
 def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
     """W220: positions beyond the floor. People who move as fast as people do are in metres, on a large floor."""
-    places = case.sample.rows[["x", "y"]].dropna()
-    is_stored = (places.abs() <= case.site.settings.coordinate_max_m).all(axis=1)
-    if is_stored.mean() >= USUAL_SHARE:  # the others are bad rows, which go to quarantine and say nothing of the unit
+    places = case.sample.floor_m[is_known(case.sample.floor_m)]
+    is_stored = (np.abs(places) <= case.site.settings.coordinate_max_m).all(axis=1)
+    if is_stored.sum() >= USUAL_SHARE * len(places):  # the others are bad rows and say nothing of the unit
         places = places[is_stored]
     if len(places) < ROWS_MIN:
         return
-    x, y = places["x"].to_numpy(), places["y"].to_numpy()
-    n_ids = case.sample.n_tracks
+    x, y = places.T
+    n_ids = len(case.sample.track.names)
     if len(places) >= 5 * ROWS_MIN and n_ids > 2 and 0 < max(np.ptp(x), np.ptp(y)) <= 1:
         is_share = bool(((x >= 0) & (x <= 1) & (y >= 0) & (y <= 1)).all())
         more = ": every position is between 0 and 1" if is_share else f": x {x.min():.4g} to {x.max():.4g}"
@@ -149,10 +146,10 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
         )
         yield Doubt("W220", what, why, fix, is_sure=True)
         return
-    extent = replace(case.sample, rows=places).extent("x", "y", tail=0.05)
-    assert extent is not None
-    spread_x, spread_y = extent[1] - extent[0], extent[3] - extent[2]
-    shown = f"x {extent[0]:,.1f} to {extent[1]:,.1f} m, y {extent[2]:,.1f} to {extent[3]:,.1f} m"
+    usual = extent(places, tail=0.05)
+    assert usual is not None
+    spread_x, spread_y = usual[1] - usual[0], usual[3] - usual[2]
+    shown = f"x {usual[0]:,.1f} to {usual[1]:,.1f} m, y {usual[2]:,.1f} to {usual[3]:,.1f} m"
     bounds = floor_bounds_m(case)
     if bounds is None:
         if max(spread_x, spread_y) > SPAN_MAX_M:
@@ -191,18 +188,18 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
 def _axes(case: Case) -> Iterator[Doubt]:
     """W220: positions on one line, because one of the axes read is the height above the floor."""
     sample = case.sample
-    if sample.is_pairs or sample.n < 5 * ROWS_MIN or sample.n_tracks == 1:
+    if sample.is_pairs or sample.n < 5 * ROWS_MIN or len(sample.track.names) == 1:
         return
-    extent = sample.extent("x", "y")
-    if extent is None:
+    if (usual := extent(sample.floor_m)) is None:
         return
-    spreads = {"x_m": extent[1] - extent[0], "y_m": extent[3] - extent[2]}
+    left, right, bottom, top = usual
+    spreads = {"x_m": right - left, "y_m": top - bottom}
     flat, wide = sorted(spreads, key=lambda axis: spreads[axis])
     if spreads[flat] > FLAT_M or spreads[wide] < WIDE_M:
         return
     ignored = [] if case.head is None else case.head.ignored
     third = named_like(ignored, "third axis")
-    low = extent[0] if flat == "x_m" else extent[2]
+    low = left if flat == "x_m" else bottom
     yield Doubt(
         "W220",
         f"everybody would be on one line: {flat} is {low:.2f} to {low + spreads[flat]:.2f} m, {wide} reaches over "
@@ -218,17 +215,17 @@ def _placeholders(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.is_pairs or sample.n < 5 * ROWS_MIN:
         return
-    for across, up in (("x", "y"), ("u", "v")):
-        places = sample.rows[[across, up]].dropna()
-        if places.empty:
+    for is_metric in (True, False):
+        places = sample.floor_m if is_metric else sample.picture_px
+        places = places[is_known(places)]
+        if not len(places):
             continue
-        usual = places.loc[(places[across] == places[up]) & places[across].isin(_USUAL_PLACEHOLDERS), across]
-        counts = usual.value_counts()
-        counts = counts[(counts >= SAME_PLACE_SHARE * len(places)) & (counts < len(places))]
-        written = [(float(value), float(value)) for value in counts.index]
-        jumped_to = set(_jumped_to(sample, across, up)) - set(written)
+        across, up = places.T
+        usual = Counter(across[(across == up) & np.isin(across, _USUAL_PLACEHOLDERS)].tolist()).most_common()
+        written = [(value, value) for value, n in usual if SAME_PLACE_SHARE * len(places) <= n < len(places)]
+        jumped_to = set(_jumped_to(sample, sample.ways if is_metric else sample.picture_ways)) - set(written)
         for x, y in [*written, *sorted(jumped_to)]:
-            n_there = int(((places[across] == x) & (places[up] == y)).sum())
+            n_there = int(((across == x) & (up == y)).sum())
             names = {} if case.head is None else case.head.plan.names
             column = next((names[ours] for ours in ("x_m", "u_px") if ours in names), None)
             yield Doubt(
@@ -245,18 +242,16 @@ def _left_standing(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.is_pairs or not sample.has_ids:
         return
-    axes = ("x", "y") if sample.has_floor else ("u", "v")
-    key = ["camera_no", "track_no"]
-    rows = sample.placed(*axes).reset_index(drop=True)
-    is_new = (rows[[*key, *axes]].diff() != 0).any(axis=1)
-    arrived = rows[is_new].drop_duplicates(key, keep="last")
-    first, last = (rows.drop_duplicates(key, keep=keep) for keep in ("first", "last"))
-    has_come = arrived.index.to_numpy() > first.index.to_numpy()  # whoever never moves was not lost on the way
-    still_s = (last["ts_ms"].to_numpy() - arrived["ts_ms"].to_numpy()) / 1000
-    n_after = last.index.to_numpy() - arrived.index.to_numpy()
+    ways = sample.ways
+    is_moved = ways.is_first | (np.diff(ways.places, axis=0, prepend=0) != 0).any(axis=1)
+    first, last = np.flatnonzero(ways.is_first), np.flatnonzero(is_last(ways.is_first))
+    arrived = np.maximum.accumulate(np.where(is_moved, np.arange(len(ways)), 0))[last]
+    has_come = arrived > first  # whoever never moves was not lost on the way
+    still_s = (ways.ts_ms[last] - ways.ts_ms[arrived]) / 1000
+    n_after = last - arrived
     is_left = has_come & (still_s >= LEFT_S) & (n_after >= ROWS_MIN)
-    n_before = len(rows) - int(n_after.sum())
-    n_repeated = int((~is_new).sum()) - int(n_after.sum())
+    n_before = len(ways) - int(n_after.sum())
+    n_repeated = int((~is_moved).sum()) - int(n_after.sum())
     if is_left.sum() >= max(ROWS_MIN / 2, LEFT_SHARE * len(last)) and n_repeated < REPEATED_SHARE * n_before:
         yield Doubt(
             "W222",
@@ -267,13 +262,14 @@ def _left_standing(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _jumped_to(sample: Sample, across: str, up: str) -> list[tuple[float, float]]:
+def _jumped_to(sample: Sample, ways: Ways) -> list[tuple[float, float]]:
     """Return the places to which the ids of several people jump again and again, and from which they come back."""
-    rows = steps(sample, across, up, fast_m_s=SPEED_MAX_M_S)
-    is_there_and_back = rows["is_jump"] & rows["is_jump"].shift(-1, fill_value=False)
-    if not is_there_and_back.any():
+    _, is_jump = steps(sample, ways, fast_m_s=SPEED_MAX_M_S)
+    is_there_and_back = is_jump & np.roll(is_jump, -1)  # the first record is no jump
+    if is_there_and_back.sum() < ROWS_MIN:
         return []
-    found = rows[is_there_and_back].groupby([across, up])["track_no"].agg(["size", "nunique"])
+    (x, y), track_no = ways.places[is_there_and_back].T, ways.track_no[is_there_and_back]
+    found = pd.Series(track_no).groupby([x, y]).agg(["size", "nunique"])
     return list(found.index[(found["size"] >= ROWS_MIN) & (found["nunique"] > 2)])
 
 

@@ -13,6 +13,7 @@ import pandas as pd
 from vsd_analytics.ingest.cell_values import is_number
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
 from vsd_analytics.ingest.instants import utc_to_local
+from vsd_analytics.ingest.sample import Ints, Sample
 from vsd_analytics.ingest.telling_names import named_like
 from vsd_analytics.site.model import Site
 
@@ -44,13 +45,11 @@ def _zones(case: Case) -> Iterator[Doubt]:
     if case.options.zone is not None or not sample.n:
         return
     stated = {name for c in site.cameras if c.has_clock for name in (c.camera_id, *c.engine_ids)}
-    is_assumed = (sample.zones != "") & ~sample.rows["camera"].isin(stated).to_numpy()
+    is_assumed = (sample.zone.no >= 0) & ~sample.camera.is_in(stated)
     if not is_assumed.any():
         return
-    zone = str(sample.zones[is_assumed][0])
-    ts_ms = sample.rows["ts_ms"].to_numpy()[is_assumed].astype(np.int64)
-    written = utc_to_local(ts_ms, zone)
-    here, there = utc_to_local(ts_ms, site.timezone), written
+    zone = sample.zone.names[sample.zone.no[is_assumed][0]]
+    here, there = (utc_to_local(sample.ts_ms[is_assumed], name) for name in (site.timezone, zone))
     if (here == there).all():
         return
     as_read, as_local = (f"{_clock(int(local.min()))} to {_clock(int(local.max()))}" for local in (here, there))
@@ -92,16 +91,15 @@ def open_share(local_ms: np.ndarray, site: Site) -> float:
 
 def _mixed_offsets(case: Case) -> Iterator[Doubt]:
     """W223: times of one camera of which some have an offset from UTC and others have none."""
-    if case.options.zone is not None or case.sample.n < ROWS_MIN:
+    sample = case.sample
+    if case.options.zone is not None or sample.n < ROWS_MIN:
         return
-    has_none = pd.Series(case.sample.zones != "")
-    shares = has_none.groupby(case.sample.rows["camera_no"].to_numpy()).mean()
-    if ((shares > 0) & (shares < 1)).any():
-        zone = next(name for name in case.sample.zone_names if name)
-        n, n_all = int(has_none.sum()), len(has_none)
+    has_none = sample.zone.no >= 0
+    if len(np.intersect1d(sample.camera.no[has_none], sample.camera.no[~has_none])):
         yield Doubt(
             "W223",
-            f"{n:,} of {n_all:,} times have no offset, and are taken as {zone}; the others have one",
+            f"{has_none.sum():,} of {sample.n:,} times have no offset, and are taken as {min(sample.zone.names)}; "
+            "the others have one",
             "two programs with two clocks may have written the file: people would be hours apart who were together",
             "export all times with their offset, or one file for each clock",
         )
@@ -112,20 +110,23 @@ def _hour_back(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.n < 5 * ROWS_MIN:
         return
-    has_offset = not (sample.zones != "").any()
-    ts_ms, camera = (sample.rows[c].to_numpy().astype(np.int64) for c in ("ts_ms", "camera_no"))
-    steps = np.where(camera[1:] == camera[:-1], np.diff(ts_ms), 0)
-    back = steps[steps < 0]
+    steps_ms = _steps_ms(sample.camera.no, sample.ts_ms)
+    back = steps_ms[steps_ms < 0]
     if len(back) == 1 and -_HOUR_MS <= back[0] <= -_HOUR_MS + _SILENCE_MS:
-        at = int(ts_ms[:-1][steps < 0][0])
+        at = int(sample.ts_ms[:-1][steps_ms < 0][0])
         yield Doubt(
             "W223",
             f"the clock goes back by an hour once, at {_clock(at)} (UTC, as it is read)",
             "put right, or put back at the end of summer time: the hour would be stored on top of the one before",
             "export the records before and after it as two files, the wrong ones with corrected times"
-            if has_offset
+            if not sample.zone.names
             else f"--zone {case.site.timezone} if it is the clock of the site; better: export times with their offset",
         )
+
+
+def _steps_ms(camera_no: Ints, ts_ms: Ints) -> Ints:
+    """Return the steps from record to record in the order of the file; 0 to another camera."""
+    return np.where(camera_no[1:] == camera_no[:-1], np.diff(ts_ms), 0)
 
 
 def _clock_set(case: Case) -> Iterator[Doubt]:
@@ -133,13 +134,15 @@ def _clock_set(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.is_pairs or not sample.has_ids or not sample.has_floor:
         return
-    rows = sample.rows.loc[sample.rows["track_no"] >= 0, ["camera_no", "track_no", "ts_ms", "x", "y"]]
-    steps_ms = rows["ts_ms"].diff().where(rows["camera_no"].diff() == 0)
-    is_set = (steps_ms < -SET_BACK_MS) & ~steps_ms.between(-_HOUR_MS, _SILENCE_MS - _HOUR_MS)  # that is an hour back
-    is_set |= steps_ms > _SILENCE_MS
+    row = np.flatnonzero(sample.track.no >= 0)
+    steps_ms = _steps_ms(sample.camera.no[row], sample.ts_ms[row])
+    is_hour_back = (steps_ms >= -_HOUR_MS) & (steps_ms <= _SILENCE_MS - _HOUR_MS)
+    is_set = ((steps_ms < -SET_BACK_MS) & ~is_hour_back) | (steps_ms > _SILENCE_MS)
     if not 0 < is_set.sum() <= SETS_MAX:
         return
-    for i in np.flatnonzero(is_set):
+    columns = {"camera_no": sample.camera.no, "track_no": sample.track.no, "ts_ms": sample.ts_ms}
+    rows = pd.DataFrame(columns | {"x": sample.floor_m[:, 0], "y": sample.floor_m[:, 1]}).iloc[row]
+    for i in np.flatnonzero(is_set) + 1:
         camera, before_ms, after_ms = rows["camera_no"].iloc[i], rows["ts_ms"].iloc[i - 1], rows["ts_ms"].iloc[i]
         before, after, known = (
             part[(part["camera_no"] == camera) & (part["ts_ms"] == ms)].drop_duplicates("track_no")
@@ -164,7 +167,7 @@ def _clock_set(case: Case) -> Iterator[Doubt]:
 def _named_utc(case: Case) -> Iterator[Doubt]:
     """W223: a column that names UTC, read on another clock."""
     theirs = "" if case.head is None else case.head.plan.names.get("ts", "")
-    zones = [zone for zone in case.sample.zone_names if zone not in ("", "UTC")]
+    zones = sorted(set(case.sample.zone.names) - {"UTC"})
     if zones and not {"utc", "gmt"}.isdisjoint(re.findall(r"[a-z]+", theirs.lower())):
         yield Doubt(
             "W223",
@@ -179,7 +182,7 @@ def _gps(case: Case) -> Iterator[Doubt]:
     if case.now is None or case.head is None or case.sample.n < ROWS_MIN:
         return
     written = str(next(iter(case.head.rows.values()), {}).get(case.head.plan.names.get("ts", ""), ""))
-    late_ms = case.now.timestamp() * 1000 - _GPS_MS - float(np.median(case.sample.rows["ts_ms"]))
+    late_ms = case.now.timestamp() * 1000 - _GPS_MS - float(np.median(case.sample.ts_ms))
     if is_number(written) and -_DAY_MS < late_ms < RECENT_DAYS * _DAY_MS:
         yield Doubt(
             "W227",
@@ -194,10 +197,8 @@ def _merging(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.n < ROWS_MIN or case.options.period_s is not None:
         return
-    ts_ms = sample.rows["ts_ms"].to_numpy().astype(np.int64)
-    zones = [zone for zone in sample.zone_names if zone]
-    local = utc_to_local(ts_ms, zones[0]) if len(zones) == 1 and (sample.zones != "").all() else ts_ms
-    n_second, n_instants = sample.n_second, len(np.unique(ts_ms))
+    local = _written_ms(sample)
+    n_second, n_instants = sample.n_second, sample.n_instants
     share = n_second / sample.n
     if case.head is not None and "ts" in case.head.plan.theirs and not (local % _DAY_MS).any():
         times = named_like(case.head.ignored, "time")
@@ -215,7 +216,7 @@ def _merging(case: Case) -> Iterator[Doubt]:
             "the times are whole minutes, so that frames of one minute cannot be distinguished"
             if is_coarse
             else "the times are days since 1899, as Excel counts them: export them as text"
-            if 20_000_000 < np.median(ts_ms) < 80_000_000
+            if 20_000_000 < np.median(sample.ts_ms) < 80_000_000
             else "the times are too coarse, or the ids belong to several people"
         )
         fix = "export times with seconds and parts of seconds; or keep one record of each period: --period "
@@ -248,7 +249,7 @@ def _years(case: Case) -> Iterator[Doubt]:
     sample = case.sample
     if sample.n < ROWS_MIN or case.head is None:  # of few, bad ones go to quarantine
         return
-    median = float(np.median(sample.rows["ts_ms"].to_numpy().astype(np.int64)))
+    median = float(np.median(sample.ts_ms))
     if _FIRST_MS <= median < _LAST_MS:
         return
     year = 1970 + median / (365.2425 * _DAY_MS)
@@ -271,20 +272,21 @@ def _years(case: Case) -> Iterator[Doubt]:
     yield Doubt("W227", what, "a wrong unit, or a count that begins at another date than 1970", fix, is_sure=True)
 
 
+def _written_ms(sample: Sample) -> Ints:
+    """Return the times on the clock of their zone where all have the same one, else UTC."""
+    return sample.ts_ms if (sample.zone.no != 0).any() else utc_to_local(sample.ts_ms, sample.zone.names[0])
+
+
 def _half_days(case: Case) -> Iterator[Doubt]:
     """W227: a clock of twelve hours without AM and PM: after 12:59 comes 1:00."""
     sample = case.sample
-    if sample.n < ROWS_MIN or not (sample.zones != "").all():
+    if sample.n < ROWS_MIN or (sample.zone.no < 0).any():
         return
-    zones = sample.zone_names
-    local = sample.rows["ts_ms"].to_numpy().astype(np.int64)
-    if len(zones) == 1:
-        local = utc_to_local(local, zones[0])
+    local = _written_ms(sample)
     hours = local % _DAY_MS // _HOUR_MS
-    camera = sample.rows["camera"].fillna("").to_numpy()
-    steps = np.where(camera[1:] == camera[:-1], np.diff(local), 0)
-    is_back = steps < -_HOUR_MS
-    back, then = steps[is_back], hours[1:][is_back]
+    steps_ms = _steps_ms(sample.camera.no, local)
+    is_back = steps_ms < -_HOUR_MS
+    back, then = steps_ms[is_back], hours[1:][is_back]
     if hours.min() < 1 or hours.max() > 12 or not len(back):
         return
     if ((back > -12 * _HOUR_MS) & (back < -6 * _HOUR_MS) & (then < 6)).all():
@@ -301,12 +303,10 @@ def _half_days(case: Case) -> Iterator[Doubt]:
 def _midnights(case: Case) -> Iterator[Doubt]:
     """W227: times of day that pass midnight beside a date that does not change."""
     sample = case.sample
-    zones = sample.zone_names
-    if sample.n < ROWS_MIN or not (sample.zones != "").all() or len(zones) != 1:
+    if sample.n < ROWS_MIN or (sample.zone.no != 0).any():  # 0: one zone, of all
         return
-    local = utc_to_local(sample.rows["ts_ms"].to_numpy().astype(np.int64), zones[0])
-    camera = sample.rows["camera"].fillna("").to_numpy()
-    is_back = (camera[1:] == camera[:-1]) & (np.diff(local) < -_HOUR_MS)
+    local = _written_ms(sample)
+    is_back = _steps_ms(sample.camera.no, local) < -_HOUR_MS
     last, then = local[:-1][is_back], local[1:][is_back]
     is_midnight = (last % _DAY_MS > _DAY_MS - _HOUR_MS) & (then % _DAY_MS < _HOUR_MS) & (last - then < _DAY_MS)
     if len(last) and is_midnight.all():
@@ -324,9 +324,9 @@ def _closed(case: Case) -> Iterator[Doubt]:
     site, sample = case.site, case.sample
     # who states another zone knows the hours
     is_stated = case.options.start is not None or case.options.zone not in (None, site.timezone)
-    if site.opening is None or is_stated or sample.rows["ts_ms"].nunique() < ROWS_MIN:
+    if site.opening is None or is_stated or sample.n_instants < ROWS_MIN:
         return
-    utc = sample.rows["ts_ms"].to_numpy().astype(np.int64)
+    utc = sample.ts_ms
     local = utc_to_local(utc, site.timezone)
     share = 1 - open_share(local, site)
     outside = f"{share:.0%} of the records are outside opening hours: {_clock(int(local.min()))} to "

@@ -94,5 +94,5 @@ class LateLook:
         for doubt in doubts:
             is_news = doubt.code not in known or (doubt.is_sure and not known[doubt.code])
             if is_news and not (doubt.is_note and doubt.code != "W225"):
-                first = int(sample.rows["line"].min()) if sample.n else 0
+                first = int(sample.line.min()) if sample.n else 0
                 self._found.setdefault(doubt.code, (doubt, first))

@@ -7,13 +7,13 @@ same recording, whatever their bytes, times and ids are.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from vsd_analytics.ingest.sample import Sample
+from vsd_analytics.ingest.sample import Sample, is_new
 
 SIZE: Final = 16
 FRAMES: Final = 4
@@ -24,6 +24,7 @@ _CHARS: Final = (12, 1, 1)
 """Hexadecimal digits of the places, the time and the ids of a window. One digit does not say who it was, but of several
 windows it shows whether most have another time or others' ids."""
 _ODD: Final = np.uint64(0x9E3779B97F4A7C15)
+_DIGIT: Final = np.uint64(0xF)
 
 Hashes = NDArray[np.uint64]
 
@@ -33,31 +34,26 @@ def sketch_of(sample: Sample) -> str:
 
     A window is left out whose places come again: a camera that hangs, people who sit, coarse places.
     """
-    rows = sample.rows
-    if rows.empty:
-        return ""
-    axes = ["distance_m"] if sample.is_pairs else ["x", "y"] if sample.has_floor else ["u", "v"]
-    places = np.nan_to_num(rows[axes].to_numpy(dtype=float) * (1 if axes[0] == "u" else 100))
+    values = sample.distance_m[:, None] if sample.is_pairs else sample.places
+    places = np.nan_to_num(values * (100 if sample.is_pairs or sample.has_floor else 1))
     with np.errstate(invalid="ignore"):
         whole = np.rint(places).astype(np.int64)
-    of_row, ids = pd.factorize(rows["track"].fillna(""))
-    frames = pd.DataFrame(
-        {
-            "camera": rows["camera_no"],
-            "ts_ms": rows["ts_ms"],
-            "places": _mixed(whole),
-            "ids": pd.util.hash_array(np.asarray(ids.astype(str), dtype=object))[of_row],
-        }
-    )
-    frames = frames.groupby(["camera", "ts_ms"], as_index=False).sum()  # whatever the order of the rows
-    by_camera = frames.groupby("camera")
-    windows = pd.DataFrame({name: _mixed(_successive(by_camera[name])) for name in ("places", "ids")})
-    windows["ts_ms"] = _mixed(frames[["ts_ms"]].to_numpy(dtype=np.int64))
-    windows = windows[by_camera.cumcount(ascending=False) >= FRAMES - 1].drop_duplicates("places", keep=False)
-    least = windows.assign(places=windows["places"].to_numpy() >> np.uint64(16)).sort_values("places")[:SIZE]
+    ids = pd.util.hash_array(np.array([*sample.track.names, ""], dtype=object))[sample.track.no]
+    order = sample.by_frame
+    camera, ts_ms = sample.camera.no[order], sample.ts_ms[order]
+    starts = np.flatnonzero(is_new(camera, ts_ms))
+    camera, ts_ms = camera[starts], ts_ms[starts]
+    if len(starts) < FRAMES:
+        return ""
+    # a sum is the same whatever the order of the rows
+    sums = np.add.reduceat(np.column_stack([_mixed(whole), ids])[order], starts)
+    windows = np.lib.stride_tricks.sliding_window_view(sums, FRAMES, axis=0)
+    of_places, of_times, of_ids = _mixed(windows[:, 0]), _mixed(ts_ms[:, None]), _mixed(windows[:, 1])
+    of_one_camera = np.flatnonzero(camera[: len(windows)] == camera[FRAMES - 1 :])
+    _, at, n_same = np.unique(of_places[of_one_camera], return_index=True, return_counts=True)
     return "".join(
-        f"{place:012x}{time & 0xF:x}{ids & 0xF:x}"
-        for place, time, ids in least[["places", "ts_ms", "ids"]].astype(object).itertuples(index=False)
+        f"{of_places[i] >> np.uint64(16):012x}{of_times[i] & _DIGIT:x}{of_ids[i] & _DIGIT:x}"
+        for i in of_one_camera[at[n_same == 1][:SIZE]]
     )
 
 
@@ -79,13 +75,7 @@ def _windows(sketch: str) -> dict[str, str]:
     return {part[:n_place]: part[n_place:] for part in parts}
 
 
-def _successive(frames: pd.api.typing.SeriesGroupBy[Any, Any]) -> NDArray[np.int64]:
-    """Return for each frame its value and those of the frames behind it."""
-    columns = [frames.shift(-i, fill_value=0) for i in range(FRAMES)]
-    return np.column_stack([column.to_numpy().astype(np.int64) for column in columns])
-
-
-def _mixed(values: NDArray[np.int64]) -> Hashes:
+def _mixed(values: NDArray[np.int64] | Hashes) -> Hashes:
     """Return a hash of each row."""
     mixed = np.zeros(len(values), dtype=np.uint64)
     for column in values.T:

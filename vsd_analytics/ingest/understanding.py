@@ -6,28 +6,24 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
-import pandas as pd
 
 from vsd_analytics.errors import InputError, VsdError, Where
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Source
 from vsd_analytics.ingest.columns import TIME_OF_DAY
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, floor_bounds_m, picture_px
 from vsd_analytics.ingest.doubts import doubts_of
-from vsd_analytics.ingest.sample import Sample, sample_of
+from vsd_analytics.ingest.sample import Extent, Sample, extent, sample_of
 from vsd_analytics.ingest.sketch import sketch_of
 from vsd_analytics.ingest.table_head import SHOWN_ROWS, TableHead
 from vsd_analytics.ingest.telling_names import named_like
 from vsd_analytics.ingest.units import LENGTHS
 from vsd_analytics.site.model import Site
 
-_OWN = frozenset({"line", "camera_no", "track_no", "places_m"})
-"""Columns of a sample that no record has."""
-
-Extent = tuple[float, float, float, float]
-"""Least and largest value of one axis, then of the other."""
+_CAMERAS_MAX: Final = 20
+_NUMBERS: Final = ("distance_m", "x", "y", "u", "v")
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,8 +178,9 @@ def table_head(source: Source, reader: Adapter, options: IngestOptions) -> Table
 def _card(case: Case, name: str) -> SourceCard:
     sample, head = case.sample, case.head
     plan = None if head is None else head.plan
-    ts_ms = sample.rows["ts_ms"]
-    lives = sample.lives_s() if sample.has_ids else np.array([])
+    lives = sample.lives_s()
+    n_of_camera = sample.camera.counts
+    usual_cameras = np.argsort(-n_of_camera, kind="stable")[:_CAMERAS_MAX].tolist()
     zone, zone_from = _zone(case)
     like = [] if head is None else named_like(head.ignored, "confidence")
     return SourceCard(
@@ -194,20 +191,20 @@ def _card(case: Case, name: str) -> SourceCard:
         ignored=() if head is None or plan is None else tuple(n for n in head.ignored if n not in plan.compared),
         missing=("track_id",) if plan is not None and not sample.is_pairs and "track_id" not in plan.theirs else (),
         confidence=like[0] if like else None,
-        floor_m=sample.extent("x", "y"),
+        floor_m=extent(sample.floor_m),
         floor_bounds_m=floor_bounds_m(case),
         speed_m_s=_speed_m_s(sample),
-        pixels=sample.extent("u", "v"),
+        pixels=extent(sample.picture_px),
         picture_px=picture_px(case),
-        cameras={str(k): int(n) for k, n in sample.rows["camera"].value_counts().head(20).items()},
+        cameras={sample.camera.names[no]: int(n_of_camera[no]) for no in usual_cameras},
         n_ids=len(lives),
         life_s=float(np.median(lives)) if len(lives) else None,
         interval_s=sample.interval_s(),
         zone=zone,
         zone_from=zone_from,
         time_format=None if plan is None else plan.time_format,
-        first_ms=None if ts_ms.empty else int(ts_ms.min()),
-        last_ms=None if ts_ms.empty else int(ts_ms.max()),
+        first_ms=int(sample.ts_ms.min()) if sample.n else None,
+        last_ms=int(sample.ts_ms.max()) if sample.n else None,
         n_second=sample.n_second,
         n_rejected=sample.n_rejected,
         n_dropped=dict(sample.n_dropped),
@@ -220,7 +217,7 @@ def _card(case: Case, name: str) -> SourceCard:
 
 
 def _speed_m_s(sample: Sample) -> float | None:
-    speeds = sample.speeds_m_s(step_min_s=1.0) if sample.has_floor and not sample.is_pairs else np.array([])
+    speeds = sample.walked_m_s if sample.has_floor and not sample.is_pairs else np.array([])
     return float(np.median(speeds)) if len(speeds) >= ROWS_MIN else None
 
 
@@ -230,7 +227,7 @@ def _use(ours: str, theirs: str, units: Mapping[str, str]) -> ColumnUse:
 
 
 def _zone(case: Case) -> tuple[str | None, str | None]:
-    zones = [zone for zone in case.sample.zone_names if zone]
+    zones = sorted(case.sample.zone.names)
     if not zones:
         return None, None
     if case.options.zone is not None:
@@ -243,8 +240,11 @@ def _zone(case: Case) -> tuple[str | None, str | None]:
 
 def _rows(sample: Sample, head: TableHead | None) -> tuple[Mapping[str, Any], ...]:
     found = []
-    for row in sample.rows.head(SHOWN_ROWS).to_dict("records"):
-        ours = {name: None if pd.isna(value) else value for name, value in row.items() if name not in _OWN}
-        line = int(row["line"])
+    for row in range(min(SHOWN_ROWS, sample.n)):
+        numbers = (sample.distance_m[row], *sample.floor_m[row], *sample.picture_px[row])
+        ours: dict[str, str | float | None]
+        ours = {"camera": sample.camera.at(row), "ts_ms": int(sample.ts_ms[row]), "track": sample.track.at(row)}
+        ours |= {name: None if np.isnan(v) else float(v) for name, v in zip(_NUMBERS, numbers, strict=True)}
+        line = int(sample.line[row])
         found.append({"line": line, "theirs": {} if head is None else dict(head.rows.get(line, {})), "ours": ours})
     return tuple(found)

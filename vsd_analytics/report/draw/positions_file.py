@@ -6,12 +6,14 @@ A newcomer sees at a glance what no number tells: a mirrored axis, another origi
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+import pandas as pd
 from markupsafe import Markup
 
 from vsd_analytics.errors import ReportError
@@ -21,8 +23,6 @@ from vsd_analytics.geometry.scale_bar import nice_metres
 from vsd_analytics.report.draw.svg import ACCENT, FIXTURE, FIXTURE_EDGE, INK, MORE, MUTED, RULE, WHITE, el
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from vsd_analytics.ingest.sample import Sample
     from vsd_analytics.site.model import Camera, Floor, Site
 
@@ -73,21 +73,21 @@ def draw_positions(site: Site, sample: Sample, *, file_name: str) -> str:
     """
     names = {name: c for c in site.cameras for name in (c.camera_id, *c.engine_ids)}
     is_metric = sample.has_floor
-    across, up = ("x", "y") if is_metric else ("u", "v")
-    rows = sample.rows.dropna(subset=[across, up])
-    rows = rows[rows["camera"].isin(names)]
-    if rows.empty:
+    is_drawn = ~np.isnan(sample.places).any(axis=1)
+    n_of_camera = Counter(sample.camera.names[no] for no in sample.camera.no[is_drawn & sample.camera.is_in(names)])
+    if not n_of_camera:
         raise ReportError(
             f"no picture of {file_name} can be drawn",
             code="E501",
             why="none of its first records has a position of a camera of vsd.toml",
             fix="look at what vsd check says of it",
         )
-    first = names[str(rows["camera"].mode().iloc[0])]
+    first = names[min(n_of_camera, key=lambda name: (-n_of_camera[name], name))]
     floor = next(f for f in site.floors if f.floor_id == first.floor_id)
     shown_names = [n for n, c in names.items() if (c.floor_id == first.floor_id if is_metric else c is first)]
-    places = rows.loc[rows["camera"].isin(shown_names), [across, up, "track_no", "ts_ms"]]
-    places = places.set_axis(["x", "y", "track_no", "ts_ms"], axis=1)
+    x, y = sample.places.T
+    places = pd.DataFrame({"x": x, "y": y, "track_no": sample.track.no, "ts_ms": sample.ts_ms})
+    places = places[is_drawn & sample.camera.is_in(shown_names)]
     sheet = _sheet(places, floor, first, is_metric=is_metric)
     drawn = _ground(sheet, site, floor, first) + _people(sheet, places)
     width, height = (side + more for side, more in zip(sheet.size, (2 * PAD, HEAD + PAD), strict=True))
