@@ -6,14 +6,11 @@ import contextlib
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from vsd_analytics.errors import disk_error
-from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, removal
 from vsd_analytics.store.durable import publish, sweep_temporaries
@@ -40,14 +37,8 @@ from vsd_analytics.warehouse.input_fingerprint import InputHashes
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.spread import Spread, publish_days
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
+from vsd_analytics.warehouse.unit_batches import batches
 from vsd_analytics.warehouse.units import PartIndex, Unit, days_around, merged_parts
-
-BATCH_HOURS, BATCH_ROWS = 24, 2_000_000
-"""Hours and stored rows, of pairs twice, per batch, which begins with a UTC day where it can: so most files are written
-at once, and the columns of a day fit into caches. Hours of a busy site are computed one by one, so that memory stays
-bounded."""
-QUIET_HOURS, QUIET_ROWS = 168, 500_000
-"""A batch of a quiet site goes on for a week: with so few rows, planning the queries costs more than running them."""
 
 
 def build(
@@ -264,7 +255,7 @@ def _write_hours(
             if not hours:  # an hour fewer than before, or all hours in several files: nothing is computed
                 files.writer(name, day).add_reused()
     writers: dict[tuple[str, int], DayWriter] = {}
-    for batch in _batches(computed):
+    for batch in batches(computed):
         own = [u.number for u in batch]
         wanted = {n: [h for h in own if h in stale[h // 24].get(n, ())] for n in files.names}
         for relation, rows in _of_batch(site, batch, [n for n, hours in wanted.items() if hours], days, check):
@@ -313,7 +304,7 @@ def record_rows(site: Site, name: str, *, first_hour: int, last_hour: int) -> It
     days = read_days(site, day_units(index, [*hours, *sealed.hours], site=site))
     units = hour_units(site, index, [h for h in hours if first_hour <= h <= last_hour], days)
     check = _Checker(store)
-    for batch in _batches(units):
+    for batch in batches(units):
         yield from (rows for _, rows in _of_batch(site, batch, [name], days, check))
 
 
@@ -408,7 +399,7 @@ def _fresh_days(
         wanted = {u.number: [paths[u.number]] for u in missing}
         publish_days(day_work, site, wanted, spread, on_day=lambda day: sweep_temporaries(paths[day].parent))
         missing = []
-    for batch in _batches(missing):
+    for batch in batches(missing):
         check(p for parts in merged_parts(batch).values() for p in parts)
         rows = day_facts(site, merged_parts(batch))
         units_of = {u.number: u for u in batch}
@@ -417,40 +408,3 @@ def _fresh_days(
         for folder in {paths[u.number].parent for u in batch}:
             sweep_temporaries(folder)
     return read_days(site, units)
-
-
-def _n_persons(table: TableName, part: Part) -> int:
-    """Return the rows of a part, of pairs twice: each is of two persons, and takes the room of two while it is held."""
-    return 2 * _n_rows(part.path) if table == "pairs" else _n_rows(part.path)
-
-
-@lru_cache(maxsize=100_000)
-def _n_rows(path: Path) -> int:
-    """Return the rows of a part. A part is named by the hash of its bytes, so they never change."""
-    return int(pq.read_metadata(path).num_rows)
-
-
-def _batches(units: Sequence[Unit]) -> Iterator[Sequence[Unit]]:
-    """Yield runs of units within the limits of hours (or as many days) and rows; each holds at least one unit.
-
-    A run goes on with a further day only if the whole of it fits: then each file is written with the rows of one run.
-    """
-    n_rows = {u.number: sum(_n_persons(t, p) for t in TABLES for p in u.own_parts(t)) for u in units}
-    of_day: Counter[int] = Counter()
-    for number, n in n_rows.items():
-        of_day[number // BATCH_HOURS] += n
-    batch: list[Unit] = []
-    held = 0
-    for unit in units:
-        own, day = n_rows[unit.number], unit.number // BATCH_HOURS
-        if batch:
-            ahead = own if day == batch[-1].number // BATCH_HOURS else of_day[day]
-            is_within = day == batch[0].number // BATCH_HOURS and held + own <= BATCH_ROWS
-            is_quiet = unit.number - batch[0].number < QUIET_HOURS and held + ahead <= QUIET_ROWS
-            if not is_within and not is_quiet:
-                yield batch
-                batch, held = [], 0
-        batch.append(unit)
-        held += own
-    if batch:
-        yield batch

@@ -53,7 +53,7 @@ _DAY_MS = 86_400_000
 
 
 @dataclass(frozen=True, slots=True)
-class _Found:
+class _FileContent:
     """What the file of a day or week has.
 
     Attributes:
@@ -224,17 +224,17 @@ def _fingerprint(path: Path, day: int) -> str:
     return fingerprints(path).get(day) or path.stem.partition("-")[2]
 
 
-def _read(path: Path, name: str) -> _Found | None:
+def _read(path: Path, name: str) -> _FileContent | None:
     """Return what the file of a day or week has; None where it is damaged."""
     data = path.read_bytes()
     if not is_undamaged(data):
         return None
     with pq.ParquetFile(pa.BufferReader(data), pre_buffer=False) as file:
         rows, spans = file.read(use_threads=False).replace_schema_metadata(), spans_of(file.metadata.metadata)
-    return _Found(rows, inputs_in(path, name, noted_inputs(data)), spans)
+    return _FileContent(rows, inputs_in(path, name, noted_inputs(data)), spans)
 
 
-def _bytes(found: Sequence[_Found], name: str, days: Sequence[int]) -> bytes:
+def _bytes(found: Sequence[_FileContent], name: str, days: Sequence[int]) -> bytes:
     """Return the bytes of the file of a day, or of several days of a week."""
     n, inputs = _numbers(name), {k: own for of in found for k, own in of.inputs.items()}
     own = {k: hashes for k, hashes in inputs.items() if k // n in days}

@@ -1,0 +1,103 @@
+"""A year of 18 cameras that purges what is older than 30 days, week by week, as a timer would.
+
+Each week the records of seven days are stored and folded, `vsd build` computes their facts, and `vsd purge` seals the
+facts of what is older than 30 days and removes these records. Then the report of the last week is made. Run it with
+
+    python tests/benchmarks/bench_retention_year.py --weeks 52 --in DIR
+
+It prints bytes and processor seconds every fourth week, takes about an hour and 5 GB, and leaves nothing behind. Put
+the last lines into docs/capacity.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import subprocess
+import sys
+import tempfile
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+
+from vsd_analytics.bench.made_up_site import CAMERAS, DAY_MS, FIRST_MS, HOUR_S, camera_hour, write_site
+from vsd_analytics.store import Store
+
+OPEN_H = 6
+"""Six people in view at a frame a second: 2.3 million records a day, as the published deployment has in 24 hours."""
+RETENTION_DAYS = 30
+START_MS = FIRST_MS - 54 * 7 * DAY_MS
+"""A Monday more than a year ago: records of days to come are not purged."""
+FIRST = datetime.fromtimestamp(START_MS / 1000, tz=UTC).date()
+SEED = 1
+
+
+def store_week(store: Store, week: int) -> int:
+    """Store the records of seven days, and return how many persons they have."""
+    n_persons = 0
+    for day in range(7 * week, 7 * week + 7):
+        rng = np.random.default_rng([SEED, day])
+        for hour in range(OPEN_H):
+            for camera in range(CAMERAS):
+                start_ms = START_MS + DAY_MS * day + 1000 * HOUR_S * hour
+                for table, rows in camera_hour(rng, camera, start_ms, most=1_000_000_000):
+                    store.append(table, rows, engines=["made-up 1"])
+                    n_persons += rows.num_rows if table == "observations" else 0
+        store.fold()
+    return n_persons
+
+
+def run(root: Path, *arguments: str) -> tuple[float, float]:
+    """Run a command of `vsd`; return its processor seconds, and the peak of memory of all so far in MiB."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    vsd = [sys.executable, "-c", "from vsd_analytics.cli import main; main()"]
+    subprocess.run([*vsd, *arguments], cwd=root, check=True, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, after.ru_maxrss / 1024
+
+
+def main() -> None:
+    """Run the benchmark."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--weeks", type=int, default=52)
+    parser.add_argument("--in", dest="folder", type=Path, default=None, help="where; the default is a temporary folder")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(dir=options.folder) as folder:
+        root = Path(folder)
+        store = Store(root / "store", site_id=write_site(root, n_records=1).site_id)
+        n_persons, n_bytes, spent_s = 0, 0, {"build": 0.0, "purge": 0.0}
+        for week in range(options.weeks):
+            before = _bytes(root / "store")
+            n_persons += store_week(store, week)
+            n_bytes += _bytes(root / "store") - before
+            edge = FIRST + timedelta(days=7 * week + 7 - RETENTION_DAYS)
+            for name, arguments in {"build": (), "purge": ("--older-than", edge.isoformat())}.items():
+                seconds, peak_mib = run(root, name, *arguments)
+                spent_s[name] += seconds
+            if week % 4 == 3 or week == options.weeks - 1:
+                times = ", ".join(f"{name} {1e6 * s / n_persons:.2f} s" for name, s in spent_s.items())
+                print(
+                    f"week {week + 1}: {n_persons / 1e6:.0f} million records of {n_bytes / n_persons:.2f} bytes; "
+                    f"{_sizes(root)}; {times} a million; peak {peak_mib:,.0f} MiB",
+                    flush=True,
+                )
+        last = "{}-W{:02d}".format(*(FIRST + timedelta(weeks=options.weeks - 1)).isocalendar()[:2])
+        for which in ("first", "again"):
+            seconds, peak_mib = run(root, "report", "--week", last)
+            print(f"report of {last}, {which}: {seconds:.1f} s, peak so far {peak_mib:,.0f} MiB", flush=True)
+        print(f"with its marts: {_sizes(root)}")
+
+
+def _sizes(root: Path) -> str:
+    mib = {name: _bytes(root / name) / 2**20 for name in ("store", "facts", "sealed")}
+    said = ", ".join(f"{name} {size:,.0f} MiB" for name, size in mib.items())
+    return f"{said}, together {sum(mib.values()) / 1024:.2f} GiB"
+
+
+def _bytes(folder: Path) -> int:
+    return sum(p.stat().st_size for p in folder.rglob("*") if p.is_file())
+
+
+if __name__ == "__main__":
+    main()
