@@ -259,6 +259,22 @@ def test_where_the_disk_refuses_the_days_stay_and_a_later_build_joins_them(
     assert published(site) == published(expected)
 
 
+def test_a_fact_whose_week_is_larger_than_the_limit_stays_by_days(
+    copy: Copy, apart: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site = copy(apart)
+    days = {f"date={MONDAY + timedelta(days=k)}" for k in range(7)}
+    sizes = {
+        name: sum(p.stat().st_size for p in (site.root / "facts" / name).rglob("*.parquet") if p.parent.name in days)
+        for name in relations("facts")
+    }
+    monkeypatch.setattr(fact_weeks, "BYTES_MAX", sizes["exposure"])
+    build(site)
+    joined = {path.parts[-4] for path in weeks(site) if path.parent.name == f"date={MONDAY}"}
+    assert joined == {name for name, size in sizes.items() if 0 < size <= sizes["exposure"]}
+    assert joined != {name for name, size in sizes.items() if size}
+
+
 def test_a_short_week_is_computed_again(copy: Copy, whole: Path) -> None:
     """A power cut can leave one."""
     site = copy(whole)
