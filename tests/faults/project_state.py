@@ -6,8 +6,12 @@ import json
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import duckdb
 
 CAMERAS, TRACKS = ("cam-1", "cam-2"), tuple("12345")
 HIDDEN = {".lock", ".purge.lock", ".ballast"}
@@ -178,15 +182,21 @@ def engine_tracks(root: Path, table: str, rows: Sequence[Row]) -> list[Row]:
 def _glob(root: Path, table: str) -> list[Row]:
     """Return a table's rows by the glob in the documentation."""
     from vsd_analytics.schema import SCHEMAS
-    from vsd_analytics.store.duck import connect
 
     pattern = root / "store" / table / "**" / "*.parquet"
     if not any((root / "store" / table).rglob("*.parquet")):
         return []
-    with connect() as con:
-        names = ", ".join(SCHEMAS[table].names)  # type: ignore[index]
-        query = f"select {names} from read_parquet($glob, hive_partitioning = true, union_by_name = true)"
-        return engine_tracks(root, table, as_rows(con.sql(query, params={"glob": str(pattern)}).to_arrow_table()))
+    names = ", ".join(SCHEMAS[table].names)  # type: ignore[index]
+    query = f"select {names} from read_parquet($glob, hive_partitioning = true, union_by_name = true)"
+    return engine_tracks(root, table, as_rows(_reader().sql(query, params={"glob": str(pattern)}).to_arrow_table()))
+
+
+@cache
+def _reader() -> duckdb.DuckDBPyConnection:
+    """Return a connection that reads files and holds nothing of them: opening one takes longer than most tables."""
+    from vsd_analytics.store.duck import connect
+
+    return connect()
 
 
 def _day_keys(root: Path) -> dict[str, str]:

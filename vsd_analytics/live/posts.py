@@ -36,6 +36,8 @@ TOPIC: Final = "POST /"
 """Front of the topic that a posted message has in quarantine and logs."""
 MESSAGES_MAX: Final = 1000
 LINGER_S: Final = 0.1
+STOP_POLL_S: Final = 0.2
+"""How often the server looks whether it shall stop."""
 CONNECTIONS_MAX: Final = 64
 REJECTED_SHOWN: Final = 100
 READ_S: Final = 15.0
@@ -94,7 +96,7 @@ class PostInbox:
             ) from None
         self._server.inbox = self
         self.address = f"{host}:{self._server.server_address[1]}"
-        self._thread = threading.Thread(target=self._server.serve_forever, kwargs={"poll_interval": 0.2}, daemon=True)
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(STOP_POLL_S,), daemon=True)
         self._thread.start()
 
     @property
