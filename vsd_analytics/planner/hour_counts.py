@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
+from functools import cached_property
 
 import numpy as np
 
@@ -25,7 +26,7 @@ class TwoWeeks(WeekData):
         floor: The floor.
         monday: First day of the week.
         before: First day of the other.
-        clock: The present; None = the week is over.
+        clock: The present; None = both weeks are over.
     """
 
     def __init__(
@@ -33,6 +34,12 @@ class TwoWeeks(WeekData):
     ) -> None:
         super().__init__(warehouse, floor=floor, monday=monday, clock=clock)
         self.pair = TwoPeriods(Period(self, before, before + timedelta(days=6)), self.this)
+
+    @cached_property
+    def until_ms(self) -> int | None:
+        """Return the UTC start of the first hour that is not over, where one of the two weeks is begun and not over."""
+        found = (self.not_over_in(first) for first in (self.monday, self.pair.before.first))
+        return next((ms for ms in found if ms is not None), None)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -66,8 +73,8 @@ def open_slots(data: TwoWeeks, days: Sequence[date]) -> Ints:
     """Return which hours of the floor are open, in some days; hours that are not over yet are none of them."""
     ordinals = [d.toordinal() for d in days]
     is_open = np.isin(data.hours.day, ordinals) & (data.hours.open_s > 0)
-    if data.not_over_ms is not None:
-        is_open &= data.hours.start_ms < data.not_over_ms
+    if data.until_ms is not None:
+        is_open &= data.hours.start_ms < data.until_ms
     return np.flatnonzero(is_open)
 
 

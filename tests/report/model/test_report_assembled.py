@@ -16,7 +16,7 @@ from report import ingested_worlds as w
 
 from vsd_analytics.config import load_site
 from vsd_analytics.planner.page import render_planner
-from vsd_analytics.planner.planner_data import PlannerData, planner_pages
+from vsd_analytics.planner.planner_data import PlannerData, PlannerWeek, planner_pages
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import from_json, to_csv, to_json
 from vsd_analytics.report.pages.week import render_html
@@ -143,6 +143,20 @@ def test_the_planner_has_no_hours_to_come(begun_week: Site) -> None:
     assert not any(recorded(over)[at] for at in to_come)
     assert [at for at, is_recorded in recorded(now).items() if not is_recorded] == [(1, 10)], "what was lost"
     assert now.week.is_ranked is over.week.is_ranked is False
+
+
+def test_the_planner_has_no_hours_to_come_of_the_other_week_either(begun_week: Site) -> None:
+    """The week that is over is shown, beside the one that is not."""
+    given = {"before": w.MONDAY, "clock": w.rome(3, 11, 20)}
+    [now], [over] = planner_pages(begun_week, w.BEFORE, **given), planner_pages(begun_week, w.BEFORE, before=w.MONDAY)
+    assert now.before is not None
+    assert over.before is not None
+
+    def hours(page: PlannerWeek) -> set[tuple[int, int]]:
+        return set(zip(page.panel.weekday.tolist(), page.panel.hour.tolist(), strict=True))
+
+    assert hours(over.before) - hours(now.before) == {(3, 11), *((d, h) for d in (4, 5, 6) for h in (9, 10, 11))}
+    assert hours(over.week) == hours(now.week)
 
 
 def test_the_command_and_the_service_know_what_is_over(begun_week: Site, capsys: pytest.CaptureFixture[str]) -> None:

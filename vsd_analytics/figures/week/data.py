@@ -69,14 +69,21 @@ class WeekData(FloorHours):
 
     @cached_property
     def not_over_ms(self) -> int | None:
-        """Return the UTC start of the first hour of the week that is not over, while opening hours are still to come.
+        """Return `not_over_in` of this week."""
+        return self.not_over_in(self.monday)
+
+    def not_over_in(self, monday: date) -> int | None:
+        """Return the UTC start of the first hour of a week that is not over, while opening hours are still to come.
 
         None where the week's opening hours are all over, or none of them is: such a week has nothing to be part of.
+
+        Args:
+            monday: First day of the week.
         """
         until_ms = None if self._clock is None else begun_until_ms(self.warehouse, now=self._clock)
         if until_ms is None:
             return None
-        is_open = self.week() & (self.hours.open_s > 0)
+        is_open = self.week(monday) & (self.hours.open_s > 0)
         is_over = self.hours.start_ms < until_ms
         return until_ms if (is_open & is_over).any() and (is_open & ~is_over).any() else None
 
