@@ -69,6 +69,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_queue_forecast.py --sites 60
 	$(BIN)/python tests/stats/prove_cameras.py --sites 8
 	$(BIN)/python tests/invariances/prove_frame_rate.py
+	$(BIN)/python tests/ingest/prove_opening_hours.py --files 120
 	PYTHONPATH=tests $(BIN)/python tests/warehouse/prove_arrays.py 300
 	$(BIN)/python tests/packaging/prove_dependencies.py
 	$(BIN)/python tests/benchmarks/bench_demo.py
