@@ -15,13 +15,14 @@ import contextlib
 import fcntl
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
 from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -32,7 +33,7 @@ from vsd_analytics.store import durable, quarantine
 from vsd_analytics.store.imports import imports_of, note_taken_back, order_of
 from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, parquet_bytes, part_bytes, read_owned
 from vsd_analytics.store.published import withdraw
-from vsd_analytics.store.seals import FOLDER, Seals, UnitSeal
+from vsd_analytics.store.seals import FOLDER, DaySeal, Seals, UnitSeal
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.taking_back import forget_repeats, take_back
 
@@ -278,36 +279,60 @@ def _unseal(seals: Seals, intent: Intent) -> None:
         seal = seals.read(day)
         if seal is None:
             continue
-        hours = {
-            h: _reduced(seals, h, unit, camera_id) if h in intent.unseal else unit for h, unit in seal.hours.items()
-        }
+        hours = {**seal.hours, **_reduced_hours(seals, seal, {h for h in intent.unseal if h in seal.hours}, camera_id)}
         whole_day = seal.camera_days
         left = {c for unit in hours.values() for c in unit.last_ms}
         if whole_day is not None and (camera_id is None or camera_id not in left):
-            whole_day = _reduced(seals, day * 24, whole_day, camera_id)
+            whole_day = replace(whole_day, facts=_reduced(seals, day * 24, whole_day, camera_id))
         seals.write(replace(seal, hours=hours, camera_days=whole_day))
     seals.sweep(days)  # only now: the old fact files must stay until no seal names them
 
 
-def _reduced(seals: Seals, hour: int, unit: UnitSeal, camera_id: str | None) -> UnitSeal:
-    """Return the seal of a unit's facts without the rows of a camera (None = without any row).
+def _reduced_hours(seals: Seals, seal: DaySeal, going: Set[int], camera_id: str | None) -> dict[int, UnitSeal]:
+    """Return the units of a day that change when a camera (None = every one) is removed from some of its hours."""
+    together = {h: unit for h, unit in seal.hours.items() if unit.is_in_day}
+    found = {}
+    if of_day := going & together.keys():
+        facts = _reduced(seals, seal.day * 24, together[min(of_day)], camera_id, hours=of_day)
+        found = {h: replace(unit, facts=facts) for h, unit in together.items()}
+    for hour in going - together.keys():
+        found[hour] = replace(seal.hours[hour], facts=_reduced(seals, hour, seal.hours[hour], camera_id))
+    for hour in going:
+        last_ms = {c: ms for c, ms in found[hour].last_ms.items() if camera_id is not None and c != camera_id}
+        found[hour] = replace(found[hour], last_ms=last_ms)
+    return found
+
+
+def _reduced(
+    seals: Seals, hour: int, unit: UnitSeal, camera_id: str | None, *, hours: Set[int] | None = None
+) -> dict[str, str]:
+    """Put the facts of a unit without the rows of a camera (None = of every camera); return their digests by fact.
 
     A fact that names no camera is a sum over all: nobody can subtract one of them, so no row remains.
+
+    Args:
+        seals: The sealed facts.
+        hour: UTC hour number of the unit.
+        unit: The unit.
+        camera_id: The camera.
+        hours: Hours whose rows are removed; the file has rows of others too. None = those of the whole file.
     """
     facts = {}
-    for relation, digest in unit.facts.items():
-        data = seals.fact_path(relation, hour, digest).read_bytes()
+    for relation in unit.facts:
+        data = seals.fact_path(relation, hour, unit).read_bytes()
         rows = pq.read_table(pa.BufferReader(data))
         named = [n for n in rows.column_names if n.endswith("camera_id")]  # a row may be about two cameras
-        rest = rows if camera_id is not None and named else rows.slice(0, 0)
+        staying = np.full(rows.num_rows, camera_id is not None and bool(named))
         for name in named if camera_id is not None else ():
-            rest = rest.filter(pc.not_equal(rest[name], camera_id))
-        if rest.num_rows < rows.num_rows:
-            rest = rest.combine_chunks().replace_schema_metadata(None)  # the seal holds the inputs it was computed from
+            staying &= pc.not_equal(rows[name], camera_id).fill_null(False).to_numpy()
+        if hours is not None:
+            staying |= ~np.isin(rows["hour"].to_numpy(), list(hours))
+        if not staying.all():
+            # the seal holds the inputs it was computed from
+            rest = rows.filter(pa.array(staying)).combine_chunks().replace_schema_metadata(None)
             data = parquet_bytes(rest, compression="zstd", write_page_checksum=True).to_pybytes()
-        facts[relation] = seals.put(relation, hour, data)
-    last_ms = {c: ms for c, ms in unit.last_ms.items() if camera_id is not None and c != camera_id}
-    return replace(unit, facts=facts, last_ms=last_ms)
+        facts[relation] = seals.put(relation, hour, data, is_in_day=unit.is_in_day)
+    return facts
 
 
 def _audit(path: Path, entry: Mapping[str, Any]) -> None:
