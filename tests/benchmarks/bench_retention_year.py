@@ -1,10 +1,11 @@
 """A year of 18 cameras that purges what is older than 30 days, week by week, as a timer would.
 
 Each week the records of seven days are stored and folded, `vsd build` computes their facts, and `vsd purge` seals the
-facts of what is older and removes these records. Then the report of the last week is made. Run it with
+facts of what is older and removes these records. Then the report of the last week is made; with --reports that of each
+week, after its purge. Run it with
 
     python tests/benchmarks/bench_retention_year.py --weeks 52 --in DIR
-    python tests/benchmarks/bench_retention_year.py --weeks 4 --retention-days 7 --in DIR
+    python tests/benchmarks/bench_retention_year.py --weeks 4 --retention-days 7 --reports --in DIR
 
 It prints bytes and processor seconds every fourth week, takes about an hour and 5 GB, and leaves nothing behind. Four
 weeks of which three are purged take minutes. Put the last lines into docs/capacity.md.
@@ -31,17 +32,18 @@ START_MS = FIRST_MS - 54 * 7 * DAY_MS
 """A Monday more than a year ago: records of days to come are not purged."""
 FIRST = datetime.fromtimestamp(START_MS / 1000, tz=UTC).date()
 SEED = 1
+MOST = 1_000_000_000
 
 
-def store_week(store: Store, week: int) -> int:
-    """Store the records of seven days, and return how many persons they have."""
+def store_week(store: Store, week: int, *, open_h: int) -> int:
+    """Store the records of seven days, as many in whatever open hours, and return how many persons they have."""
     n_persons = 0
     for day in range(7 * week, 7 * week + 7):
         rng = np.random.default_rng([SEED, day])
-        for hour in range(OPEN_H):
+        for hour in range(open_h):
             for camera in range(CAMERAS):
                 start_ms = START_MS + DAY_MS * day + 1000 * HOUR_S * hour
-                for table, rows in camera_hour(rng, camera, start_ms, most=1_000_000_000):
+                for table, rows in camera_hour(rng, camera, start_ms, most=MOST, interval_s=open_h // OPEN_H):
                     store.append(table, rows, engines=["made-up 1"])
                     n_persons += rows.num_rows if table == "observations" else 0
         store.fold()
@@ -65,6 +67,8 @@ def main() -> None:
     parser.add_argument("--weeks", type=int, default=52)
     parser.add_argument("--in", dest="folder", type=Path, default=None, help="where; the default is a temporary folder")
     parser.add_argument("--retention-days", type=int, default=30)
+    parser.add_argument("--open-hours", type=int, default=OPEN_H, help="a multiple of 6, with as many records a day")
+    parser.add_argument("--reports", action="store_true", help="make the report of each week, not of the last one only")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(dir=options.folder) as folder:
         root = Path(folder)
@@ -73,7 +77,7 @@ def main() -> None:
         spent_s, peak_mib = {"build": 0.0, "purge": 0.0}, {"build": 0.0, "purge": 0.0}
         for week in range(options.weeks):
             before = _bytes(root / "store")
-            n_persons += store_week(store, week)
+            n_persons += store_week(store, week, open_h=options.open_hours)
             n_bytes += _bytes(root / "store") - before
             n_days = max(0, 7 * week + 7 - options.retention_days)
             edge = FIRST + timedelta(days=7 * week + 7 - options.retention_days)
@@ -91,10 +95,11 @@ def main() -> None:
                     f"records, {_sealed(root, n_persons / (7 * week + 7) * n_days)}",
                     flush=True,
                 )
-        last = "{}-W{:02d}".format(*(FIRST + timedelta(weeks=options.weeks - 1)).isocalendar()[:2])
-        for which in ("first", "again"):
-            seconds, mib = run(root, "report", "--week", last)
-            print(f"report of {last}, {which}: {seconds:.1f} s, peak {mib:,.0f} MiB", flush=True)
+            if options.reports or week == options.weeks - 1:
+                name = "{}-W{:02d}".format(*(FIRST + timedelta(weeks=week)).isocalendar()[:2])
+                for which in ("first", "again"):
+                    seconds, mib = run(root, "report", "--week", name)
+                    print(f"report of {name}, {which}: {seconds:.1f} s, peak {mib:,.0f} MiB", flush=True)
         print(f"with its marts: {_sizes(root)}")
 
 

@@ -140,9 +140,10 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
         if n_old:
             quarantine.drop(site.root / quarantine.FOLDER, lambda _, entry: entry is not None and is_old(entry))
         again = [p.path for t in TABLES for p in store.repeats(t, last_hour=edge - 1)]
-        sealed = sealer.sealed_before()
-        spare_other_days(site, sealed)
-        unlink = [*(p.path for p in going), *again, *facts_around(site, sealed)]
+        # Of hours that were purged before, marts come from sealed facts: another purge takes nothing from them.
+        hours = sorted({p.hour for p in going})
+        spare_other_days(site, hours)
+        unlink = [*(p.path for p in going), *again, *facts_around(site, hours)]
         entry = audit_line(terms, found, {"older_than": before.isoformat()})
         remove_records(store.root, Intent(site_id=site.site_id, entry=entry, unlink=below(site.root, unlink)))
         return found
@@ -288,10 +289,6 @@ class _Sealer:
                 camera_days=self._day(day, built) if is_whole else None,
             )
             self._seals.write(seal)
-
-    def sealed_before(self) -> list[int]:
-        """Return the sealed hours before the edge. The hour at the edge leaves its file when the next build runs."""
-        return sorted(self._seals.between(None, self._edge - 1))
 
     def _facts(self, day: int, built: BuildResult, *, is_in_day: bool) -> dict[str, str]:
         """Put the facts of the hours of a UTC day that are not sealed yet, or of the edge; return digests by fact.
