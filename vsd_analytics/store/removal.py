@@ -15,14 +15,13 @@ import contextlib
 import fcntl
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Set
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -31,11 +30,12 @@ from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import durable, quarantine
 from vsd_analytics.store.imports import imports_of, note_taken_back, order_of
-from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, parquet_bytes, part_bytes, read_owned
+from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, part_bytes, read_owned
 from vsd_analytics.store.published import withdraw
-from vsd_analytics.store.seals import FOLDER, DaySeal, Seals, UnitSeal
+from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.taking_back import forget_repeats, take_back
+from vsd_analytics.store.unsealing import unseal
 
 LOCK = ".purge.lock"
 AUDIT = "purge.jsonl"
@@ -210,7 +210,7 @@ def _carry_out(store: Path, intent: Intent) -> None:
     if intent.which is not None:
         for table, names in intent.rewrite.items():
             touched |= {_rewrite_without(project / name, table, intent.which) for name in names}
-        _unseal(Seals(project / FOLDER, site_id=intent.site_id), intent)
+        unseal(Seals(project / FOLDER, site_id=intent.site_id), intent.unseal, intent.which.camera_id)
     if intent.import_id is not None:
         touched |= _take_back(store, intent, intent.import_id)
     if intent.forget:
@@ -268,71 +268,6 @@ def rows_in_scope(path: Path, scope: RecordScope) -> int:
     """Return how many records of a part are in scope."""
     with pq.ParquetFile(path) as file:
         return int(pc.sum(scope.mask(file.read(columns=["camera_id", "ts"]))).as_py() or 0)
-
-
-def _unseal(seals: Seals, intent: Intent) -> None:
-    """Remove a camera, or all cameras, from sealed facts and seal what remains."""
-    assert intent.which is not None
-    camera_id = intent.which.camera_id
-    days = sorted({h // 24 for h in intent.unseal})
-    for day in days:
-        seal = seals.read(day)
-        if seal is None:
-            continue
-        hours = {**seal.hours, **_reduced_hours(seals, seal, {h for h in intent.unseal if h in seal.hours}, camera_id)}
-        whole_day = seal.camera_days
-        left = {c for unit in hours.values() for c in unit.last_ms}
-        if whole_day is not None and (camera_id is None or camera_id not in left):
-            whole_day = replace(whole_day, facts=_reduced(seals, day * 24, whole_day, camera_id))
-        seals.write(replace(seal, hours=hours, camera_days=whole_day))
-    seals.sweep(days)  # only now: the old fact files must stay until no seal names them
-
-
-def _reduced_hours(seals: Seals, seal: DaySeal, going: Set[int], camera_id: str | None) -> dict[int, UnitSeal]:
-    """Return the units of a day that change when a camera (None = every one) is removed from some of its hours."""
-    together = {h: unit for h, unit in seal.hours.items() if unit.is_in_day}
-    found = {}
-    if of_day := going & together.keys():
-        facts = _reduced(seals, seal.day * 24, together[min(of_day)], camera_id, hours=of_day)
-        found = {h: replace(unit, facts=facts) for h, unit in together.items()}
-    for hour in going - together.keys():
-        found[hour] = replace(seal.hours[hour], facts=_reduced(seals, hour, seal.hours[hour], camera_id))
-    for hour in going:
-        last_ms = {c: ms for c, ms in found[hour].last_ms.items() if camera_id is not None and c != camera_id}
-        found[hour] = replace(found[hour], last_ms=last_ms)
-    return found
-
-
-def _reduced(
-    seals: Seals, hour: int, unit: UnitSeal, camera_id: str | None, *, hours: Set[int] | None = None
-) -> dict[str, str]:
-    """Put the facts of a unit without the rows of a camera (None = of every camera); return their digests by fact.
-
-    A fact that names no camera is a sum over all: nobody can subtract one of them, so no row remains.
-
-    Args:
-        seals: The sealed facts.
-        hour: UTC hour number of the unit.
-        unit: The unit.
-        camera_id: The camera.
-        hours: Hours whose rows are removed; the file has rows of others too. None = those of the whole file.
-    """
-    facts = {}
-    for relation in unit.facts:
-        data = seals.fact_path(relation, hour, unit).read_bytes()
-        rows = pq.read_table(pa.BufferReader(data))
-        named = [n for n in rows.column_names if n.endswith("camera_id")]  # a row may be about two cameras
-        staying = np.full(rows.num_rows, camera_id is not None and bool(named))
-        for name in named if camera_id is not None else ():
-            staying &= pc.not_equal(rows[name], camera_id).fill_null(False).to_numpy()
-        if hours is not None:
-            staying |= ~np.isin(rows["hour"].to_numpy(), list(hours))
-        if not staying.all():
-            # the seal holds the inputs it was computed from
-            rest = rows.filter(pa.array(staying)).combine_chunks().replace_schema_metadata(None)
-            data = parquet_bytes(rest, compression="zstd", write_page_checksum=True).to_pybytes()
-        facts[relation] = seals.put(relation, hour, data, is_in_day=unit.is_in_day)
-    return facts
 
 
 def _audit(path: Path, entry: Mapping[str, Any]) -> None:
