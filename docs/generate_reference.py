@@ -274,7 +274,7 @@ def _python(name: str) -> str:
 _DAYS = {
     "local_date": "week, of local dates",
     "site_day": "week, of site days",
-    "utc_day": "UTC day again where hours of it are sealed",
+    "utc_day": "UTC day again where an older version sealed it hour by hour",
 }
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
@@ -11,7 +13,9 @@ from click.testing import CliRunner
 
 from vsd_analytics.cli import cli
 from vsd_analytics.retention.purge import Terms
+from vsd_analytics.store.durable import digest
 from vsd_analytics.store.seals import Seals
+from vsd_analytics.warehouse.fact_days import hour_bytes
 
 NOW = datetime(2026, 12, 20, 12, tzinfo=UTC)
 TERMS = Terms(now=NOW, is_forced=True)
@@ -85,6 +89,28 @@ def seals_of(root: Path) -> Seals:
     return Seals(root / "sealed", site_id="shop")
 
 
+def as_an_older_version_sealed(root: Path) -> None:
+    """Seal each hour of a project alone, with a seal that does not know of hours sealed together."""
+    seals = seals_of(root)
+    for number in seals.days():
+        seal = seals.read(number)
+        assert seal is not None
+        hours = dict(seal.hours)
+        for hour, unit in seal.hours.items():
+            if unit.is_in_day:
+                files = {r: hour_bytes(seals.fact_path(r, hour, unit), hour) for r in unit.facts}
+                facts = {r: seals.put(r, hour, data) for r, data in files.items()}
+                hours[hour] = replace(unit, facts=facts, is_in_day=False)
+        seals.write(replace(seal, hours=hours))
+        text = seals.path(number).read_text(encoding="utf-8")
+        body = json.dumps(json.loads(text)["seal"], separators=(",", ":")).replace('"is_in_day":false,', "")
+        envelope = f'{{"digest":"{digest(body.encode())}","seal":{body}}}\n'
+        seals.path(number).write_text(envelope, encoding="utf-8")
+    seals.sweep(seals.days())
+    shutil.rmtree(root / "facts" / "days", ignore_errors=True)
+    shutil.rmtree(root / "facts" / "weeks", ignore_errors=True)
+
+
 def day(text: str) -> date:
     return date.fromisoformat(text)
 
@@ -110,4 +136,4 @@ def _units(seals: Seals, day_number: int) -> list[tuple[int, Any]]:
 
 
 def _files(seals: Seals, hour: int, unit: Any) -> list[Path]:
-    return [seals.fact_path(r, hour, d) for r, d in unit.facts.items()]
+    return [seals.fact_path(r, hour, unit) for r in unit.facts]

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from datetime import UTC, date
 from pathlib import Path
+from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 from aged_projects import (
     DAYS,
     NOW,
     TERMS,
+    as_an_older_version_sealed,
     audit,
     day,
     litter,
@@ -26,6 +30,7 @@ from vsd_analytics.config import load_site
 from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.figures.week.stored_records import StoredRecords, stored_records
 from vsd_analytics.retention.purge import Terms, purge_older
+from vsd_analytics.warehouse import sqlfiles, warehouse
 from vsd_analytics.warehouse.build import build
 
 ALL = f"{DAYS[0]}..{DAYS[2]}"
@@ -67,6 +72,7 @@ def test_records_go_and_every_figure_stays_to_the_byte(project: Path) -> None:
     vsd(project, "purge", "--older-than", DAYS[2], "--force")
     assert raw_days(project) == {f"date={DAYS[2]}"}
     assert figures(project) == before
+    assert not (project / "facts" / "days").exists()  # no day has many small files
     shutil.rmtree(project / "facts")  # what can be made again is made again; what is sealed does not stand there
     assert counts(project).items() <= before.items()
     assert litter(project) == []
@@ -104,9 +110,9 @@ def test_the_audit_line_says_what_when_and_why(purged: Path) -> None:
 
 
 def test_where_single_people_were_is_not_stored(purged: Path) -> None:
-    kept = {p.name for p in (purged / "sealed").iterdir()}
-    assert "exposure" in kept
-    assert "pairs" not in kept
+    facts = {p.parents[2].name for p in (purged / "sealed").rglob("*.parquet")}
+    assert "exposure" in facts
+    assert "pairs" not in facts
     computed = {p.parent.name for p in (purged / "facts").rglob("*.parquet")}
     assert computed == {f"date={DAYS[2]}"}
 
@@ -211,24 +217,104 @@ def test_old_quarantine_goes_with_the_records(project: Path) -> None:
     assert not list((project / "quarantine").glob("*.jsonl"))
 
 
-@pytest.mark.parametrize("victim", ["exposure", "seals"])
+@pytest.mark.parametrize("victim", ["days/exposure", "exposure", "seals"])
 def test_damage_to_what_is_stored_is_reported(purged: Path, victim: str) -> None:
     path = next(p for p in (purged / "sealed" / victim).rglob("*") if p.is_file())
     path.write_bytes(path.read_bytes()[:40])
     with pytest.raises(StoreError) as caught:
         vsd(purged, "hours", "--range", ALL, "--json")
     assert caught.value.code == "E313"
+    assert str(path) in str(caught.value.where)
     assert seals_of(purged).damaged() == [path]
+
+
+def test_the_hours_of_a_purged_day_are_one_file_of_each_fact_with_the_bytes_of_a_build(project: Path) -> None:
+    built = {p.parent.relative_to(project / "facts"): p.read_bytes() for p in (project / "facts").rglob("*.parquet")}
+    vsd(project, "purge", "--older-than", DAYS[1], "--force")
+    of_days = sorted((project / "sealed" / "days").rglob("*.parquet"))
+    assert len(of_days) == len({p.parents[2].name for p in of_days}) > 15
+    for path in of_days:
+        assert path.read_bytes() == built[path.parent.relative_to(project / "sealed" / "days")]
+    alone = list((project / "sealed").rglob(f"date={DAYS[1]}/*.parquet"))
+    assert {p.name[:2] for p in alone} == {"00"}
+    assert len(alone) == len(of_days)
+    vsd(project, "purge", "--older-than", DAYS[2], "--force")
+    again = sorted((project / "sealed").rglob(f"date={DAYS[1]}/*.parquet"))
+    assert set(alone) < set(again)  # what was sealed before stays as it is
+    assert len(again) == 2 * len(of_days) + 1  # and `camera_days`
+    (day_rows,) = (pq.ParquetFile(p).read() for p in again if p.parts[-5:-3] == ("days", "exposure"))
+    assert 0 not in {hour % 24 for hour in day_rows["hour"].to_pylist()}
+
+
+@pytest.mark.parametrize("is_older", [False, True])
+@pytest.mark.parametrize("days", [(0, 2), (0, 0), (1, 1), (2, 2)])
+def test_every_relation_has_the_rows_of_before_of_ranges_that_cut_sealed_days(
+    project: Path, days: tuple[int, int], is_older: bool
+) -> None:
+    """A range reads 25 hours of facts on either side, so it begins and ends within a day."""
+
+    def rows() -> dict[str, list[dict[str, Any]]]:
+        with warehouse.Warehouse(load_site(project), *(day(DAYS[k]) for k in days)) as opened:
+            names = sorted(sqlfiles.relations("facts", "marts"))
+            return {name: opened.rows(f"select * from {name} order by all") for name in names}
+
+    before = rows()
+    assert len(before["exposure"]) > 0
+    vsd(project, "purge", "--older-than", DAYS[1], "--force")
+    if is_older:
+        as_an_older_version_sealed(project)
+    vsd(project, "purge", "--older-than", DAYS[2], "--force")
+    assert rows() == before
+
+
+def test_hours_of_an_older_version_beside_days_give_the_same_figures(project: Path) -> None:
+    before = figures(project)
+    vsd(project, "purge", "--older-than", DAYS[1], "--force")
+    as_an_older_version_sealed(project)
+    old = {p: p.read_bytes() for p in (project / "sealed").rglob("*.parquet")}
+    assert figures(project) == before
+    vsd(project, "purge", "--older-than", DAYS[2], "--force")
+    assert {p: p.read_bytes() for p in old} == old
+    assert set((project / "sealed" / "days").rglob("*.parquet")) - old.keys()
+    assert figures(project) == before
+    assert vsd(project, "verify")
+    assert litter(project) == []
+
+
+def test_seals_before_and_after_this_version_say_the_same_of_each_hour(purged: Path) -> None:
+    seals = seals_of(purged)
+    before = {day: seals.read(day) for day in seals.days()}
+    as_an_older_version_sealed(purged)
+    for number, now in before.items():
+        old = seals.read(number)
+        assert now is not None
+        assert old is not None
+        assert [u.is_in_day for u in now.hours.values()] == [now.is_whole] * len(now.hours)
+        assert not any(u.is_in_day for u in old.hours.values())
+        same = {h: replace(u, facts=old.hours[h].facts, is_in_day=False) for h, u in now.hours.items()}
+        assert replace(now, hours=same) == old
+
+
+def test_a_version_that_knows_no_days_names_a_file_it_misses(purged: Path) -> None:
+    """It reads a seal without `is_in_day`, and so looks for a file of each hour."""
+    seals = seals_of(purged)
+    number = day_number(DAYS[0])
+    seal = seals.read(number)
+    assert seal is not None
+    looked_for = [
+        seals.fact_path(r, hour, replace(unit, is_in_day=False))
+        for hour, unit in seal.hours.items()
+        for r in unit.facts
+    ]
+    assert looked_for
+    assert not any(path.exists() for path in looked_for)
 
 
 def test_facts_sealed_before_a_column_was_known_are_read_with_nulls(
     purged: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Another version of the SQL may know more columns of a fact than its sealed files have."""
-    from dataclasses import replace
-
     from vsd_analytics.warehouse import relations as warehouse_relations
-    from vsd_analytics.warehouse import sqlfiles, warehouse
 
     known = dict(sqlfiles.relations("facts"))
     wider = replace(known["coverage"], columns={**dict.fromkeys(known["coverage"].columns, ""), "n_dropped": ""})

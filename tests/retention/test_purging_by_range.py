@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from datetime import date
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
-from aged_projects import DAYS, TERMS, audit, litter, messages, seals_of, vsd, write
+from aged_projects import DAYS, TERMS, as_an_older_version_sealed, audit, litter, messages, seals_of, vsd, write
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import StoreError, UsageError
@@ -109,13 +112,34 @@ def by_camera(root: Path) -> dict[str, list[dict[str, Any]]]:
     return {c: [r for r in rows if r["camera_id"] == c] for c in ("cam-1", "cam-2")}
 
 
-def morning_facts(root: Path) -> list[Path]:
-    return list((root / "sealed").rglob(f"date={DAYS[0]}/09-*.parquet"))
+def sealed_rows(root: Path) -> dict[str, pa.Table]:
+    """Return the rows of the hourly facts of the first day by fact, sealed in whatever files."""
+    found: dict[str, pa.Table] = {}
+    for path in sorted((root / "sealed").rglob(f"date={DAYS[0]}/*.parquet")):
+        name = path.parents[2].name
+        rows = pq.ParquetFile(path).read()
+        found[name] = pa.concat_tables([found[name], rows]) if name in found else rows
+    del found["camera_days"]
+    return found
 
 
-def test_a_camera_goes_out_of_sealed_facts_and_the_other_stays(purged: Path) -> None:
-    before = by_camera(purged)
-    assert [p for p in morning_facts(purged) if "area_counts" in p.parts and pq.read_metadata(p).num_rows]
+def of_hours(rows: pa.Table, *hours: int, but: bool = False) -> pa.Table:
+    """Return the rows of some hours of the day, or those of all others."""
+    is_in = pc.is_in(pc.subtract(rows["hour"], first_hour()), pa.array(hours, pa.int64()))
+    return rows.filter(pc.invert(is_in) if but else is_in)
+
+
+def first_hour() -> int:
+    return (date.fromisoformat(DAYS[0]) - date(1970, 1, 1)).days * 24
+
+
+@pytest.mark.parametrize("is_older", [False, True])
+def test_a_camera_goes_out_of_sealed_facts_and_the_other_stays(purged: Path, is_older: bool) -> None:
+    if is_older:
+        as_an_older_version_sealed(purged)
+    before, rows_before = by_camera(purged), sealed_rows(purged)
+    assert of_hours(rows_before["area_counts"], 9).num_rows
+    others = {p: p.read_bytes() for p in (purged / "sealed").rglob("*.parquet") if f"date={DAYS[0]}" not in p.parts}
     told = json.loads(vsd(purged, "purge", "--camera", "cam-1", "--range", MORNING, "--json"))
     assert told["range"]["sealed_hours"] == 2
     after = by_camera(purged)
@@ -123,12 +147,14 @@ def test_a_camera_goes_out_of_sealed_facts_and_the_other_stays(purged: Path) -> 
     changed = [b["start"] for b, a in zip(before["cam-1"], after["cam-1"], strict=True) if a != b]
     assert changed == [f"{DAYS[0]}T10:00:00+01:00", f"{DAYS[0]}T11:00:00+01:00"]
     assert all(r["person_records"] is None for r in after["cam-1"] if r["start"] in changed)
-    for path in morning_facts(purged):
-        rows = pq.ParquetFile(path).read()
+    for name, rows in sealed_rows(purged).items():
+        morning = of_hours(rows, 9, 10)
         if "camera_id" in rows.column_names:
-            assert "cam-1" not in rows["camera_id"].to_pylist()
+            assert "cam-1" not in morning["camera_id"].to_pylist()
         else:
-            assert rows.num_rows == 0, "a sum over all cameras still holds the one that is gone"
+            assert morning.num_rows == 0, "a sum over all cameras still holds the one that is gone"
+        assert of_hours(rows, 9, 10, but=True).equals(of_hours(rows_before[name], 9, 10, but=True))
+    assert all(path.read_bytes() == data for path, data in others.items())
     assert litter(purged) == []
     assert seals_of(purged).damaged() == []
     assert "nothing to remove" in vsd(purged, "purge", "--camera", "cam-1", "--range", MORNING)

@@ -13,6 +13,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
+from retention.aged_projects import as_an_older_version_sealed
 from warehouse.small_projects import FACTS_WITHOUT_AREAS, HOUR, Frame, Person, beats, make_site, put
 
 from vsd_analytics.errors import StoreError
@@ -211,8 +212,8 @@ def test_facts_of_no_records_have_the_types_of_their_files(project: Site) -> Non
     assert n_files == 1 + len(FACTS_WITHOUT_AREAS)
 
 
-def test_days_with_sealed_hours_have_their_facts_in_one_file(project: Site) -> None:
-    """Sealed facts are a file for each hour; the others need no copy, because a day of them is one file already."""
+def test_only_days_that_an_older_version_sealed_have_their_facts_once_more_in_one_file(project: Site) -> None:
+    """It sealed each hour as a file; the others need no copy, because a day of them is one file already."""
 
     def facts(*, uses_days: bool) -> dict[str, list[dict[str, object]]]:
         with Warehouse(project, FIRST, LAST, uses_days=uses_days) as warehouse:
@@ -222,6 +223,9 @@ def test_days_with_sealed_hours_have_their_facts_in_one_file(project: Site) -> N
     assert not of_sealed(project)
     terms = Terms(now=datetime(2026, 4, 10, tzinfo=UTC), is_forced=True)
     purge_older(project, before=SEEN[3], terms=terms)  # of 29 March no hour is sealed
+    assert facts(uses_days=True) == facts(uses_days=False) == before
+    assert not of_sealed(project)
+    as_an_older_version_sealed(project.root)
     assert facts(uses_days=True) == facts(uses_days=False) == before
     written = {n.split("date=")[1][:10] for n in of_sealed(project)}
     assert written == {"2026-03-25", "2026-03-26", "2026-03-27", "2026-03-28"}

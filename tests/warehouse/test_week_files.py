@@ -194,6 +194,24 @@ def test_weeks_of_sealed_days_have_the_same_rows(project: Site) -> None:
     assert now["camera_hours"] == was["camera_hours"]
 
 
+def test_a_purge_leaves_the_weeks_of_what_was_purged_long_before(project: Site) -> None:
+    """Their rows come from sealed facts; those of the days whose records go, and near them, are removed with them."""
+    was = rows(project)
+    _purge_half(project)
+    rows(project)
+    before = {path: path.read_bytes() for path in weeks(project)}
+    purge_older(project, before=MONDAY + timedelta(days=16), terms=Terms(now=NOW, is_forced=True))
+    left = {path: path.read_bytes() for path in weeks(project)}
+    assert left.keys() < before.keys()
+    assert left.items() <= before.items()
+    assert {path.parent.name for path in left} == {f"date={MONDAY}"}
+    assert {path.relative_to(project.root).parts[2] for path in left} == set(SOME) - set(FACTS)
+    now = rows(project)
+    assert now == rows(project, uses_days=False)
+    assert now["camera_hours"] == was["camera_hours"]
+    assert left.items() <= {path: path.read_bytes() for path in weeks(project)}.items()
+
+
 @pytest.mark.parametrize(("folder", "name"), [("days", "violations"), (FOLDER, "episode_areas")])
 def test_files_of_a_mart_that_are_no_longer_stored_go_with_the_next_build_and_with_a_purge(
     project: Site, folder: str, name: str

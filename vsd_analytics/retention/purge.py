@@ -29,7 +29,7 @@ from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.day_files import facts_around, spare_other_days
-from vsd_analytics.warehouse.fact_days import hour_files
+from vsd_analytics.warehouse.fact_days import hour_bytes
 from vsd_analytics.warehouse.fact_weeks import day_bytes_of
 from vsd_analytics.warehouse.sealed import CurrentRules
 from vsd_analytics.warehouse.sqlfiles import relations
@@ -140,9 +140,10 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
         if n_old:
             quarantine.drop(site.root / quarantine.FOLDER, lambda _, entry: entry is not None and is_old(entry))
         again = [p.path for t in TABLES for p in store.repeats(t, last_hour=edge - 1)]
-        sealed = sealer.sealed_before()
-        spare_other_days(site, sealed)
-        unlink = [*(p.path for p in going), *again, *facts_around(site, sealed)]
+        # Of hours that were purged before, marts come from sealed facts: another purge takes nothing from them.
+        hours = sorted({p.hour for p in going})
+        spare_other_days(site, hours)
+        unlink = [*(p.path for p in going), *again, *facts_around(site, hours)]
         entry = audit_line(terms, found, {"older_than": before.isoformat()})
         remove_records(store.root, Intent(site_id=site.site_id, entry=entry, unlink=below(site.root, unlink)))
         return found
@@ -278,8 +279,8 @@ class _Sealer:
             new = [h for h in hours if h // 24 == day and (old is None or not old.holds(h))]
             if (not new and not is_whole) or (old is not None and old.is_whole):
                 continue
-            facts = self._facts(day, new, built)
-            units = {h: self._hour(h, built.fingerprints[h], facts[h]) for h in new}
+            facts = self._facts(day, built, is_in_day=is_whole) if new else {}
+            units = {h: self._hour(h, built.fingerprints[h], facts, is_in_day=is_whole) for h in new}
             seal = DaySeal(
                 day=day,
                 is_whole=is_whole,
@@ -289,17 +290,17 @@ class _Sealer:
             )
             self._seals.write(seal)
 
-    def sealed_before(self) -> list[int]:
-        """Return the sealed hours before the edge. The hour at the edge leaves its file when the next build runs."""
-        return sorted(self._seals.between(None, self._edge - 1))
+    def _facts(self, day: int, built: BuildResult, *, is_in_day: bool) -> dict[str, str]:
+        """Put the facts of the hours of a UTC day that are not sealed yet, or of the edge; return digests by fact.
 
-    def _facts(self, day: int, hours: Sequence[int], built: BuildResult) -> dict[int, dict[str, str]]:
-        """Put the facts of some hours of a UTC day, a file for each hour; return the digests by hour and fact."""
-        found: dict[int, dict[str, str]] = {hour: {} for hour in hours}
+        Files of the day have these hours only, because facts of sealed hours are never computed again.
+        """
+        found: dict[str, str] = {}
         names = [r.name for r in relations("facts").values() if r.unit == "hour" and r.name in built.paths]
-        for name in names if hours else ():
-            for hour, data in hour_files(built.paths[name][day], hours).items():
-                found[hour][name] = self._seals.put(name, hour, data)
+        for name in names:
+            path = built.paths[name][day]
+            data = day_bytes_of(path, name, day) if is_in_day else hour_bytes(path, self._edge)
+            found[name] = self._seals.put(name, day * 24, data, is_in_day=is_in_day)
         return found
 
     def _day(self, day: int, built: BuildResult) -> UnitSeal:
@@ -307,7 +308,7 @@ class _Sealer:
         digest = self._seals.put(DAY_FACT, day * 24, data)
         return UnitSeal(fingerprint=built.day_fingerprints[day], causes={}, facts={DAY_FACT: digest})
 
-    def _hour(self, hour: int, fingerprint: str, facts: Mapping[str, str]) -> UnitSeal:
+    def _hour(self, hour: int, fingerprint: str, facts: Mapping[str, str], *, is_in_day: bool) -> UnitSeal:
         records: dict[str, int] = {}
         engines: dict[str, tuple[tuple[str, ...], ...]] = {}
         last_ms: dict[str, int] = {}
@@ -325,6 +326,7 @@ class _Sealer:
             fingerprint=fingerprint,
             causes=self._rules.of_hour(hour, present=cameras),
             facts=facts,
+            is_in_day=is_in_day,
             records=records,
             engines=engines,
             last_ms=last_ms,

@@ -16,7 +16,7 @@ import fcntl
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
@@ -30,11 +30,12 @@ from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import durable, quarantine
 from vsd_analytics.store.imports import imports_of, note_taken_back, order_of
-from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, parquet_bytes, part_bytes, read_owned
+from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, part_bytes, read_owned
 from vsd_analytics.store.published import withdraw
-from vsd_analytics.store.seals import FOLDER, Seals, UnitSeal
+from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.taking_back import forget_repeats, take_back
+from vsd_analytics.store.unsealing import unseal
 
 LOCK = ".purge.lock"
 AUDIT = "purge.jsonl"
@@ -209,7 +210,7 @@ def _carry_out(store: Path, intent: Intent) -> None:
     if intent.which is not None:
         for table, names in intent.rewrite.items():
             touched |= {_rewrite_without(project / name, table, intent.which) for name in names}
-        _unseal(Seals(project / FOLDER, site_id=intent.site_id), intent)
+        unseal(Seals(project / FOLDER, site_id=intent.site_id), intent.unseal, intent.which.camera_id)
     if intent.import_id is not None:
         touched |= _take_back(store, intent, intent.import_id)
     if intent.forget:
@@ -267,47 +268,6 @@ def rows_in_scope(path: Path, scope: RecordScope) -> int:
     """Return how many records of a part are in scope."""
     with pq.ParquetFile(path) as file:
         return int(pc.sum(scope.mask(file.read(columns=["camera_id", "ts"]))).as_py() or 0)
-
-
-def _unseal(seals: Seals, intent: Intent) -> None:
-    """Remove a camera, or all cameras, from sealed facts and seal what remains."""
-    assert intent.which is not None
-    camera_id = intent.which.camera_id
-    days = sorted({h // 24 for h in intent.unseal})
-    for day in days:
-        seal = seals.read(day)
-        if seal is None:
-            continue
-        hours = {
-            h: _reduced(seals, h, unit, camera_id) if h in intent.unseal else unit for h, unit in seal.hours.items()
-        }
-        whole_day = seal.camera_days
-        left = {c for unit in hours.values() for c in unit.last_ms}
-        if whole_day is not None and (camera_id is None or camera_id not in left):
-            whole_day = _reduced(seals, day * 24, whole_day, camera_id)
-        seals.write(replace(seal, hours=hours, camera_days=whole_day))
-    seals.sweep(days)  # only now: the old fact files must stay until no seal names them
-
-
-def _reduced(seals: Seals, hour: int, unit: UnitSeal, camera_id: str | None) -> UnitSeal:
-    """Return the seal of a unit's facts without the rows of a camera (None = without any row).
-
-    A fact that names no camera is a sum over all: nobody can subtract one of them, so no row remains.
-    """
-    facts = {}
-    for relation, digest in unit.facts.items():
-        data = seals.fact_path(relation, hour, digest).read_bytes()
-        rows = pq.read_table(pa.BufferReader(data))
-        named = [n for n in rows.column_names if n.endswith("camera_id")]  # a row may be about two cameras
-        rest = rows if camera_id is not None and named else rows.slice(0, 0)
-        for name in named if camera_id is not None else ():
-            rest = rest.filter(pc.not_equal(rest[name], camera_id))
-        if rest.num_rows < rows.num_rows:
-            rest = rest.combine_chunks().replace_schema_metadata(None)  # the seal holds the inputs it was computed from
-            data = parquet_bytes(rest, compression="zstd", write_page_checksum=True).to_pybytes()
-        facts[relation] = seals.put(relation, hour, data)
-    last_ms = {c: ms for c, ms in unit.last_ms.items() if camera_id is not None and c != camera_id}
-    return replace(unit, facts=facts, last_ms=last_ms)
 
 
 def _audit(path: Path, entry: Mapping[str, Any]) -> None:

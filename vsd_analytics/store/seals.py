@@ -1,12 +1,17 @@
 """Sealed facts: the computed facts of hours whose raw records were purged, stored for good and apart from `facts/`.
 
 ```
-sealed/<fact>/site=<site>/date=<YYYY-MM-DD>/<HH>-<digest>.parquet     a fact file, named by the hash of its bytes
+sealed/days/<fact>/site=<site>/date=<YYYY-MM-DD>/00-<digest>.parquet  a fact of the hours that were sealed together
+sealed/<fact>/site=<site>/date=<YYYY-MM-DD>/<HH>-<digest>.parquet     a fact of an hour that was sealed alone
 sealed/seals/site=<site>/<YYYY-MM-DD>.json                            what is sealed of a UTC day
 ```
 
-Only the seal says which fact files are valid; files it does not name are swept. A seal is the one file here that is
-ever replaced, by a rename, so a reader sees the old seal or the new one. Its fact files are written before it.
+A purge seals the hours of a day together, and alone the first hour of the day whose records stay. Older versions sealed
+each hour alone. They look for the files of all hours outside the folder `days`, and so miss those of a day with E313.
+
+All fact files are named by the hash of their bytes. Only the seal says which of them are valid; files it does not name
+are swept. A seal is the one file here that is ever replaced, by a rename, so a reader sees the old seal or the new one.
+Its fact files are written before it.
 """
 
 from __future__ import annotations
@@ -27,6 +32,8 @@ FOLDER = "sealed"
 SEALED = "sealed-hour"
 """Reason of records in quarantine whose hour is sealed."""
 DAY_FACT = "camera_days"
+DAYS = "days"
+"""Folder of the facts of hours that were sealed together."""
 _EPOCH = date(1970, 1, 1).toordinal()
 _SEAL = re.compile(r"^(\d{4}-\d{2}-\d{2})\.json$")
 
@@ -39,6 +46,7 @@ class UnitSeal:
         fingerprint: Input fingerprint of the facts, as it was in their names.
         causes: Hashes of their inputs other than records, by name: SQL, settings, cameras, calibrations.
         facts: Digest of each fact's file, by fact.
+        is_in_day: The file has all hours of the day that were sealed together, with the hour as a column.
         records: Number of raw records that were removed, by table.
         engines: For each table, the engines noted in each of its parts, in order.
         last_ms: Instant of each camera's last record in the unit (UTC milliseconds).
@@ -49,6 +57,7 @@ class UnitSeal:
     fingerprint: str
     causes: Mapping[str, str]
     facts: Mapping[str, str]
+    is_in_day: bool = False
     records: Mapping[str, int] = field(default_factory=dict)
     engines: Mapping[str, tuple[tuple[str, ...], ...]] = field(default_factory=dict)
     last_ms: Mapping[str, int] = field(default_factory=dict)
@@ -151,10 +160,17 @@ class Seals:
         start, end = next(first, None), next(last, None)
         return None if start is None or end is None else (min(start.hours), max(end.hours))
 
-    def put(self, relation: str, hour: int, data: bytes) -> str:
-        """Store the bytes of a fact file durably; return their digest, which goes into the seal."""
+    def put(self, relation: str, hour: int, data: bytes, *, is_in_day: bool = False) -> str:
+        """Store the bytes of a fact file durably; return their digest, which goes into the seal.
+
+        Args:
+            relation: The fact.
+            hour: UTC hour number; of hours that are sealed together any of them.
+            data: The bytes.
+            is_in_day: They are of hours that are sealed together.
+        """
         name = durable.digest(data)
-        path = self.fact_path(relation, hour, name)
+        path = self._path(relation, hour, name, is_in_day=is_in_day)
         if not path.exists():
             durable.publish(path, data)
         return name
@@ -171,21 +187,13 @@ class Seals:
         """Return the path of the seal of a UTC day."""
         return self.folder / f"{date.fromordinal(day + _EPOCH).isoformat()}.json"
 
-    def fact_path(self, relation: str, hour: int, digest: str) -> Path:
-        """Return the path of a sealed fact file."""
-        return unit_folder(self.root, relation, self.site_id, hour) / f"{hour % 24:02d}-{digest}.parquet"
+    def fact_path(self, relation: str, hour: int, unit: UnitSeal) -> Path:
+        """Return the path of the file that has a fact of a sealed hour or day."""
+        return self._path(relation, hour, unit.facts[relation], is_in_day=unit.is_in_day)
 
-    def fact_paths(self, relation: str, first_hour: int | None, last_hour: int | None) -> list[Path]:
-        """Return one fact's files of the sealed hours in a range, in order; `camera_days` has a file a day."""
-        if relation == DAY_FACT:
-            units = {s.day * 24: s.camera_days for s in self.seals(first_hour, last_hour)}
-        else:
-            units = dict(self.between(first_hour, last_hour))
-        return [
-            self.fact_path(relation, hour, unit.facts[relation])
-            for hour, unit in units.items()
-            if unit is not None and relation in unit.facts
-        ]
+    def _path(self, relation: str, hour: int, digest: str, *, is_in_day: bool) -> Path:
+        root, in_name = (self.root / DAYS, 0) if is_in_day else (self.root, hour % 24)
+        return unit_folder(root, relation, self.site_id, hour) / f"{in_name:02d}-{digest}.parquet"
 
     def damaged(self) -> list[Path]:
         """Return the paths of seals and sealed fact files that are damaged or missing."""
@@ -196,8 +204,7 @@ class Seals:
             except StoreError:
                 found.append(self.path(day))
                 continue
-            for hour, unit in _units(seal):
-                found += filter(_is_damaged, (self.fact_path(r, hour, d) for r, d in unit.facts.items()))
+            found += filter(_is_damaged, self._named(seal))
         return found
 
     def refuse_damaged(self, paths: Iterable[Path]) -> None:
@@ -210,15 +217,21 @@ class Seals:
         if not self.root.is_dir():
             return 0
         n_swept = durable.sweep_temporaries(self.root)
-        relations = sorted(p.name for p in self.root.iterdir() if p.is_dir() and p.name != "seals")
+        roots = [root for root in (self.root, self.root / DAYS) if root.is_dir()]
+        folders = [p for root in roots for p in sorted(root.iterdir()) if p.is_dir() and p.name not in ("seals", DAYS)]
         for day in days:
-            named = {self.fact_path(r, h, d) for h, u in _units(self.read(day)) for r, d in u.facts.items()}
-            for relation in relations:
-                for part in list_parts(self.root, relation, self.site_id, first_hour=day * 24, last_hour=day * 24 + 23):
+            named = self._named(self.read(day))
+            for folder in folders:
+                within = {"first_hour": day * 24, "last_hour": day * 24 + 23}
+                for part in list_parts(folder.parent, folder.name, self.site_id, **within):
                     if part.path not in named:
                         durable.remove(part.path)
                         n_swept += 1
         return n_swept
+
+    def _named(self, seal: DaySeal | None) -> dict[Path, None]:
+        """Return the fact files that a seal names, each once, in order."""
+        return dict.fromkeys(self.fact_path(r, hour, unit) for hour, unit in _units(seal) for r in unit.facts)
 
 
 def _units(seal: DaySeal | None) -> Iterator[tuple[int, UnitSeal]]:

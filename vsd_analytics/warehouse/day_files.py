@@ -4,7 +4,8 @@ The header of a relation says by which day its rows are stored. Rows of a mart (
 are computed once from the facts around each day, and are one file for each week (`week_files`). They equal those of a
 warehouse of that day alone.
 
-A fact (`stored_by: utc_day`) has day files only of UTC days with sealed hours, which are many small files:
+A fact (`stored_by: utc_day`) has day files only of UTC days whose hours an older version sealed each alone, which are
+many small files:
 
 ```
 facts/days/<fact>/site=<site>/date=<YYYY-MM-DD>/00-<fingerprint>.parquet
@@ -16,6 +17,7 @@ Their rows are those of the day's 24 UTC hours.
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
@@ -52,7 +54,7 @@ _OF_AREAS = {"areas", "area_cells"}
 
 @dataclass(frozen=True, slots=True)
 class DayFile:
-    """The file of one fact and UTC day with sealed hours.
+    """The file of one fact and UTC day with hours that were sealed each alone.
 
     Attributes:
         path: Its path, whether it exists or not.
@@ -79,7 +81,7 @@ class DayFiles:
         # The fingerprint of a sealed hour is not enough: a purge by camera changes its facts and not their fingerprint.
         hours = {h: [u.fingerprint, sorted(u.facts.items())] for h, u in built.sealed.hours.items()}
         self._hours: Mapping[int, object] = {**dict(built.fingerprints), **hours}
-        self._sealed = frozenset(built.sealed.hours)
+        self._alone = Counter(h // 24 for h, u in built.sealed.hours.items() if not u.is_in_day)
         days = {d: [u.fingerprint, sorted(u.facts.items())] for d, u in built.sealed.days.items()}
         self._days: Mapping[int, object] = {**days, **dict(built.day_fingerprints)}
         self._known_days = sorted({*(h // 24 for h in self._hours), *self._days})
@@ -87,8 +89,12 @@ class DayFiles:
         self._owned: dict[tuple[bool, bool, date], InputHashes] = {}
 
     def sealed_files(self, relation: Relation, *, first_hour: int, last_hour: int) -> dict[int, DayFile]:
-        """Return the day files of a fact by UTC day number: of days with sealed hours that lie whole in a range."""
-        days = sorted({h // 24 for h in self._sealed})
+        """Return the day files of a fact by UTC day number: of days that lie whole in a range.
+
+        Only days of which several hours were sealed each alone have one. This version does so with the first hour of a
+        day whose records stay, and one small file more is no reason to store the day again.
+        """
+        days = sorted(day for day, n_hours in self._alone.items() if n_hours > 1)
         whole = [d for d in days if d * 24 >= first_hour and d * 24 + 23 <= last_hour]
         columns = text_hash(list(relation.columns))  # sealed rows are read with today's columns
         inputs = {d: {"facts": self._facts(d * 24, d * 24 + 23), "sql": columns} for d in whole}

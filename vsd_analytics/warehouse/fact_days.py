@@ -304,8 +304,8 @@ def _publish(path: Path, data: bytes) -> None:
     publish(path, data, is_synced=False)
 
 
-def hour_files(path: Path, hours: Iterable[int]) -> dict[int, bytes]:
-    """Return the bytes of one fact file for each of some hours, given the file of their UTC day or week.
+def hour_bytes(path: Path, hour: int) -> bytes:
+    """Return the bytes of a fact file of one hour, given the file of its UTC day or week.
 
     Raises:
         StoreError: E302, the file is damaged.
@@ -314,7 +314,8 @@ def hour_files(path: Path, hours: Iterable[int]) -> dict[int, bytes]:
     if not is_undamaged(data):
         raise damaged_facts(path, "its bytes do not match the digest in it")
     rows, noted = pq.ParquetFile(pa.BufferReader(data)).read(), by_hour(noted_inputs(data), first_day_of(path) * 24)
-    return {h: fact_bytes(of_hour, inputs=noted[h]) for h, of_hour in slices(rows, "hour", hours)}
+    ((_, of_hour),) = slices(rows, "hour", [hour])
+    return fact_bytes(of_hour, inputs=noted[hour])
 
 
 def slices(rows: pa.Table, column: str, numbers: Iterable[int]) -> Iterator[tuple[int, pa.Table]]:

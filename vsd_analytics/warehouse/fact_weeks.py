@@ -211,12 +211,16 @@ def day_bytes_of(path: Path, name: str, day: int) -> bytes:
     """Return the bytes of the file of a fact and day, given this file or that of its week.
 
     Raises:
-        StoreError: E302, the file is damaged.
+        StoreError: E302, the file is damaged or gone.
     """
-    found = _read(path, name)
-    if found is None:
+    if fingerprints(path):
+        found = _read(path, name) if path.exists() else None
+        data = b"" if found is None else _bytes([found], name, [day])
+    else:
+        data = path.read_bytes() if path.exists() else b""
+    if not is_undamaged(data):
         raise damaged_facts(path, "its bytes do not match the digest in it")
-    return _bytes([found], name, [day])
+    return data
 
 
 def _fingerprint(path: Path, day: int) -> str:

@@ -32,15 +32,28 @@ class SealedRange:
         """Return whether the facts of a UTC hour are sealed, so that a build must not compute them."""
         return hour in self.hours or hour // 24 in self.whole_days
 
-    def fact_paths(self, site: Site, relation: str) -> list[tuple[int, Path]]:
-        """Return UTC hour number and file of one sealed fact, in order.
+    def fact_paths(
+        self, site: Site, relation: str, *, first_hour: int | None = None, last_hour: int | None = None
+    ) -> list[tuple[int, Path]]:
+        """Return the files of one sealed fact, in order, each once with its first UTC hour number in the range.
 
-        Hours that were sealed before the fact existed have no file of it and are left out.
+        A file of hours that were sealed together also has those beyond the ends of the range. Hours that were sealed
+        before the fact existed have no file of it and are left out.
+
+        Args:
+            site: The project.
+            relation: The fact.
+            first_hour: First UTC hour number of the range; None = open.
+            last_hour: Last one, inclusive; None = open.
         """
         seals = Seals(site.root / FOLDER, site_id=site.site_id)
         units = {d * 24: u for d, u in self.days.items()} if relation == DAY_FACT else self.hours
-        known = [(h, u.facts[relation]) for h, u in sorted(units.items()) if relation in u.facts]
-        return [(h, seals.fact_path(relation, h, digest)) for h, digest in known]
+        found: dict[Path, int] = {}
+        for hour, unit in sorted(units.items()):
+            is_after = first_hour is None or hour >= first_hour
+            if is_after and (last_hour is None or hour <= last_hour) and relation in unit.facts:
+                found.setdefault(seals.fact_path(relation, hour, unit), hour)
+        return [(hour, path) for path, hour in found.items()]
 
 
 def sealed_range(site: Site, first_hour: int | None, last_hour: int | None) -> SealedRange:

@@ -170,11 +170,9 @@ class RelationSources:
         is_day = relation.unit == "day"
         # The file of a day begins with its first hour. `camera_days` is read of the days beside those of the range too.
         first, last = (first_hour - 48, last_hour + 48) if is_day else (first_hour - 23, last_hour)
-        sealed = [
-            (h, path)
-            for h, path in self._built.sealed.fact_paths(self._site, relation.name)
-            if (first if is_day else first_hour) <= h <= last
-        ]
+        sealed = self._built.sealed.fact_paths(
+            self._site, relation.name, first_hour=first if is_day else first_hour, last_hour=last
+        )
 
         def fresh_files(built: BuildResult) -> dict[int, Path]:
             return {d: path for d, path in built.paths.get(relation.name, {}).items() if first <= d * 24 <= last}
@@ -188,10 +186,11 @@ class RelationSources:
         self._read += paths
         if not paths:
             return _empty(relation)
+        of_days = {*fresh, *(h // 24 for h, _ in sealed)}
         within = ""
         if is_day and others:
             within = f" where utc_day not in ({', '.join(map(str, sorted(others)))})"
-        elif not is_day and (others or any(d * 24 < first_hour or d * 24 + 23 > last_hour for d in fresh)):
+        elif not is_day and (others or any(d * 24 < first_hour or d * 24 + 23 > last_hour for d in of_days)):
             within = f" where hour between {first_hour:d} and {last_hour:d}"
             if gone := [str(d) for d in sorted(others) if first_hour <= d * 24 and d * 24 + 23 <= last_hour]:
                 within += f" and hour // 24 not in ({', '.join(gone)})"
@@ -214,7 +213,7 @@ class RelationSources:
         return f"select * from {name}"
 
     def _fact_by_days(self, relation: Relation, days: DayFiles) -> str:
-        """Return a query of the rows of a fact: UTC days with sealed hours from day files, the others as they are."""
+        """Return a query of the rows of a fact, those of days whose hours were sealed each alone from day files."""
         first, last = self._hours
         files = days.sealed_files(relation, first_hour=first, last_hour=last)
         missing = [d for d, file in files.items() if not is_whole(file.path)]

@@ -13,6 +13,7 @@ from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, removal
 from vsd_analytics.store.durable import file_digest
 from vsd_analytics.store.layout import Part, date_of_hour, list_parts
+from vsd_analytics.store.seals import DAYS as TOGETHER
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.verify_files import (
     Check,
@@ -161,7 +162,7 @@ def check_sealed(site: Site) -> Check:
     days = {seals.path(day).relative_to(seals.root).as_posix() for day in seals.days()}
 
     def is_known(name: str) -> bool:
-        return name in days or is_part(name.partition("/")[2], site.site_id)
+        return name in days or is_part(name.removeprefix(f"{TOGETHER}/").partition("/")[2], site.site_id)
 
     n, foreign = foreign_files(seals.root, is_known)
     promise = "the facts of purged hours are there as they were sealed"
