@@ -140,7 +140,7 @@ def test_a_truncated_part_is_found(project: Path, keep: float) -> None:
 
 def test_one_flipped_bit_in_the_spool_is_found(project: Path) -> None:
     store = Store(project / "store", site_id="shop")
-    path = next((project / "store" / "live").rglob("*.parquet"))
+    path = next((project / "store" / "live").rglob("*.arrow"))
     data = path.read_bytes()
     for bit in range(0, len(data) * 8, 29):
         path.write_bytes(flipped(data, bit))

@@ -21,9 +21,10 @@ from vsd_analytics.errors import StoreError, VsdError, disk_error
 from vsd_analytics.schema import KEYS, PLACES, SCHEMAS, TRACKS, TableName
 from vsd_analytics.store.duck import connect
 from vsd_analytics.store.layout import HOUR_MS
-from vsd_analytics.store.owners import OWNER
+from vsd_analytics.store.owners import OWNER, owned_by
 from vsd_analytics.store.part_files import engines_in
 from vsd_analytics.store.repeats import brought_again, key_aliases, same_key
+from vsd_analytics.store.segments import read_segment
 from vsd_analytics.store.spans import FoldSpan
 
 if TYPE_CHECKING:
@@ -74,7 +75,7 @@ def new_rows(table: TableName, span: FoldSpan, *, known: Sequence[Path], noted: 
         DiskError: E304 to E306, the disk refused.
     """
     try:
-        pieces = {path: _read(path, table) for path in span.segments}
+        pieces = {path: _read(path) for path in span.segments}
         engines = {
             day: sorted({e for path in paths for e in engines_in(pieces[path].schema.metadata)})
             for day, paths in span.by_day.items()
@@ -101,18 +102,15 @@ def _not_folded(error: Exception) -> VsdError:
     )
 
 
-def _read(path: Path, table: TableName) -> pa.Table:
-    """Return the rows of a segment with their owners.
-
-    Texts stay numbers of a dictionary, as the segment has them, until a part is written.
-    """
-    with pq.ParquetFile(path, read_dictionary=_texts(table), pre_buffer=False) as file:
-        rows = file.read(use_threads=False)
+def _read(path: Path) -> pa.Table:
+    """Return the rows of a segment with their owners. Texts stay numbers of a dictionary until a part is written."""
+    rows = read_segment(path)
     if OWNER not in rows.column_names:
-        of_row = pa.array(np.zeros(rows.num_rows, dtype=np.int32))
-        return rows.append_column(OWNER, pa.DictionaryArray.from_arrays(of_row, pa.array([""])))
+        return owned_by("", rows)
+    if not rows[OWNER].null_count:
+        return rows
     at = rows.column_names.index(OWNER)
-    return rows.set_column(at, OWNER, pc.fill_null(rows[OWNER], "").dictionary_encode())
+    return rows.set_column(at, OWNER, pc.fill_null(rows[OWNER].cast(pa.string()), "").dictionary_encode())
 
 
 def _inside(rows: pa.Table, span: FoldSpan) -> pa.Table:

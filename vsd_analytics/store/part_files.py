@@ -1,4 +1,4 @@
-"""Parquet files of the store: how a part or a spool segment is encoded, and the engines noted in its metadata."""
+"""Parquet files of the store: how a part is encoded, and the engines noted in its metadata."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ UNKNOWN = b"vsd.unknown"
 """Number of rows of a part without a value, by column of texts: a part has no statistics of texts."""
 ENGINES_MAX = 32
 """Engine names noted in one file: an engine that sends a new name with every message must not fill the metadata."""
-_CODED = pa.dictionary(pa.int32(), pa.string())
+CODED = pa.dictionary(pa.int32(), pa.string())
 _FEW = ("camera_id", "quality")
 """Texts of few values: numbers of a dictionary are written as such, which takes less time than to look up each text.
 The ids of tracks take more bytes that way: where many differ, the writer gives up its own dictionary of them."""
@@ -44,27 +44,15 @@ def engines_in(metadata: Mapping[bytes, bytes] | None) -> list[str]:
     return [str(e) for e in json.loads(noted)] if noted else []
 
 
+def noted_engines(engines: Sequence[str]) -> bytes:
+    """Return the metadata that name engines."""
+    return json.dumps(list(engines)[:ENGINES_MAX]).encode()
+
+
 def unknown_in(metadata: Mapping[bytes, bytes] | None) -> Mapping[str, int]:
     """Return the number of rows without a value, by column, as far as a part's metadata note it beside statistics."""
     noted = (metadata or {}).get(UNKNOWN)
     return {str(name): int(n) for name, n in json.loads(noted).items()} if noted else {}
-
-
-def segment_bytes(table: TableName, rows: pa.Table, engines: Sequence[str], *, compression: str = "lz4") -> pa.Buffer:
-    """Return the bytes of a spool segment: fast to write, since the next fold reads it once and removes it.
-
-    Rows may have the column `owners.OWNER`; it is written where it names an import. A segment that is sent to another
-    machine is smaller with the compression "zstd".
-    """
-    owner = rows[OWNER] if OWNER in rows.column_names else None
-    bare = _with_engines(table, rows, engines)
-    is_owned = owner is not None and pc.any(pc.not_equal(owner, "")).as_py()
-    return parquet_bytes(
-        bare.append_column(OWNER, owner) if is_owned else bare,
-        compression=compression,
-        use_dictionary=[f.name for f in bare.schema if pa.types.is_string(f.type)] + [OWNER],
-        write_statistics=["ts"],  # `spans` reads the hours of a segment there
-    )
 
 
 def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.Buffer:
@@ -83,11 +71,12 @@ def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.B
     repeated, delta = [*texts, *(name for name in schema.names if name.endswith("_px"))], ["ts"]
     for name in (name for name in schema.names if name.endswith("_mm")):
         (repeated if _is_repeated(bare[name]) else delta).append(name)
-    about = {ENGINES: _noted(engines), UNKNOWN: json.dumps({name: bare[name].null_count for name in texts}).encode()}
+    n_unknown = {name: bare[name].null_count for name in texts}
+    about = {ENGINES: noted_engines(engines), UNKNOWN: json.dumps(n_unknown).encode()}
     if owners is not None:
         about[OWNERS] = owners
-    fields = [f.with_type(_CODED) if f.name in _FEW else f for f in schema]
-    columns = [_coded(bare[f.name]) if f.name in _FEW else bare[f.name].cast(f.type) for f in schema]
+    fields = [f.with_type(CODED) if f.name in _FEW else f for f in schema]
+    columns = [_in_order_of_use(coded(bare[f.name])) if f.name in _FEW else bare[f.name].cast(f.type) for f in schema]
     return parquet_bytes(
         pa.table(columns, schema=pa.schema(fields)),
         about=about,
@@ -101,13 +90,16 @@ def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.B
     )
 
 
-def _coded(texts: pa.ChunkedArray) -> pa.DictionaryArray:
-    """Return texts as numbers of a dictionary, which has them in the order in which they come."""
+def coded(texts: pa.ChunkedArray) -> pa.DictionaryArray:
+    """Return texts as numbers of a dictionary; those that are, stay as they are."""
     whole = texts.combine_chunks()
-    if not pa.types.is_dictionary(whole.type):
-        return whole.dictionary_encode()
-    numbers = whole.indices.dictionary_encode()
-    return pa.DictionaryArray.from_arrays(numbers.indices, whole.dictionary.take(numbers.dictionary))
+    return whole if pa.types.is_dictionary(whole.type) else whole.dictionary_encode()
+
+
+def _in_order_of_use(texts: pa.DictionaryArray) -> pa.DictionaryArray:
+    """Return texts with a dictionary of those that are used, in the order in which they come: same rows, same bytes."""
+    numbers = texts.indices.dictionary_encode()
+    return pa.DictionaryArray.from_arrays(numbers.indices, texts.dictionary.take(numbers.dictionary))
 
 
 def _is_repeated(values: pa.ChunkedArray) -> bool:
@@ -152,16 +144,3 @@ def parquet_bytes(rows: pa.Table, *, about: Mapping[bytes, bytes] | None = None,
         writer.add_key_value_metadata(about or {})
         writer.write_table(rows)
     return sink.getvalue()
-
-
-def _noted(engines: Sequence[str]) -> bytes:
-    return json.dumps(list(engines)[:ENGINES_MAX]).encode()
-
-
-def _with_engines(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.Table:
-    """Return rows in the schema of their table, with the engines in its metadata."""
-    about = {ENGINES: _noted(engines)}
-    if rows.schema.equals(SCHEMAS[table]):
-        return rows.replace_schema_metadata(about)
-    schema = SCHEMAS[table].with_metadata(about)
-    return rows.select(schema.names).cast(schema)
