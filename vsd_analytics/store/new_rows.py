@@ -259,34 +259,37 @@ def _in_order(table: TableName, rows: pa.Table) -> pa.Table:
 
 def _order(table: TableName, rows: pa.Table) -> pa.Array:
     """Return the numbers of the rows by UTC hour and then by all columns, unknown values last."""
-    order, words = np.arange(rows.num_rows), list[Ints]()
-    for word in _words(table, rows) if rows.num_rows else ():
-        words.append(word)
-        order = np.argsort(word, kind="stable") if len(words) == 1 else np.lexsort(words[::-1])
+    order = np.arange(rows.num_rows)
+    for words in _words(table, rows) if rows.num_rows else ():
+        order = np.argsort(words[0], kind="stable") if len(words) == 1 else np.lexsort(words[::-1])
         if _are_different([w[order] for w in words]):
             break
     return pa.array(order)
 
 
-def _words(table: TableName, rows: pa.Table) -> Iterator[Ints]:
-    """Yield hours and columns as integers in their order, as many packed into each as it holds.
+def _words(table: TableName, rows: pa.Table) -> Iterator[list[Ints]]:
+    """Yield hours and columns as integers in their order, as many packed into each as it holds: more of them each time.
 
-    One ends with the track ids: without missing ids, no two records are equal up to there.
+    First without the track ids: mostly no two records are equal up to there, and ids would have to be sorted. Then with
+    them: without missing ids, no two records are equal.
     """
     instants = _instants(rows)
     hours = instants // HOUR_MS
     packed, room = hours - hours.min(), int(hours.max() - hours.min()) + 1
+    full = list[Ints]()
+    ids = TRACKS[table]
     for name in rows.column_names:
+        if name in ids[:1] and any(_rank(rows[c])[1] > 2 for c in rows.column_names if c.startswith("person")):
+            yield [*full, packed]
         numbers, size = (instants - hours * HOUR_MS, HOUR_MS) if name == "ts" else _rank(rows[name])
         if room * size >= _ROOM:
-            yield packed
+            full.append(packed)
             packed, room = np.zeros(rows.num_rows, dtype=np.int64), 1
         packed = packed * size + numbers
         room *= size
-        if name == ("ts", *TRACKS[table])[-1]:
-            yield packed
-            packed, room = np.zeros(rows.num_rows, dtype=np.int64), 1
-    yield packed
+        if name == ("ts", *ids)[-1]:
+            yield [*full, packed]
+    yield [*full, packed]
 
 
 def _rank(values: pa.ChunkedArray) -> tuple[Ints, int]:
