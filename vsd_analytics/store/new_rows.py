@@ -82,14 +82,14 @@ def new_rows(table: TableName, span: FoldSpan, *, known: Sequence[Path], noted: 
         }
         names = [*SCHEMAS[table].names, OWNER]
         inside = [_inside(piece.select(names).replace_schema_metadata(), span) for piece in pieces.values()]
-        rows = pa.concat_tables(inside).unify_dictionaries().combine_chunks()
+        rows = pa.concat_tables(inside).unify_dictionaries()
         del pieces, inside
         is_doubtful = _doubtful(table, rows, known)
         fresh, again, n_second = rows, rows.slice(0, 0), 0
         if is_doubtful.any():
             doubtful = rows.filter(pa.array(is_doubtful))
             found, again, n_second = _compared(table, doubtful, known, noted)
-            fresh = pa.concat_tables([rows.filter(pa.array(~is_doubtful)), found]).unify_dictionaries().combine_chunks()
+            fresh = pa.concat_tables([rows.filter(pa.array(~is_doubtful)), found]).unify_dictionaries()
     except (pa.ArrowException, OSError) as error:
         raise _not_folded(error) from None
     return NewRows(_in_order(table, fresh), _in_order(table, again), rows.num_rows, n_second, engines)
@@ -251,9 +251,14 @@ def _compared_on(
 
 
 def _in_order(table: TableName, rows: pa.Table) -> pa.Table:
-    """Return the rows in the order of a part. Columns without any value are in order as they are."""
+    """Return the rows in the order of a part.
+
+    Pieces are joined column by column: joining all of them first takes as much memory again.
+    """
     order = _order(table, rows)
-    columns = [c if c.null_count == len(c) else c.take(order) for c in rows.columns]
+    columns = [
+        pa.nulls(len(c), c.type) if c.null_count == len(c) else c.combine_chunks().take(order) for c in rows.columns
+    ]
     return pa.table(columns, schema=rows.schema)
 
 

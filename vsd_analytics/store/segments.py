@@ -48,7 +48,7 @@ def segment_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> p
     fields = [f.with_type(CODED) if pa.types.is_string(f.type) else f for f in SCHEMAS[table]]
     if _is_owned(rows):
         fields.append(pa.field(OWNER, CODED))
-    columns = [coded(rows[f.name]) if f.type == CODED else rows[f.name].cast(f.type).combine_chunks() for f in fields]
+    columns = [coded(rows[f.name]) if f.type == CODED else rows[f.name].cast(f.type) for f in fields]
     first, last = pc.min_max(rows["ts"].cast(pa.int64())).as_py().values()
     about = {ENGINES: noted_engines(engines), _ABOUT: b"%d %d %d" % (rows.num_rows, first, last)}
     written = pa.table(columns, schema=pa.schema(fields, about))
