@@ -76,7 +76,7 @@ def state(root: Path) -> State:
     for path in _facts(root):
         facts.setdefault(f"{path.relative_to(root / 'facts').parent}/{path.name[:2]}", []).append(path)
     litter = [p for p in root.rglob(".*") if p.name not in HIDDEN]
-    litter += (root / "store" / "live").rglob("*.parquet")
+    litter += (root / "store" / "live").rglob("*.arrow")
     litter += (root / "store" / "purge").glob("*.json")
     litter += [p for paths in facts.values() if len(paths) > 1 for p in paths]
     return State(
@@ -105,6 +105,7 @@ def glance(root: Path, truth: Truth, acked: Sequence[Any], *, are_facts_read: bo
 
     from vsd_analytics.schema import TABLES
     from vsd_analytics.store import Store
+    from vsd_analytics.store.segments import read_segment
 
     is_under_way = any((root / "store" / "purge").glob("*.json"))  # its next step names the part by its bytes
     damaged = () if is_under_way else Store(root / "store", site_id="shop").damaged()
@@ -114,8 +115,8 @@ def glance(root: Path, truth: Truth, acked: Sequence[Any], *, are_facts_read: bo
         rows = Counter(_glob(root, table))
         wrong += [f"{table} shows a record twice"] * (max(rows.values(), default=0) > 1)
         wrong += [f"{table} shows a foreign record"] * (not rows.keys() <= truth.rows[table])
-        spool = (root / "store" / "live" / table).glob("*.parquet")
-        spooled = [row for p in spool for row in as_rows(pq.ParquetFile(p).read())]
+        spool = (root / "store" / "live" / table).glob("*.arrow")
+        spooled = [row for p in spool for row in as_rows(read_segment(p))]
         held[table] = {*rows, *engine_tracks(root, table, spooled)}
     for path in _facts(root) if are_facts_read else ():
         if path.read_bytes() not in truth.readable:

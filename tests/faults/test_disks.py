@@ -12,7 +12,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 from site_text import site_text
 
@@ -20,6 +19,7 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
 from vsd_analytics.store import FoldResult, Store
+from vsd_analytics.store.segments import about
 from vsd_analytics.warehouse.verify_facts import verify
 
 CONFIG = site_text(timezone="UTC", more="hz = 1\n[ingest]\nballast_mb = {ballast_mb}\n")
@@ -120,8 +120,8 @@ def parts(root: Path) -> list[Path]:
 
 def n_stored(root: Path) -> int:
     """Return the rows anybody finds by reading parts and spool."""
-    spooled = sorted((root / "store" / "live" / "observations").glob("*.parquet"))
-    return sum(pq.read_metadata(p).num_rows for p in (*parts(root), *spooled))
+    spooled = sorted((root / "store" / "live" / "observations").glob("*.arrow"))
+    return sum(about(p).n_rows for p in (*parts(root), *spooled))
 
 
 def litter(root: Path) -> list[Path]:
@@ -190,7 +190,7 @@ def test_ballast_lets_a_fold_run_on_a_full_disk_and_comes_back(
     told = vsd(disk, "build")
     assert "warning[W304]: the disk is full: the ballast" in told.err
     assert not ballast.exists()
-    assert not list((disk / "store" / "live").rglob("*.parquet"))
+    assert not list((disk / "store" / "live").rglob("*.arrow"))
     assert n_stored(disk) == 32_000
     filler.unlink()
     assert vsd(disk, "build").code == 0
@@ -268,7 +268,7 @@ def test_a_folder_whose_sync_fails_holds_nothing_that_was_not_acknowledged(
     with monkeypatch.context() as patched:
         patched.setattr(os, "fsync", failing)
         assert vsd(here, "ingest", file).has("E306")
-    assert not list((here / "store" / "live").rglob("*.parquet"))
+    assert not list((here / "store" / "live").rglob("*.arrow"))
     assert (vsd(here, "ingest", file).code, n_stored(here)) == (0, 618)
 
 
@@ -345,7 +345,7 @@ def test_one_flipped_bit_in_the_spool_stops_the_fold_and_is_named(
     here: Path, tmp_path: Path, vsd: Vsd, stopped_before_the_fold: Callable[[Path, Path, Vsd], None], n_flips: int
 ) -> None:
     stopped_before_the_fold(here, engine_output(tmp_path / "a.csv"), vsd)
-    (segment,) = (here / "store" / "live").rglob("*.parquet")
+    (segment,) = (here / "store" / "live").rglob("*.arrow")
     data = segment.read_bytes()
     for changed in damaged_ways(data, n_flips):
         segment.write_bytes(changed)

@@ -16,9 +16,9 @@ from raw_reading import NINE_MS, NOW, small_site
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.ingest.adapter import RawBatch, Rejected
-from vsd_analytics.ingest.normalise import Normalised, Normaliser
+from vsd_analytics.ingest.normalise import NORMALISED, Normalised, Normaliser
 from vsd_analytics.ingest.pseudonyms import Pseudonyms
-from vsd_analytics.schema import RAW_SCHEMAS, SCHEMAS, TableName
+from vsd_analytics.schema import RAW_SCHEMAS, TableName
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.secrets import DayKeys
@@ -42,7 +42,7 @@ def normalised(name: TableName, *rows: dict[str, Any], site: Site = SITE, keys: 
     full = [{**dict.fromkeys(schema.names), **row, "line": row.get("line", i + 1)} for i, row in enumerate(rows)]
     batch = RawBatch({name: pa.Table.from_pylist(full, schema=schema)})
     found = Normaliser(site, now=NOW, keys=keys).normalise(batch)
-    assert found.tables[name].schema == SCHEMAS[name]
+    assert found.tables[name].schema == NORMALISED[name]
     assert found.tables[name].num_rows + len(found.rejected) + sum(found.n_dropped.values()) == len(rows)
     return found
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from live.local_broker import frame, write_project
 
 from vsd_analytics.config import load_site
+from vsd_analytics.ingest.normalise import NORMALISED
 from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.decode import Prepared, Preparer
-from vsd_analytics.schema import SCHEMAS
 
 NOW = datetime(2026, 11, 20, 12, tzinfo=UTC)
 
@@ -41,7 +41,7 @@ def test_messages_become_rows_of_the_three_tables(preparer: Preparer) -> None:
     pairs = [{"a": "0", "b": "1", "distance_m": 1.5}]
     got = preparer.prepare([delivery(frame(7, at=NOW, pairs=pairs, engine="acme 2")[1])], now=NOW)
     assert {n: t.num_rows for n, t in got.tables.items()} == {"frames": 1, "observations": 2, "pairs": 1}
-    assert all(t.schema == SCHEMAS[n] for n, t in got.tables.items())
+    assert all(t.schema == NORMALISED[n] for n, t in got.tables.items())
     assert got.tables["frames"]["seq"].to_pylist() == [7]
     assert got.engines == ["acme 2"]
     assert not got.rejected
@@ -143,7 +143,7 @@ def test_no_payload_raises_or_harms_its_neighbours(
             payloads.append(part)
     got = preparer.prepare([delivery(p) for p in [*payloads, good]], now=NOW)
     assert 5 in got.tables["frames"]["seq"].to_pylist()
-    assert all(isinstance(t, pa.Table) and t.schema == SCHEMAS[n] for n, t in got.tables.items())
+    assert all(isinstance(t, pa.Table) and t.schema == NORMALISED[n] for n, t in got.tables.items())
 
 
 def test_ids_are_pseudonyms_and_stay_the_same_over_restarts(tmp_path: Path) -> None:

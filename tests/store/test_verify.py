@@ -120,7 +120,7 @@ def test_an_empty_project_is_whole(tmp_path: Path) -> None:
 def test_one_flipped_bit_anywhere_in_a_part_is_found(project: Path, name: TableName) -> None:
     part = Store(project / "store", site_id="shop").parts(name)[0]
     data = part.path.read_bytes()
-    bits = range(0, len(data) * 8, 29)
+    bits = range(0, len(data) * 8, 19)
     missed = []
     for bit in bits:
         part.path.write_bytes(flipped(data, bit))
@@ -140,7 +140,7 @@ def test_a_truncated_part_is_found(project: Path, keep: float) -> None:
 
 def test_one_flipped_bit_in_the_spool_is_found(project: Path) -> None:
     store = Store(project / "store", site_id="shop")
-    path = next((project / "store" / "live").rglob("*.parquet"))
+    path = next((project / "store" / "live").rglob("*.arrow"))
     data = path.read_bytes()
     for bit in range(0, len(data) * 8, 29):
         path.write_bytes(flipped(data, bit))

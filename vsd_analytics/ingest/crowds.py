@@ -53,6 +53,7 @@ class Crowds:
 
     def _of_records(self, name: TableName, rows: pa.Table) -> pa.Array:
         records = rows.select([*_FRAME, *_TRACKS[name], *_PLACES[name]])
+        records = records.set_column(0, "camera_id", records["camera_id"].cast(pa.string()))
         if name in self._newest:
             records = pa.concat_tables([self._newest[name], records])
         if _may_be_crowded(records, self._most[name]):  # rare; only then the slower count of different records

@@ -9,7 +9,9 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from typing import Final
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -19,13 +21,20 @@ from vsd_analytics.ingest.pseudonyms import Pseudonyms
 from vsd_analytics.ingest.raw import Check, rejected, row_json
 from vsd_analytics.ingest.reasons import TOO_MANY
 from vsd_analytics.ingest.sealed_hours import FORGOTTEN, ClosedTimes
-from vsd_analytics.schema import QUALITIES, SCHEMAS, TABLES, TS, TableName
+from vsd_analytics.schema import QUALITIES, SCHEMAS, TABLES, TRACKS, TS, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.seals import SEALED
 from vsd_analytics.store.secrets import DayKeys
 
 TRACK_MAX_CHARS = 200
 PIXEL_MAX = 1e6
+_CODED = pa.dictionary(pa.int32(), pa.string())
+NORMALISED: Final = {
+    table: pa.schema([f.with_type(_CODED) if f.name in ("camera_id", *TRACKS[table]) else f for f in SCHEMAS[table]])
+    for table in TABLES
+}
+"""`SCHEMAS` with the ids of cameras and tracks as dictionaries: few differ, and a segment is written from them."""
+_PAIR_TRACKS = ("track_a", "track_b")
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _ROUNDING_MM = 1e-6  # 1.001 m is 1000.9999999999999 mm in floating point
 
@@ -35,7 +44,7 @@ class Normalised:
     """A batch ready for the store.
 
     Attributes:
-        tables: Rows in `SCHEMAS`.
+        tables: Rows in `NORMALISED`.
         rejected: Records for quarantine.
         n_dropped: Counts of records left out on purpose, by reason.
     """
@@ -98,14 +107,16 @@ class Normaliser:
                 rows = self._observations(rows)
             elif name == "pairs":
                 rows = self._pairs(rows, dropped)
-            columns = {**dict(zip(rows.column_names, rows.columns, strict=True)), "ts": rows["ts_ms"].cast(TS)}
-            tables[name] = pa.table([columns[c.name] for c in SCHEMAS[name]], schema=SCHEMAS[name])
+            rows = _with(rows, {"ts": rows["ts_ms"].cast(TS)})
+            tables[name] = pa.table([rows[c] for c in SCHEMAS[name].names], schema=NORMALISED[name])
         return Normalised(tables, bad, dropped)
 
     def _camera_ids(self, cameras: pa.ChunkedArray) -> pa.Array:
         coded = cameras.combine_chunks().dictionary_encode()
         known = [self._cameras.get(c) for c in coded.dictionary.to_pylist()]
-        return pa.array(known, pa.string()).take(coded.indices)
+        names = list(dict.fromkeys(c for c in known if c is not None))  # a camera may have several engine_ids
+        numbers = pa.array([None if c is None else names.index(c) for c in known], pa.int32())
+        return pa.DictionaryArray.from_arrays(numbers.take(coded.indices), pa.array(names, pa.string()))
 
     def _common_checks(self) -> list[Check]:
         first, last = (datetime.fromtimestamp(ms / 1000, tz=UTC).isoformat() for ms in (self._first_ms, self._last_ms))
@@ -184,7 +195,7 @@ class Normaliser:
                     pc.equal(r["track_a"], r["track_b"]),
                 ),
             ),
-            *_shared_checks("track_a", "track_b"),
+            *_shared_checks(*_PAIR_TRACKS),
         ]
 
     def _observations(self, rows: pa.Table) -> pa.Table:
@@ -192,7 +203,7 @@ class Normaliser:
         is_half = pc.or_(pc.is_null(x), pc.is_null(y))  # one coordinate alone is no place
         nothing = pa.scalar(None, pa.int32())
         columns = {
-            "track_id": self._tracks(rows, "track"),
+            "track_id": self._tracks(rows, "track")[0],
             "x_mm": pc.if_else(is_half, nothing, x),
             "y_mm": pc.if_else(is_half, nothing, y),
         }
@@ -209,17 +220,13 @@ class Normaliser:
         if n_far := pc.sum(is_far).as_py():
             dropped["pair beyond pair_max_m"] += n_far
             rows = rows.filter(pc.invert(is_far))
-        rows = _with(rows, {f"track_{side}": self._tracks(rows, f"track_{side}") for side in ("a", "b")})
-        is_swapped = pc.coalesce(
-            pc.greater(rows["track_a"], rows["track_b"]), pc.greater(rows["person_a"], rows["person_b"])
-        )
+        rows = _with(rows, dict(zip(_PAIR_TRACKS, self._tracks(rows, *_PAIR_TRACKS), strict=True)))
+        a, b = (rows[track].cast(pa.string()) for track in _PAIR_TRACKS)
+        is_swapped = pc.coalesce(pc.greater(a, b), pc.greater(rows["person_a"], rows["person_b"]))
         columns = {}
         for stem in ("person_{}", "track_{}", "x_{}_m", "y_{}_m"):
-            a, b = rows[stem.format("a")], rows[stem.format("b")]
-            columns[stem.format("a")], columns[stem.format("b")] = (
-                pc.if_else(is_swapped, b, a),
-                pc.if_else(is_swapped, a, b),
-            )
+            a, b = (rows[stem.format(side)].combine_chunks() for side in "ab")
+            columns[stem.format("a")], columns[stem.format("b")] = _swapped(a, b, is_swapped)
         for stem in ("x_a", "y_a", "x_b", "y_b"):
             columns[f"{stem}_mm"] = _millimetres(columns[f"{stem}_m"])
         # rounded down, so that "strictly closer than D metres" stays distance_mm < 1000 D
@@ -228,12 +235,15 @@ class Normaliser:
         columns["distance_sd_mm"] = _millimetres(rows["distance_sd_m"])
         return _with(rows, columns)
 
-    def _tracks(self, rows: pa.Table, column: str) -> pa.Array:
-        return self._pseudonyms.tracks(
-            rows[column].combine_chunks(),
-            camera_ids=rows["camera_id"].combine_chunks(),
-            ts_ms=rows["ts_ms"].to_numpy(),
+    def _tracks(self, rows: pa.Table, *columns: str) -> list[pa.DictionaryArray]:
+        """Return the stored ids of columns with the engine's, which have one dictionary."""
+        n = len(columns)
+        named = self._pseudonyms.tracks(
+            pa.chunked_array([piece for c in columns for piece in rows[c].chunks], pa.string()).combine_chunks(),
+            camera_ids=pa.chunked_array(n * rows["camera_id"].chunks, rows["camera_id"].type).combine_chunks(),
+            ts_ms=np.tile(rows["ts_ms"].to_numpy(), n),
         )
+        return [named.slice(i * rows.num_rows, rows.num_rows) for i in range(n)]
 
 
 def _shared_checks(*tracks: str) -> list[Check]:
@@ -309,6 +319,18 @@ def _beyond(limit: float, rows: pa.Table, *columns: str) -> pa.ChunkedArray:
 
 def _millimetres(metres: pa.ChunkedArray) -> pa.ChunkedArray:
     return pc.round(pc.multiply(metres, 1000.0), round_mode="half_to_even").cast(pa.int32())
+
+
+def _swapped(a: pa.Array, b: pa.Array, is_swapped: pa.ChunkedArray) -> tuple[pa.ChunkedArray, pa.ChunkedArray]:
+    """Return two columns with their values exchanged in some rows; dictionaries are one and the same."""
+    of_a, of_b = (ends.indices if pa.types.is_dictionary(ends.type) else ends for ends in (a, b))
+    first, second = pc.if_else(is_swapped, of_b, of_a), pc.if_else(is_swapped, of_a, of_b)
+    if not pa.types.is_dictionary(a.type):
+        return first, second
+    first, second = (
+        pa.DictionaryArray.from_arrays(numbers.combine_chunks(), a.dictionary) for numbers in (first, second)
+    )
+    return first, second
 
 
 def _with(rows: pa.Table, columns: Mapping[str, pa.ChunkedArray | pa.Array]) -> pa.Table:

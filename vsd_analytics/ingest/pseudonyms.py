@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container
+from collections import defaultdict
+from collections.abc import Container
 from datetime import date, datetime, timedelta
-from functools import cache
+from itertools import product
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.ingest.instants import QUARTER_MS
@@ -51,39 +53,42 @@ class Pseudonyms:
         self._site = site
         self._keys = keys
         self._days: dict[int, date] = {}
-        self._names: dict[tuple[str, date, str], str] = {}
+        self._names: defaultdict[tuple[str, date], dict[str, str]] = defaultdict(dict)
 
-    def tracks(self, engine_tracks: pa.Array, *, camera_ids: pa.Array, ts_ms: np.ndarray) -> pa.Array:
+    def tracks(self, engine_tracks: pa.Array, *, camera_ids: pa.Array, ts_ms: np.ndarray) -> pa.DictionaryArray:
         """Return stored track ids, one a row; an empty id is missing.
 
         Args:
             engine_tracks: The engine's ids, strings.
-            camera_ids: Our camera ids, strings without nulls.
+            camera_ids: Our camera ids, without nulls: strings, or a dictionary of them.
             ts_ms: UTC milliseconds.
         """
         coded = engine_tracks.dictionary_encode()
-        tracks = [t or None for t in coded.dictionary.to_pylist()]
+        tracks = coded.dictionary.to_pylist()
+        if "" in tracks:
+            coded = pc.if_else(pc.equal(engine_tracks, ""), None, engine_tracks).dictionary_encode()
+            tracks = coded.dictionary.to_pylist()
         keys = self._keys
-        if keys is None:
-            return pa.array(tracks, pa.string()).take(coded.indices)
+        if keys is None or not tracks:
+            return coded
         # camera, day and track of each row as one number: few of them differ, and only these are hashed
         cameras = camera_ids.dictionary_encode()
         quarters = pa.array(ts_ms // QUARTER_MS).dictionary_encode()
         days = [self._site_day(q) for q in quarters.dictionary.to_pylist()]
         different_days = sorted(set(days))
         day_of_row = np.array([different_days.index(d) for d in days], dtype=np.int64)[np.asarray(quarters.indices)]
-        track_of_row = np.asarray(coded.indices.fill_null(len(tracks)), dtype=np.int64)
-        shape = (len(cameras.dictionary), len(different_days), len(tracks) + 1)
-        numbers = np.ravel_multi_index((np.asarray(cameras.indices), day_of_row, track_of_row), shape)
-        named = pa.array(numbers).dictionary_encode()  # `numpy.unique` sorts, which takes many times as long
-        different = np.asarray(named.dictionary)
-        camera_names, all_tracks = cameras.dictionary.to_pylist(), [*tracks, None]
-        of_camera = cache(lambda camera_id, day: namer(keys.key(day), camera_id=camera_id))
-        names = [
-            self._name(of_camera, camera_names[camera], different_days[day], all_tracks[track])
-            for camera, day, track in zip(*(a.tolist() for a in np.unravel_index(different, shape)), strict=True)
-        ]
-        return pa.array(names, pa.string()).take(named.indices)
+        shape = (len(cameras.dictionary) * len(different_days), len(tracks))
+        group_of_row = np.asarray(cameras.indices) * len(different_days) + day_of_row
+        numbers = group_of_row * len(tracks) + np.asarray(coded.indices.fill_null(0))
+        is_missing = np.asarray(coded.is_null()) if coded.null_count else None
+        named = pa.array(numbers, mask=is_missing).dictionary_encode()  # `numpy.unique` takes many times as long
+        group, track = np.unravel_index(np.asarray(named.dictionary), shape)
+        names = np.empty(len(group), dtype=object)
+        cameras_and_days = list(product(cameras.dictionary.to_pylist(), different_days))
+        for number in np.unique(group).tolist():
+            at, (camera_id, day) = np.flatnonzero(group == number), cameras_and_days[number]
+            names[at] = self._named(camera_id, day, [tracks[t] for t in track[at].tolist()], keys)
+        return pa.DictionaryArray.from_arrays(named.indices, pa.array(names, pa.string()))
 
     def days(self, ts_ms: np.ndarray) -> set[date]:
         """Return the site days of some instants (UTC milliseconds)."""
@@ -94,17 +99,16 @@ class Pseudonyms:
         quarters, of_row = np.unique(ts_ms // QUARTER_MS, return_inverse=True)
         return np.array([self._site_day(q) in days for q in quarters.tolist()], dtype=bool)[of_row]
 
-    def _name(
-        self, of_camera: Callable[[str, date], Callable[[str], str]], camera_id: str, day: date, track: str | None
-    ) -> str | None:
-        if track is None:
-            return None
-        name = self._names.get((camera_id, day, track))
-        if name is None:
-            if len(self._names) >= NAMES_MAX:
+    def _named(self, camera_id: str, day: date, tracks: list[str], keys: DayKeys) -> list[str]:
+        """Return the stored ids of tracks of a camera on a day; the key is asked for where one of them is new."""
+        names = self._names[camera_id, day]
+        new = [track for track in tracks if track not in names]
+        if new:
+            if sum(map(len, self._names.values())) >= NAMES_MAX:
                 self._names.clear()
-            name = self._names[camera_id, day, track] = of_camera(camera_id, day)(track)
-        return name
+                names, new = self._names[camera_id, day], tracks
+            names.update(zip(new, map(namer(keys.key(day), camera_id=camera_id), new), strict=True))
+        return [names[track] for track in tracks]
 
     def _site_day(self, quarter: int) -> date:
         """Return the site day a quarter of an hour (counted from 1970 in UTC) belongs to."""

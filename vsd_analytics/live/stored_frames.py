@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from vsd_analytics.live.alarms import AlarmEngine, epoch_ms
 from vsd_analytics.live.companions import FORGET_MS
@@ -19,6 +18,8 @@ from vsd_analytics.site.model import AlarmRule, Site
 from vsd_analytics.store import Store
 from vsd_analytics.store.layout import HOUR_MS, hour_of, segment_paths
 from vsd_analytics.store.part_files import read_part
+from vsd_analytics.store.segments import read_segment
+from vsd_analytics.store.spans import ends_ms
 
 SLICE_MS = 60_000
 """Records are fed a minute at a time, so that memory does not grow with the hour."""
@@ -126,7 +127,7 @@ def _rows_now(store: Store, table: TableName, hour: int, cameras: Collection[str
     The spool is read before the parts: then a fold at work makes records come twice, and none is missed.
     """
     try:
-        read = [_between(read_part(p, table), hour * HOUR_MS, (hour + 1) * HOUR_MS) for p in _spool(store, table, hour)]
+        read = [_between(_spooled(p, table), hour * HOUR_MS, (hour + 1) * HOUR_MS) for p in _spool(store, table, hour)]
         read += [read_part(part.path, table) for part in store.parts(table, first_hour=hour, last_hour=hour)]
     except FileNotFoundError:
         raise
@@ -143,12 +144,14 @@ def _spool(store: Store, table: TableName, hour: int) -> list[Path]:
     """Return the spool's files that may hold rows of an hour."""
     found = []
     for path in segment_paths(store.root, table):
-        meta = pq.read_metadata(path)
-        column = meta.schema.names.index("ts")
-        spans = [meta.row_group(i).column(column).statistics for i in range(meta.num_row_groups)]
-        if any(hour_of(epoch_ms(s.min)) <= hour <= hour_of(epoch_ms(s.max)) for s in spans):
+        ends = ends_ms(path)
+        if ends is None or ends[0] // HOUR_MS <= hour <= ends[1] // HOUR_MS:
             found.append(path)
     return found
+
+
+def _spooled(path: Path, table: TableName) -> pa.Table:
+    return read_segment(path).select(SCHEMAS[table].names).cast(SCHEMAS[table])
 
 
 def _between(rows: pa.Table, low_ms: int, high_ms: int) -> pa.Table:

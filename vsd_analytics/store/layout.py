@@ -2,7 +2,7 @@
 
 ```
 store/.lock
-store/live/<table>/<digest>.parquet                                   acknowledged, not yet folded (the spool)
+store/live/<table>/<digest>.arrow                                     acknowledged, not yet folded (the spool)
 store/<table>/site=<site>/date=<YYYY-MM-DD>/<HH>-<digest>.parquet     UTC; sorted; no key twice in the whole store
 ```
 """
@@ -25,7 +25,7 @@ _EVER = 10**9
 """An hour number after all others."""
 _PART = re.compile(r"^(?P<hour>[01]\d|2[0-3])-(?P<digest>[0-9a-f]{16}(?:[0-9a-f]{96})?)\.parquet$")
 """The name of a week file of facts has the fingerprints of its seven days."""
-_SEGMENT = re.compile(r"^[0-9a-f]{16}\.parquet$")
+_SEGMENT = re.compile(r"^[0-9a-f]{16}\.(arrow|parquet)$")
 _DATE = re.compile(r"^date=(\d{4}-\d{2}-\d{2})$")
 
 

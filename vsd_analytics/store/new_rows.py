@@ -21,9 +21,10 @@ from vsd_analytics.errors import StoreError, VsdError, disk_error
 from vsd_analytics.schema import KEYS, PLACES, SCHEMAS, TRACKS, TableName
 from vsd_analytics.store.duck import connect
 from vsd_analytics.store.layout import HOUR_MS
-from vsd_analytics.store.owners import OWNER
+from vsd_analytics.store.owners import OWNER, owned_by
 from vsd_analytics.store.part_files import engines_in
 from vsd_analytics.store.repeats import brought_again, key_aliases, same_key
+from vsd_analytics.store.segments import read_segment
 from vsd_analytics.store.spans import FoldSpan
 
 if TYPE_CHECKING:
@@ -74,21 +75,21 @@ def new_rows(table: TableName, span: FoldSpan, *, known: Sequence[Path], noted: 
         DiskError: E304 to E306, the disk refused.
     """
     try:
-        pieces = {path: _read(path, table) for path in span.segments}
+        pieces = {path: _read(path) for path in span.segments}
         engines = {
             day: sorted({e for path in paths for e in engines_in(pieces[path].schema.metadata)})
             for day, paths in span.by_day.items()
         }
         names = [*SCHEMAS[table].names, OWNER]
         inside = [_inside(piece.select(names).replace_schema_metadata(), span) for piece in pieces.values()]
-        rows = pa.concat_tables(inside).unify_dictionaries().combine_chunks()
+        rows = pa.concat_tables(inside).unify_dictionaries()
         del pieces, inside
         is_doubtful = _doubtful(table, rows, known)
         fresh, again, n_second = rows, rows.slice(0, 0), 0
         if is_doubtful.any():
             doubtful = rows.filter(pa.array(is_doubtful))
             found, again, n_second = _compared(table, doubtful, known, noted)
-            fresh = pa.concat_tables([rows.filter(pa.array(~is_doubtful)), found]).unify_dictionaries().combine_chunks()
+            fresh = pa.concat_tables([rows.filter(pa.array(~is_doubtful)), found]).unify_dictionaries()
     except (pa.ArrowException, OSError) as error:
         raise _not_folded(error) from None
     return NewRows(_in_order(table, fresh), _in_order(table, again), rows.num_rows, n_second, engines)
@@ -101,18 +102,15 @@ def _not_folded(error: Exception) -> VsdError:
     )
 
 
-def _read(path: Path, table: TableName) -> pa.Table:
-    """Return the rows of a segment with their owners.
-
-    Texts stay numbers of a dictionary, as the segment has them, until a part is written.
-    """
-    with pq.ParquetFile(path, read_dictionary=_texts(table), pre_buffer=False) as file:
-        rows = file.read(use_threads=False)
+def _read(path: Path) -> pa.Table:
+    """Return the rows of a segment with their owners. Texts stay numbers of a dictionary until a part is written."""
+    rows = read_segment(path)
     if OWNER not in rows.column_names:
-        of_row = pa.array(np.zeros(rows.num_rows, dtype=np.int32))
-        return rows.append_column(OWNER, pa.DictionaryArray.from_arrays(of_row, pa.array([""])))
+        return owned_by("", rows)
+    if not rows[OWNER].null_count:
+        return rows
     at = rows.column_names.index(OWNER)
-    return rows.set_column(at, OWNER, pc.fill_null(rows[OWNER], "").dictionary_encode())
+    return rows.set_column(at, OWNER, pc.fill_null(rows[OWNER].cast(pa.string()), "").dictionary_encode())
 
 
 def _inside(rows: pa.Table, span: FoldSpan) -> pa.Table:
@@ -253,42 +251,50 @@ def _compared_on(
 
 
 def _in_order(table: TableName, rows: pa.Table) -> pa.Table:
-    """Return the rows in the order of a part. Columns without any value are in order as they are."""
+    """Return the rows in the order of a part.
+
+    Pieces are joined column by column: joining all of them first takes as much memory again.
+    """
     order = _order(table, rows)
-    columns = [c if c.null_count == len(c) else c.take(order) for c in rows.columns]
+    columns = [
+        pa.nulls(len(c), c.type) if c.null_count == len(c) else c.combine_chunks().take(order) for c in rows.columns
+    ]
     return pa.table(columns, schema=rows.schema)
 
 
 def _order(table: TableName, rows: pa.Table) -> pa.Array:
     """Return the numbers of the rows by UTC hour and then by all columns, unknown values last."""
-    order, words = np.arange(rows.num_rows), list[Ints]()
-    for word in _words(table, rows) if rows.num_rows else ():
-        words.append(word)
-        order = np.argsort(word, kind="stable") if len(words) == 1 else np.lexsort(words[::-1])
+    order = np.arange(rows.num_rows)
+    for words in _words(table, rows) if rows.num_rows else ():
+        order = np.argsort(words[0], kind="stable") if len(words) == 1 else np.lexsort(words[::-1])
         if _are_different([w[order] for w in words]):
             break
     return pa.array(order)
 
 
-def _words(table: TableName, rows: pa.Table) -> Iterator[Ints]:
-    """Yield hours and columns as integers in their order, as many packed into each as it holds.
+def _words(table: TableName, rows: pa.Table) -> Iterator[list[Ints]]:
+    """Yield hours and columns as integers in their order, as many packed into each as it holds: more of them each time.
 
-    One ends with the track ids: without missing ids, no two records are equal up to there.
+    First without the track ids: mostly no two records are equal up to there, and ids would have to be sorted. Then with
+    them: without missing ids, no two records are equal.
     """
     instants = _instants(rows)
     hours = instants // HOUR_MS
     packed, room = hours - hours.min(), int(hours.max() - hours.min()) + 1
+    full = list[Ints]()
+    ids = TRACKS[table]
     for name in rows.column_names:
+        if name in ids[:1] and any(_rank(rows[c])[1] > 2 for c in rows.column_names if c.startswith("person")):
+            yield [*full, packed]
         numbers, size = (instants - hours * HOUR_MS, HOUR_MS) if name == "ts" else _rank(rows[name])
         if room * size >= _ROOM:
-            yield packed
+            full.append(packed)
             packed, room = np.zeros(rows.num_rows, dtype=np.int64), 1
         packed = packed * size + numbers
         room *= size
-        if name == ("ts", *TRACKS[table])[-1]:
-            yield packed
-            packed, room = np.zeros(rows.num_rows, dtype=np.int64), 1
-    yield packed
+        if name == ("ts", *ids)[-1]:
+            yield [*full, packed]
+    yield [*full, packed]
 
 
 def _rank(values: pa.ChunkedArray) -> tuple[Ints, int]:

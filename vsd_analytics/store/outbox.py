@@ -1,7 +1,7 @@
 """What a node holds until the site's store has it: records that are acknowledged, and the list of what was imported.
 
 ```
-outbox/live/<table>/<digest>.parquet     acknowledged: what `Store.append` writes
+outbox/live/<table>/<digest>.parquet     acknowledged: what `Store.append` writes here
 outbox/ready/<table>/<digest>.parquet    many of those as one: never changed, removed when the site has it
 outbox/imports.jsonl                     imports that are not ready yet
 outbox/ready/imports/<digest>.jsonl      lines of the list of imports
@@ -18,7 +18,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from vsd_analytics.errors import DiskError, StoreError, Where
 from vsd_analytics.schema import TABLES, TableName
@@ -26,7 +25,8 @@ from vsd_analytics.store import durable
 from vsd_analytics.store.imports import FILE as IMPORTS_FILE
 from vsd_analytics.store.layout import segment_paths
 from vsd_analytics.store.owners import OWNER, owned_by
-from vsd_analytics.store.part_files import HASH_DIFFERS, engines_in, segment_bytes
+from vsd_analytics.store.part_files import HASH_DIFFERS, engines_in
+from vsd_analytics.store.segments import about, read_segment, sent_bytes
 
 FOLDER = "outbox"
 READY = "ready"
@@ -82,7 +82,7 @@ def _together(paths: Sequence[Path]) -> Iterator[list[Path]]:
     """Yield segments in lots of at most about `READY_ROWS` rows."""
     lot, n_rows = list[Path](), 0
     for path in paths:
-        n_rows_of = pq.read_metadata(path).num_rows
+        n_rows_of = about(path).n_rows
         if lot and n_rows + n_rows_of > READY_ROWS:
             yield lot
             lot, n_rows = [], 0
@@ -99,7 +99,7 @@ def _as_one(root: Path, table: TableName, paths: Sequence[Path]) -> int:
     pieces = [_with_owner(path) for path in paths]
     rows = pa.concat_tables(piece.replace_schema_metadata() for piece in pieces)
     engines = sorted({e for piece in pieces for e in engines_in(piece.schema.metadata)})
-    data = segment_bytes(table, rows, engines, compression="zstd")
+    data = sent_bytes(table, rows, engines)
     try:
         durable.publish(folder / f"{durable.digest(data)}.parquet", data)
     except DiskError as error:
@@ -116,11 +116,8 @@ def _as_one(root: Path, table: TableName, paths: Sequence[Path]) -> int:
 
 
 def _with_owner(path: Path) -> pa.Table:
-    with pq.ParquetFile(path) as file:
-        rows = file.read(use_threads=False)
-    if OWNER in rows.column_names:
-        return rows
-    return owned_by("", rows)
+    rows = read_segment(path)
+    return rows if OWNER in rows.column_names else owned_by("", rows)
 
 
 def _imports_ready(root: Path) -> None:

@@ -37,7 +37,8 @@ class Brought:
 
 def owned_by(import_id: str, rows: pa.Table) -> pa.Table:
     """Return rows with the column `OWNER` that says which import brought them; "" = none."""
-    return rows.append_column(OWNER, pa.repeat(pa.scalar(import_id), rows.num_rows))
+    of_row = pa.array(np.zeros(rows.num_rows, dtype=np.int32))
+    return rows.append_column(OWNER, pa.DictionaryArray.from_arrays(of_row, pa.array([import_id])))
 
 
 def without_owners(rows: pa.Table) -> tuple[pa.Table, bytes | None]:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from vsd_analytics.store.layout import HOUR_MS
+from vsd_analytics.store.segments import about, read_segment
 
 FAR_DAYS = 7
 """Days further apart are folded apart: a span lists the parts of all days between its first and its last."""
@@ -83,28 +83,20 @@ def hours_in(segment: Path) -> frozenset[int]:
 
 
 def ends_ms(path: Path) -> tuple[int, int] | None:
-    """Return first and last instant of a file of records by its footer, UTC milliseconds; None where unknown."""
+    """Return first and last instant of a part or a segment by what it notes, UTC milliseconds; None where unknown."""
     try:
-        about = pq.read_metadata(path)
-    except (pa.ArrowException, OSError):
+        found = about(path)
+    except (pa.ArrowException, ValueError, OSError):
         return None  # whoever reads it says what is wrong
-    at = about.schema.names.index("ts")
-    noted = [about.row_group(i).column(at).statistics for i in range(about.num_row_groups)]
-    if not noted or not all(n is not None and n.has_min_max for n in noted):
-        return None
-    ends = [int(pa.scalar(end, pa.timestamp("ms", "UTC")).value) for n in noted for end in (n.min, n.max)]
-    return min(ends), max(ends)
+    return None if found.first_ms is None or found.last_ms is None else (found.first_ms, found.last_ms)
 
 
 def _hours_and_rows(segment: Path) -> tuple[frozenset[int], int]:
     """Return the UTC hour numbers a segment has rows of, and the number of its rows."""
-    with pq.ParquetFile(segment) as file:
-        about = file.metadata
-        at = about.schema.names.index("ts")
-        noted = [about.row_group(i).column(at).statistics for i in range(about.num_row_groups)]
-        if all(n is not None and n.has_min_max for n in noted):
-            ends = {int(end.timestamp()) // 3600 for n in noted for end in (n.min, n.max)}
-            if len(ends) == 1:  # most segments: their instants need not be read
-                return frozenset(ends), about.num_rows
-        instants = file.read(columns=["ts"])["ts"].cast(pa.int64()).to_numpy()
-        return frozenset(np.unique(instants // HOUR_MS).tolist()), about.num_rows
+    found = about(segment)
+    if found.first_ms is not None and found.last_ms is not None:
+        hours = {found.first_ms // HOUR_MS, found.last_ms // HOUR_MS}
+        if len(hours) == 1:  # most segments: their instants need not be read
+            return frozenset(hours), found.n_rows
+    instants = read_segment(segment, columns=["ts"])["ts"].cast(pa.int64()).to_numpy()
+    return frozenset(np.unique(instants // HOUR_MS).tolist()), found.n_rows

@@ -19,7 +19,6 @@ from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from vsd_analytics.errors import DiskError, StoreError, VsdError, Where, disk_error
 from vsd_analytics.schema import TABLES, TableName
@@ -36,10 +35,11 @@ from vsd_analytics.store.layout import (
 )
 from vsd_analytics.store.new_rows import new_rows
 from vsd_analytics.store.owners import OWNER, owned_by
-from vsd_analytics.store.part_files import HASH_DIFFERS, parquet_bytes, part_bytes, segment_bytes
+from vsd_analytics.store.part_files import HASH_DIFFERS, engines_in, part_bytes
 from vsd_analytics.store.repeats import AGAIN
 from vsd_analytics.store.reused_memory import reused_memory
 from vsd_analytics.store.seals import FOLDER, Seals
+from vsd_analytics.store.segments import ARROW, about, read_segment, segment_bytes, sent_bytes
 from vsd_analytics.store.spans import hours_in, spans_of
 
 
@@ -127,8 +127,12 @@ class Store:
         if rows.num_rows == 0:
             return 0
         owned = owned_by(import_id, rows) if import_id and OWNER not in rows.column_names else rows
-        data = segment_bytes(table, owned, sorted(set(engines)))
-        durable.publish(self.root / "live" / table / f"{durable.digest(data)}.parquet", data)
+        names = sorted(set(engines))
+        if self.root.name == outbox.FOLDER:  # on a full disk a node hands it on as it is
+            data, suffix = sent_bytes(table, owned, names, compression="lz4"), ".parquet"
+        else:
+            data, suffix = segment_bytes(table, owned, names), ARROW
+        durable.publish(self.root / "live" / table / f"{durable.digest(data)}{suffix}", data)
         return int(rows.num_rows)
 
     def fold(self, *, on_rows: Callable[[int], None] | None = None) -> FoldResult:
@@ -178,7 +182,7 @@ class Store:
         n_rows = 0
         for path in (p for t in TABLES for p in segment_paths(self.root, t)):
             try:
-                n_rows += pq.read_metadata(path).num_rows
+                n_rows += about(path).n_rows
             except FileNotFoundError:
                 continue  # a fold removed it meanwhile
             except (pa.ArrowException, ValueError, OSError) as error:
@@ -293,8 +297,7 @@ class Store:
             left.append(path)
             if not days or days.isdisjoint(h // 24 for h in hours_in(path)):
                 continue
-            with pq.ParquetFile(path) as file:
-                rows = file.read()
+            rows = read_segment(path)
             mask = late_records.is_late(rows, seals)
             if not pc.any(mask).as_py():
                 continue
@@ -304,8 +307,8 @@ class Store:
             n_late += rows.num_rows - rest.num_rows
             left.pop()
             if rest.num_rows:
-                data = parquet_bytes(rest, compression="lz4")
-                left.append(path.parent / f"{durable.digest(data)}.parquet")
+                data = segment_bytes(table, rest, engines_in(rest.schema.metadata))
+                left.append(path.parent / f"{durable.digest(data)}{ARROW}")
                 durable.publish(left[-1], data)
             durable.remove(path)
         return sorted(set(left)), n_late

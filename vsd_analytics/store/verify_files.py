@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -22,11 +22,12 @@ from vsd_analytics.store.layout import Part, segment_paths
 from vsd_analytics.store.owners import OWNER
 from vsd_analytics.store.part_files import HASH_DIFFERS
 from vsd_analytics.store.repeats import AGAIN
+from vsd_analytics.store.segments import schema_of
 from vsd_analytics.store.store import Store
 
 _PART = re.compile(r"site=([^/]+)/date=(\d{4}-\d{2}-\d{2})/(?:[01]\d|2[0-3])-[0-9a-f]{16}(?:[0-9a-f]{96})?\.parquet")
 _OTHERS = re.compile(
-    r"\.lock|\.purge\.lock|\.ballast|purge/[0-9a-f]{16}\.json|imports\.jsonl|live/(.+)/[0-9a-f]{16}\.parquet"
+    r"\.lock|\.purge\.lock|\.ballast|purge/[0-9a-f]{16}\.json|imports\.jsonl|live/(.+)/[0-9a-f]{16}\.(?:arrow|parquet)"
 )
 _RESTORE = "restore it from a backup; without one move it away and ingest the files of its hour again"
 _AGAIN = "move it away and ingest its source again: records that are stored already are recognised"
@@ -163,7 +164,7 @@ def check_spool(store: Store) -> Check:
             if finding is None and not path.exists():
                 continue
             n += 1
-            if finding is None and (why := _fits(path, table, OWNER)[1]) is not None:
+            if finding is None and (why := _segment_misfit(path, table)) is not None:
                 finding = StoreFault("E302", path, f"a file of the spool does not fit the table {table}", why, _AGAIN)
             findings += [finding] if finding else []
     return Check("spool", n, "files", "not yet folded: bytes and columns are right", tuple(findings))
@@ -269,24 +270,28 @@ def _hash_fault(path: Path, digest: str, what: str, fix: str) -> StoreFault | No
         return StoreFault("E302", path, what, f"it cannot be read: {error.strerror or error}", fix)
 
 
-def _fits(path: Path, table: TableName, *allowed: str) -> tuple[int, str | None]:
-    """Return the number of rows of a file, and why it does not fit its table, if so.
-
-    Args:
-        path: The file.
-        table: Its table.
-        allowed: More columns that it may have.
-    """
+def _fits(path: Path, table: TableName) -> tuple[int, str | None]:
+    """Return the number of rows of a part, and why it does not fit its table, if so."""
     try:
         with pq.ParquetFile(path) as file:
-            return file.metadata.num_rows, _misfit(file.schema_arrow, table, allowed)
+            return file.metadata.num_rows, _misfit(file.schema_arrow, table)
     except FileNotFoundError:
         return 0, None
     except (pa.ArrowException, OSError, ValueError) as error:
         return 0, f"it cannot be read as Parquet: {' '.join(str(error).split())[:200]}"
 
 
-def _misfit(found: pa.Schema, table: TableName, allowed: Sequence[str]) -> str | None:
+def _segment_misfit(path: Path, table: TableName) -> str | None:
+    """Return why a file of the spool does not fit its table, if so."""
+    try:
+        return _misfit(schema_of(path), table, OWNER)
+    except FileNotFoundError:
+        return None
+    except (pa.ArrowException, OSError, ValueError, KeyError) as error:
+        return f"it cannot be read: {' '.join(str(error).split())[:200]}"
+
+
+def _misfit(found: pa.Schema, table: TableName, *allowed: str) -> str | None:
     """Return why columns are not those of a table, or None; a nullable column, which may be newer, may be missing."""
     for column in SCHEMAS[table]:
         if column.name not in found.names:

@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 
 from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.store.layout import Part
+from vsd_analytics.store.part_files import unknown_in
 from vsd_analytics.warehouse.arrays.columns import NULL, Columns
 from vsd_analytics.warehouse.arrays.held import ENUMS
 
@@ -58,6 +59,7 @@ class NotedColumns:
 
     def __init__(self, metadata: pq.FileMetaData) -> None:
         self.n_rows: int = metadata.num_rows
+        self._unknown = unknown_in(metadata.metadata)
         groups = [metadata.row_group(g) for g in range(metadata.num_row_groups)]
         self._noted = {
             name: [group.column(c).statistics for group in groups] for c, name in enumerate(metadata.schema.names)
@@ -87,6 +89,8 @@ class NotedColumns:
     def _n_unknown(self, column: str) -> int | None:
         if column not in self._noted:
             return self.n_rows  # an older part lacks it
+        if column in self._unknown:
+            return self._unknown[column]
         noted = self._noted[column]
         if any(s is None or not s.has_null_count for s in noted):
             return None
