@@ -260,10 +260,16 @@ def _in_order(table: TableName, rows: pa.Table) -> pa.Table:
     Pieces are joined column by column: joining all of them first takes as much memory again.
     """
     order = _order(table, rows)
-    columns = [
-        pa.nulls(len(c), c.type) if c.null_count == len(c) else c.combine_chunks().take(order) for c in rows.columns
-    ]
-    return pa.table(columns, schema=rows.schema)
+    return pa.table([_taken(c, order) for c in rows.columns], schema=rows.schema)
+
+
+def _taken(values: pa.ChunkedArray, order: pa.Array) -> pa.Array:
+    """Return a column in another order; one without any value, or with one, is in each order the same."""
+    if values.null_count == len(values):
+        return pa.nulls(len(values), values.type)
+    whole = values.combine_chunks()
+    is_one = pa.types.is_dictionary(whole.type) and len(whole.dictionary) == 1 and not whole.null_count
+    return whole if is_one else whole.take(order)
 
 
 def _order(table: TableName, rows: pa.Table) -> pa.Array:
