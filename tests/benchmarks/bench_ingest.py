@@ -125,9 +125,9 @@ def pair_messages(rows: pa.Table) -> list[bytes]:
     return lines
 
 
-def size(folder: Path, pattern: str = "**/*.parquet") -> int:
-    """Return the bytes of files."""
-    return sum(p.stat().st_size for p in folder.glob(pattern))
+def size(folder: Path, pattern: str = "**/*.*") -> int:
+    """Return the bytes of files with rows."""
+    return sum(p.stat().st_size for p in folder.glob(pattern) if p.suffix in (".arrow", ".parquet"))
 
 
 def steps(table: TableName, rows: pa.Table, lines: list[bytes]) -> dict[str, Step]:

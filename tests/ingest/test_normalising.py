@@ -21,7 +21,7 @@ from vsd_analytics.ingest.pseudonyms import Pseudonyms
 from vsd_analytics.schema import RAW_SCHEMAS, TableName
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Site
-from vsd_analytics.store.secrets import DayKeys
+from vsd_analytics.store.secrets import DayKeys, pseudonym
 
 SITE = small_site(Path("unused"))
 PERSON: dict[str, Any] = {"camera": "cam-1", "ts_ms": NINE_MS, "person": 0, "x_m": 1.0, "y_m": 2.0, "quality": "metric"}
@@ -282,6 +282,27 @@ def test_a_key_that_was_destroyed_meanwhile_names_no_other_track(tmp_path: Path)
     keys.forget(keys.days())
     with pytest.raises(StoreError, match="was destroyed"):
         named("8")
+
+
+@pytest.mark.parametrize("names_max", [5, 500_000])
+def test_each_track_has_the_pseudonym_of_its_camera_and_day(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, names_max: int
+) -> None:
+    monkeypatch.setattr("vsd_analytics.ingest.pseudonyms.NAMES_MAX", names_max)
+    keys, rng = DayKeys(tmp_path), np.random.default_rng(3)
+    pseudonyms = Pseudonyms(SITE, keys)
+    for _ in range(3):
+        tracks = [[None, "", "7", "8", "é"][i] for i in rng.integers(0, 5, 200)]
+        cameras = [f"cam-{i}" for i in rng.integers(1, 4, 200)]
+        ts_ms = NINE_MS + 7_200_000 * rng.integers(0, 30, 200)
+        for ids in (pa.array(cameras), pa.array(cameras).dictionary_encode()):
+            found = pseudonyms.tracks(pa.array(tracks), camera_ids=ids, ts_ms=ts_ms)
+            days = [next(iter(pseudonyms.days(np.array([at])))) for at in ts_ms.tolist()]
+            assert len(set(days)) == 3
+            assert found.to_pylist() == [
+                pseudonym(keys.key(day), camera_id=camera, engine_track=track) if track else None
+                for track, camera, day in zip(tracks, cameras, days, strict=True)
+            ]
 
 
 def test_records_without_ids_make_no_key(tmp_path: Path) -> None:

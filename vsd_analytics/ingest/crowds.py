@@ -6,6 +6,7 @@ in the store count once, so that times cut to seconds, or a repeated delivery, d
 
 from __future__ import annotations
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -53,9 +54,8 @@ class Crowds:
 
     def _of_records(self, name: TableName, rows: pa.Table) -> pa.Array:
         records = rows.select([*_FRAME, *_TRACKS[name], *_PLACES[name]])
-        records = records.set_column(0, "camera_id", records["camera_id"].cast(pa.string()))
         if name in self._newest:
-            records = pa.concat_tables([self._newest[name], records])
+            records = pa.concat_tables([self._newest[name], records]).unify_dictionaries()
         if _may_be_crowded(records, self._most[name]):  # rare; only then the slower count of different records
             self._note(_crowded(_different(name, records), self._most[name]))
         self._newest[name] = _newest(records)
@@ -80,7 +80,8 @@ def _may_be_crowded(records: pa.Table, most: int) -> bool:
 
 def _crowded(records: pa.Table, most: int) -> pa.Table:
     """Return the frames with more than so many records."""
-    counts = records.group_by(list(_FRAME)).aggregate([([], "count_all")])
+    frames = pa.table({"camera_id": records["camera_id"].cast(pa.string()), "ts_ms": records["ts_ms"]})
+    counts = frames.group_by(list(_FRAME)).aggregate([([], "count_all")])
     return counts.filter(pc.greater(counts["count_all"], most))
 
 
@@ -90,6 +91,7 @@ def _different(name: TableName, records: pa.Table) -> pa.Table:
     for track in _TRACKS[name][1:]:
         is_known = pc.and_(is_known, pc.is_valid(records[track]))
     keys = {c: records[c] for c in (*_FRAME, *_TRACKS[name])}
+    keys["camera_id"] = keys["camera_id"].cast(pa.string())
     for c in _PLACES[name]:
         keys[c] = pc.if_else(is_known, pa.scalar(None, records.schema.field(c).type), records[c])
     return pa.table(keys).group_by(list(keys)).aggregate([])
@@ -97,8 +99,7 @@ def _different(name: TableName, records: pa.Table) -> pa.Table:
 
 def _newest(records: pa.Table) -> pa.Table:
     """Return the records of each camera's newest frame."""
-    frames = records.group_by("camera_id").aggregate([("ts_ms", "max")])
-    is_newest = pc.equal(
-        records["ts_ms"], frames["ts_ms_max"].take(pc.index_in(records["camera_id"], frames["camera_id"]))
-    )
-    return records.filter(is_newest)
+    cameras, ts_ms = records["camera_id"].combine_chunks().dictionary_encode(), records["ts_ms"].to_numpy()
+    newest_ms = np.full(len(cameras.dictionary), ts_ms.min(initial=0))
+    np.maximum.at(newest_ms, cameras.indices, ts_ms)
+    return records.filter(pa.array(ts_ms == newest_ms[cameras.indices]))

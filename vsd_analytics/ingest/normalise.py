@@ -23,14 +23,14 @@ from vsd_analytics.ingest.reasons import TOO_MANY
 from vsd_analytics.ingest.sealed_hours import FORGOTTEN, ClosedTimes
 from vsd_analytics.schema import QUALITIES, SCHEMAS, TABLES, TRACKS, TS, TableName
 from vsd_analytics.site.model import Site
+from vsd_analytics.store.part_files import CODED
 from vsd_analytics.store.seals import SEALED
 from vsd_analytics.store.secrets import DayKeys
 
 TRACK_MAX_CHARS = 200
 PIXEL_MAX = 1e6
-_CODED = pa.dictionary(pa.int32(), pa.string())
 NORMALISED: Final = {
-    table: pa.schema([f.with_type(_CODED) if f.name in ("camera_id", *TRACKS[table]) else f for f in SCHEMAS[table]])
+    table: pa.schema([f.with_type(CODED) if f.name in ("camera_id", *TRACKS[table]) else f for f in SCHEMAS[table]])
     for table in TABLES
 }
 """`SCHEMAS` with the ids of cameras and tracks as dictionaries: few differ, and a segment is written from them."""

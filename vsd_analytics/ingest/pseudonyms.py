@@ -54,6 +54,7 @@ class Pseudonyms:
         self._keys = keys
         self._days: dict[int, date] = {}
         self._names: defaultdict[tuple[str, date], dict[str, str]] = defaultdict(dict)
+        self._n_names = 0
 
     def tracks(self, engine_tracks: pa.Array, *, camera_ids: pa.Array, ts_ms: np.ndarray) -> pa.DictionaryArray:
         """Return stored track ids, one a row; an empty id is missing.
@@ -85,8 +86,9 @@ class Pseudonyms:
         group, track = np.unravel_index(np.asarray(named.dictionary), shape)
         names = np.empty(len(group), dtype=object)
         cameras_and_days = list(product(cameras.dictionary.to_pylist(), different_days))
-        for number in np.unique(group).tolist():
-            at, (camera_id, day) = np.flatnonzero(group == number), cameras_and_days[number]
+        order = np.argsort(group, kind="stable")
+        for at in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+            camera_id, day = cameras_and_days[group[at[0]]]
             names[at] = self._named(camera_id, day, [tracks[t] for t in track[at].tolist()], keys)
         return pa.DictionaryArray.from_arrays(named.indices, pa.array(names, pa.string()))
 
@@ -104,9 +106,10 @@ class Pseudonyms:
         names = self._names[camera_id, day]
         new = [track for track in tracks if track not in names]
         if new:
-            if sum(map(len, self._names.values())) >= NAMES_MAX:
+            if self._n_names >= NAMES_MAX:
                 self._names.clear()
-                names, new = self._names[camera_id, day], tracks
+                self._n_names, names, new = 0, self._names[camera_id, day], tracks
+            self._n_names += len(new)
             names.update(zip(new, map(namer(keys.key(day), camera_id=camera_id), new), strict=True))
         return [names[track] for track in tracks]
 

@@ -89,7 +89,8 @@ def new_rows(table: TableName, span: FoldSpan, *, known: Sequence[Path], noted: 
         if is_doubtful.any():
             doubtful = rows.filter(pa.array(is_doubtful))
             found, again, n_second = _compared(table, doubtful, known, noted)
-            fresh = pa.concat_tables([rows.filter(pa.array(~is_doubtful)), found]).unify_dictionaries()
+            others = rows.filter(pa.array(~is_doubtful)).combine_chunks()
+            fresh = pa.concat_tables([others, found]).unify_dictionaries()
     except (pa.ArrowException, OSError) as error:
         raise _not_folded(error) from None
     return NewRows(_in_order(table, fresh), _in_order(table, again), rows.num_rows, n_second, engines)
@@ -132,11 +133,14 @@ def _plain(table: TableName, rows: pa.Table) -> pa.Table:
 def _doubtful(table: TableName, rows: pa.Table, known: Sequence[Path]) -> NDArray[np.bool_]:
     """Return which rows may have the key of another one, in the spool or in a known part."""
     read = ["camera_id", "ts", *TRACKS[table], *PLACES[table]]
-    keys = [rows.select(read)]
-    for path in known:
-        with pq.ParquetFile(path, read_dictionary=_texts(table)) as file:
-            keys.append(file.read(columns=read))
-    hashes = _key_hashes(table, pa.concat_tables(keys, promote_options="default").unify_dictionaries())
+    keys = rows.select(read)
+    if known:  # pieces with one dictionary are joined first: each would be looked up again
+        others = list[pa.Table]()
+        for path in known:
+            with pq.ParquetFile(path, read_dictionary=_texts(table)) as file:
+                others.append(file.read(columns=read))
+        keys = pa.concat_tables([keys.combine_chunks(), *others], promote_options="default").unify_dictionaries()
+    hashes = _key_hashes(table, keys)
     own, stored = hashes[: rows.num_rows], hashes[rows.num_rows :]
     # half of each hash first: numbers of 32 bits are sorted in two thirds of the time, and few halves come twice
     is_shared = _are_shared(*((of >> np.uint64(32)).astype(np.uint32) for of in (own, stored)))
@@ -256,10 +260,16 @@ def _in_order(table: TableName, rows: pa.Table) -> pa.Table:
     Pieces are joined column by column: joining all of them first takes as much memory again.
     """
     order = _order(table, rows)
-    columns = [
-        pa.nulls(len(c), c.type) if c.null_count == len(c) else c.combine_chunks().take(order) for c in rows.columns
-    ]
-    return pa.table(columns, schema=rows.schema)
+    return pa.table([_taken(c, order) for c in rows.columns], schema=rows.schema)
+
+
+def _taken(values: pa.ChunkedArray, order: pa.Array) -> pa.Array:
+    """Return a column in another order; one without any value, or with one, is in each order the same."""
+    if values.null_count == len(values):
+        return pa.nulls(len(values), values.type)
+    whole = values.combine_chunks()
+    is_one = pa.types.is_dictionary(whole.type) and len(whole.dictionary) == 1 and not whole.null_count
+    return whole if is_one else whole.take(order)
 
 
 def _order(table: TableName, rows: pa.Table) -> pa.Array:

@@ -92,7 +92,7 @@ def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.B
 
 def coded(texts: pa.ChunkedArray) -> pa.DictionaryArray:
     """Return texts as numbers of a dictionary; those that are, stay as they are."""
-    whole = texts.combine_chunks()
+    whole = texts.chunk(0) if texts.num_chunks == 1 else texts.combine_chunks()  # which copies even one piece
     return whole if pa.types.is_dictionary(whole.type) else whole.dictionary_encode()
 
 
