@@ -34,7 +34,7 @@ _TABLE_MOST = 8
 
 
 def engines_of(path: Path) -> list[str]:
-    """Return the engine names and versions noted in a part's or segment's metadata."""
+    """Return the engine names and versions noted in a part's metadata."""
     return engines_in(pq.read_metadata(path).metadata)
 
 
