@@ -64,7 +64,7 @@ def test_a_password_file_outside_the_project(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        (GOOD + 'password = "hunter2"', "does not belong into vsd.toml"),
+        (GOOD + 'password = "hunter2"', "does not belong in vsd.toml"),
         (GOOD + 'user = "vsd"\ntls = "none"', "for everyone to read"),
         (GOOD + 'tls = "ssl"', "is not one of"),
         (GOOD + "port = 70000", "outside"),

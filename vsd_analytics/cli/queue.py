@@ -37,7 +37,7 @@ def queue(
 
     The number of people needs no track ids; time counts where all cameras that see the area recorded. Waiting times
     need served_in, the area into which served people step. Who steps elsewhere has left before the end; a track that
-    is lost inside tells that the person waited at least that long (Aalen-Johansen). Little's law checks the mean stay
+    is lost inside shows that the person waited at least that long (Aalen-Johansen). Little's law checks the mean stay
     without track ids: where the two disagree, the command says so.
 
     With --forecast follow the people waiting in each hour of the next week, with a range that holds four of five such

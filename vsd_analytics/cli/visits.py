@@ -33,7 +33,7 @@ _SHOWN_BELOW_S = 90
 def visits(project: Project, week: str | None, days: str | None, floor_id: str | None, as_json: bool) -> int:
     """Print how many people visit an area and how long they stay (dwell time), of areas with visits = true.
 
-    A visit counts where its entry was seen. A track that is lost inside tells that the person stayed at least that
+    A visit counts where its entry was seen. A track that is lost inside shows that the person stayed at least that
     long (Kaplan-Meier); one that begins inside tells nothing. Little's law gives the mean stay without track ids:
     where the two disagree, the command says so.
 

@@ -34,7 +34,7 @@ def read_mail(root: TableReader) -> MailRoute | None:
         if table.raw(key, REFUSED) is not None:
             table.mistakes.add(
                 table.path,  # not the line itself: messages end in logs
-                f"[mail] {key}: a password does not belong into vsd.toml",
+                f"[mail] {key}: a password does not belong in vsd.toml",
                 code="E124",
                 why="the file is copied, mailed and kept in version control",
                 fix='put it into the environment variable VSD_MAIL_PASSWORD, or: password_file = "/etc/vsd/mail"',
