@@ -76,7 +76,7 @@ def state(root: Path) -> State:
     for path in _facts(root):
         facts.setdefault(f"{path.relative_to(root / 'facts').parent}/{path.name[:2]}", []).append(path)
     litter = [p for p in root.rglob(".*") if p.name not in HIDDEN]
-    litter += (root / "store" / "live").rglob("*.arrow")
+    litter += (root / "store" / "live").rglob("[0-9a-f]*.*")
     litter += (root / "store" / "purge").glob("*.json")
     litter += [p for paths in facts.values() if len(paths) > 1 for p in paths]
     return State(
@@ -115,7 +115,7 @@ def glance(root: Path, truth: Truth, acked: Sequence[Any], *, are_facts_read: bo
         rows = Counter(_glob(root, table))
         wrong += [f"{table} shows a record twice"] * (max(rows.values(), default=0) > 1)
         wrong += [f"{table} shows a foreign record"] * (not rows.keys() <= truth.rows[table])
-        spool = (root / "store" / "live" / table).glob("*.arrow")
+        spool = (root / "store" / "live" / table).glob("[0-9a-f]*.*")
         spooled = [row for p in spool for row in as_rows(read_segment(p))]
         held[table] = {*rows, *engine_tracks(root, table, spooled)}
     for path in _facts(root) if are_facts_read else ():

@@ -190,7 +190,7 @@ def test_ballast_lets_a_fold_run_on_a_full_disk_and_comes_back(
     told = vsd(disk, "build")
     assert "warning[W304]: the disk is full: the ballast" in told.err
     assert not ballast.exists()
-    assert not list((disk / "store" / "live").rglob("*.arrow"))
+    assert not list((disk / "store" / "live").rglob("*.*"))
     assert n_stored(disk) == 32_000
     filler.unlink()
     assert vsd(disk, "build").code == 0
@@ -268,7 +268,7 @@ def test_a_folder_whose_sync_fails_holds_nothing_that_was_not_acknowledged(
     with monkeypatch.context() as patched:
         patched.setattr(os, "fsync", failing)
         assert vsd(here, "ingest", file).has("E306")
-    assert not list((here / "store" / "live").rglob("*.arrow"))
+    assert not list((here / "store" / "live").rglob("*.*"))
     assert (vsd(here, "ingest", file).code, n_stored(here)) == (0, 618)
 
 

@@ -388,7 +388,7 @@ def test_once_takes_what_is_queued_folds_and_stops(tmp_path: Path, shared_broker
     assert (status.spool_rows, status.spool_segments) == (0, 0)
     assert status.fold is not None
     assert status.fold.n_new == 90
-    assert not list((root / "store" / "live").rglob("*.arrow"))
+    assert not list((root / "store" / "live").rglob("*.*"))
 
 
 def test_a_growing_spool_is_folded_beside_receipt(
