@@ -13,6 +13,7 @@ from urllib.parse import unquote
 import cv2
 import numpy as np
 import pytest
+from planner.written_address import written_address
 
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.page import render_planner
@@ -54,8 +55,7 @@ def view(page: Any) -> list[float]:
 
 
 def address(page: Any) -> dict[str, str]:
-    page.wait_for_timeout(250)  # the address follows a moment later
-    parts = unquote(page.url.partition("#")[2]).split("&")
+    parts = unquote(written_address(page).partition("#")[2]).split("&")
     return dict(part.split("=", 1) for part in parts if part)
 
 
@@ -238,7 +238,7 @@ def test_dragging_and_the_wheel_move_draw_and_zoom(opened: Open) -> None:
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(x, y)
     page.mouse.wheel(0, -400)
-    page.wait_for_timeout(200)
+    page.wait_for_function("document.querySelector('#plan').viewBox.baseVal.width < 2475")
     zoomed = view(page)
     assert zoomed[2] < 2475
     page.mouse.down()
@@ -304,8 +304,7 @@ def test_the_address_brings_the_same_view_back(opened: Open, pages: dict[str, Pa
     page.select_option("#from", "10")
     page.check("[value=split]")
     page.click("#zi")
-    page.wait_for_timeout(250)
-    again = opened(address="#" + page.url.partition("#")[2])
+    again = opened(address="#" + written_address(page).partition("#")[2])
     assert said(again) == said(page)
     assert view(again) == pytest.approx(view(page), abs=1)
     for each in ("#mapkind", "#place", "#from"):
@@ -317,8 +316,7 @@ def test_the_address_brings_the_same_view_back(opened: Open, pages: dict[str, Pa
     page.select_option("#place", "floor")
     page.select_option("#from", "9")
     page.click("#zr")
-    page.wait_for_timeout(250)
-    assert page.url == pages["masked"].as_uri()
+    assert written_address(page) == pages["masked"].as_uri()
 
 
 @pytest.mark.parametrize(

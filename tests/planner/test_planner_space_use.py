@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 import shapely
 from figures.walkers_between_areas import HOSTILE, week_of_walkers
+from planner.written_address import written_address
 from report import ingested_worlds as w
 
 from vsd_analytics.config import load_site
@@ -104,8 +105,7 @@ def test_the_layer_is_chosen_by_keyboard_and_kept_in_the_address(
     assert page.evaluate(SHOWN) == []
     page.focus("#flow")
     page.keyboard.press("ArrowDown")
-    page.wait_for_timeout(250)
-    assert page.url.endswith("#flow=lines")
+    assert written_address(page).endswith("#flow=lines")
     every = page.evaluate(SHOWN)
     for address in ("#flow=lines&place=area%3Awine", "#flow=arrows"):
         page.evaluate("at => { location.hash = at; dispatchEvent(new HashChangeEvent('hashchange')); }", address)
