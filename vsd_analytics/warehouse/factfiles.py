@@ -30,10 +30,13 @@ ROW_GROUP = 250_000
 where row groups end depends on the rows alone."""
 FEW_ROWS = 100
 """A file of fewer rows is not compressed: zstd takes longer to begin each column than it saves blocks of the disk."""
-_INSTANTS = ("ts_ms", "started_ms", "ended_ms", "first_ms", "last_ms", "_from_ms", "_to_ms")
+_REPEATED = ("ts_ms", "started_ms")
+"""Instants that several rows in a row share, as the cells of an episode do."""
+_SPREAD = ("before_ms", "after_ms", "ended_ms", "first_ms", "last_ms", "_from_ms", "_to_ms")
+"""Times that hardly repeat, or rise from row to row, as lengths do (`_mm`)."""
+_SMALL = ("cx", "cy", "_records", "_persons")
+"""Numbers that fill few of their bytes, as counts do (`n_`). So do sums of lengths."""
 _NAMES = frozenset(["company", *(name for name, kind in ENUMS.items() if kind == "track_name")])
-_SPREAD = frozenset(["cx", "before_ms", "after_ms"])
-"""Numbers that hardly repeat, or rise from row to row, as lengths do (`_mm`)."""
 _KEYS = frozenset(["hour", "quarter", "bucket_quarter", "cx", "cy", "local_date", "site_day", "utc_day", "distance_mm"])
 _BYTES = 16
 _ZEROS = b"0" * 2 * _BYTES
@@ -110,16 +113,20 @@ def _encoding(column: pa.Field) -> str | None:
     """Return how Parquet writes a column; None = by its dictionary, because most columns repeat within a day.
 
     Rows are by hour, camera and ids. So ids and instants repeat from row to row, which zstd sees in plain values, and
-    dictionaries would only add the number of each name.
+    dictionaries would only add the number of each name. Of counts, cells and sums, zstd gets all first bytes, then all
+    second bytes and so on: the upper ones are hardly more than runs of zeros.
     """
-    if column.name in _NAMES:
+    name = column.name
+    if name in _NAMES:
         return "DELTA_LENGTH_BYTE_ARRAY"  # lengths and characters apart: all ids are of one length
     if not pa.types.is_integer(column.type):
         return None
-    is_length = column.name.endswith("_mm")
-    if column.name.endswith(_INSTANTS) or (is_length and column.type == pa.int64()):  # a sum of lengths
+    is_length = name.endswith("_mm")
+    if name.endswith(_REPEATED):
         return "PLAIN"
-    return "DELTA_BINARY_PACKED" if is_length or column.name in _SPREAD else None
+    if name.startswith("n_") or name.endswith(_SMALL) or (is_length and column.type == pa.int64()):  # a sum of lengths
+        return "BYTE_STREAM_SPLIT"
+    return "DELTA_BINARY_PACKED" if is_length or name.endswith(_SPREAD) else None
 
 
 def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, Any], noted: Mapping[bytes, bytes] | None = None) -> bytes:
