@@ -97,6 +97,13 @@ def print_total(result: IngestResult, *, is_dry_run: bool) -> None:
     parts += [f"{n_known:,} {'was' if n_known == 1 else 'were'} known already"] if n_known else []
     parts += [f"{count(n_second, 'second sighting')} left out"] if n_second else []
     parts += [f"{result.n_rejected:,} quarantined"] if result.n_rejected else []
+    # commands that run at the same time share the spool: whoever folds first stores the records of all
+    n_folded = sum(c.n_new + c.n_known + c.n_second + c.n_sealed for c in tables.values())
+    n_others = n_folded - sum(sum(source.n_records.values()) for source in result.sources)
+    if not n_ready and n_others > 0:
+        parts.append(f"with {count(n_others, 'record')} that waited or came from other commands")
+    elif not n_ready and n_others < 0:
+        parts.append(f"{count(-n_others, 'record')} of these files stored by another command meanwhile")
     click.echo(", ".join(parts))
 
 
