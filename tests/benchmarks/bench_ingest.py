@@ -4,6 +4,7 @@ The unit is `pyarrow.parquet.write_table` of the same rows in one file, fsynced:
 
     python tests/benchmarks/bench_ingest.py --rows 1000000
     python tests/benchmarks/bench_ingest.py --rows 1000000 --pairs    # pairs that an engine measured, without persons
+    python tests/benchmarks/bench_ingest.py --rows 4000000 --at-once  # two `vsd ingest`, each of half of the cameras
 
 and put the table into docs/benchmarks.md. Nothing asserts a time: machines differ and are noisy, ratios less so.
 """
@@ -14,6 +15,7 @@ import argparse
 import os
 import shutil
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
@@ -188,16 +190,60 @@ def steps(table: TableName, rows: pa.Table, lines: list[bytes]) -> dict[str, Ste
     }
 
 
+def at_once(table: TableName, lines: list[bytes], n_rows: int, rounds: int) -> None:
+    """Print the wall time of two `vsd ingest` at once into one store, and of one after the other.
+
+    Each file has the messages of half of the cameras. Times include the start of Python and the fold.
+    """
+    vsd = Path(sys.executable).with_name("vsd")
+    halves: tuple[list[bytes], list[bytes]] = ([], [])
+    for line in lines:
+        camera = line.split(b'"', 6)[5]  # {"v":1,"camera":"cam-1"
+        halves[int(camera.removeprefix(b"cam-")) % 2].append(line)
+    print(f"{n_rows:,} records of {table}; {rounds} rounds; load {os.getloadavg()[0]:.1f}\n")
+    print("| at once, s | one after the other, s | of it | records a second, at once |")
+    print("|--:|--:|--:|--:|")
+    with tempfile.TemporaryDirectory() as root:
+        files = [Path(root) / f"engine-{k}.jsonl" for k in range(2)]
+        for file, half in zip(files, halves, strict=True):
+            file.write_bytes(b"\n".join(half) + b"\n")
+        for _ in range(rounds):
+            took = []
+            for n_at_once in (2, 1):
+                folder = Path(root) / "project"
+                folder.mkdir()
+                (folder / "vsd.toml").write_text(CONFIG)
+                start = time.perf_counter()
+                for first in range(0, 2, n_at_once):
+                    group = [
+                        subprocess.Popen([vsd, "-C", folder, "ingest", file], stdout=subprocess.DEVNULL)
+                        for file in files[first : first + n_at_once]
+                    ]
+                    if any(process.wait() for process in group):
+                        raise AssertionError("an ingest failed")
+                took.append(time.perf_counter() - start)
+                stored = pq.ParquetDataset(folder / "store" / table).read(columns=["ts"]).num_rows
+                if stored != n_rows:
+                    raise AssertionError(f"{stored} of {n_rows} rows stored")
+                shutil.rmtree(folder)
+            print(f"| {took[0]:.2f} | {took[1]:.2f} | {took[0] / took[1]:.2f} | {n_rows / took[0]:,.0f} |")
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rows", type=int, default=1_000_000)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--pairs", action="store_true")
+    parser.add_argument("--at-once", action="store_true")
     given = parser.parse_args()
     table: TableName = "pairs" if given.pairs else "observations"
     rows = pairs(given.rows) if given.pairs else observations(given.rows)
-    measured = steps(table, rows, pair_messages(rows) if given.pairs else messages(rows))
+    lines = pair_messages(rows) if given.pairs else messages(rows)
+    if given.at_once:
+        at_once(table, lines, given.rows, given.rounds)
+        return
+    measured = steps(table, rows, lines)
     times: dict[str, list[float]] = {name: [] for name in measured}
     cpu: dict[str, list[float]] = {name: [] for name in measured}
     sizes: dict[str, int] = {}
