@@ -79,6 +79,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/benchmarks/bench_live.py
 	$(BIN)/python tests/cluster/prove_cluster.py --engine dask
 	$(BIN)/python tests/cluster/prove_bucket.py
+	$(BIN)/python tests/cluster/prove_nodes.py --rounds 3 --steps 40 --frames 60
 	$(BIN)/python tests/faults/prove_crashes.py
 	$(BIN)/python tests/faults/prove_power_cut.py
 	$(BIN)/python tests/faults/prove_parallel.py --minutes 5
