@@ -41,9 +41,9 @@ def flow(
 ) -> int:
     """Print where people go next from each area (origin-destination matrix), and their routes from door to door.
 
-    Of areas with visits = true; with door = true, people come in and leave there. Tracks that are lost on the way went
-    nowhere: they count as long as they were followed (Aalen-Johansen). Those who come into an area are counted without
-    these links, too: where the flows bring more or fewer, the command says so.
+    The areas are those with visits = true. At those with door = true, people come in and leave. Tracks that are lost
+    on the way went nowhere: they count as long as they were followed (Aalen-Johansen). Those who come into an area are
+    counted without these links, too: where the flows bring more or fewer, the command says so.
 
     Over floor that no camera sees, and from one camera's view to the next, nobody is followed. There links are
     estimated by time and walking speed, less as many as fit with time running backwards, which is chance. They are

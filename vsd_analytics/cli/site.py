@@ -52,7 +52,7 @@ def build(
 
     It is made from the JSON files of the reports and links to them with relative addresses, so it works from a folder
     and from any web server. Reports that are not below the index are copied beside it, into a folder for each
-    project. Weeks stay listed when their records are purged. What cannot be listed is named, with exit code 1.
+    project. Weeks stay listed when their records are purged. The command names what it cannot list, with exit code 1.
 
     A page without its JSON file (vsd report alone) gets one if the records still give the very same page.
 
