@@ -303,7 +303,7 @@ def _scores(case: Case) -> Iterator[Doubt]:
     """W222: a column of scores for each class, and another class than person has the highest one."""
     if case.head is None or case.sample.is_pairs:
         return
-    scored = {column: full_score(case.head.values[column]) for column in named_like(case.head.values, "class score")}
+    scored = {column: full_score(case.head.values[column]) for column in named_like(case.head.values, "scores")}
     people = [column for column, full in scored.items() if full is not None and scored_class(column) in PERSON]
     for column in [c for c, full in scored.items() if full is not None and scored_class(c) in OBJECTS]:
         half = (scored[column] or 1) / 2

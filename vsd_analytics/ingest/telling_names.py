@@ -23,7 +23,7 @@ Role = Literal[
     "state",
     "unseen",
     "unit",
-    "class score",
+    "scores",
 ]
 
 
@@ -81,7 +81,7 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     "present": _words(
         "valid isvalid visible isvisible isperson ishuman isreal confirmed isconfirmed infov inview isdetected"
     ),
-    "class score": frozenset(),
+    "scores": frozenset(),
     "unseen": _words("timesinceupdate framessinceupdate missedframes lostframes framessincedetection"),
     "unit": _words("unit units uom lengthunit positionunit coordinateunit einheit unita unidad unite"),
     "state": _words(
@@ -202,7 +202,7 @@ OBJECTS: Final = _words(
 def is_named_like(name: str, role: Role) -> bool:
     """Return whether a column's name says that it holds this, whatever its case, blanks, signs, or front (`p.id`)."""
     last = name.strip(" .").rpartition(".")[2]
-    if role == "class score":
+    if role == "scores":
         return scored_class(last) is not None
     said = {letters(name), letters(last), last.strip().lower()}
     if role == "confidence" and letters(last) not in PERSON and scored_class(last) in PERSON:
