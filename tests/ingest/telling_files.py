@@ -62,6 +62,14 @@ def back_by_an_hour(s: Step) -> object:
     return s.at - timedelta(hours=1) if s.at >= STEPS[0].at + timedelta(seconds=30) else s.at
 
 
+def hung(seconds: int, digits: int = 3) -> object:
+    """Return a walk of people whose last frame comes again, with later times, for some seconds."""
+    last = [s for s in STEPS if s.at == STEPS[-1].at]
+    steps = [*STEPS, *(replace(s, at=s.at + timedelta(seconds=k)) for k in range(1, seconds + 1) for s in last)]
+    made = [[*plain(s)[:2], round(s.x_m + 0.0047, digits), round(s.y_m + 0.0053, digits)] for s in steps]
+    return text("a.csv", NAMES, made)
+
+
 def lost(place: tuple[float, float], every: int) -> object:
     """Return a table in which each so many rows have one place, where the engine has lost the person."""
     made = [[*plain(s)[:2], *(place if n % every == 0 else (s.x_m, s.y_m))] for n, s in enumerate(STEPS, 1)]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from odd_files import STEPS, Odd, plain, rows, text
 from oddest_files import times, with_column
-from telling_files import PAIRS, TELLING, back_by_an_hour, in_frames_of_a_second, numbered, pairs
+from telling_files import PAIRS, TELLING, back_by_an_hour, hung, in_frames_of_a_second, numbered, pairs
 from test_odd_files import by_identity, in_store
 from walks import project
 
@@ -132,3 +132,12 @@ def test_an_hour_set_back_on_the_clock_of_the_site_is_not_answered_with_its_zone
     said = check(root, naive(tmp_path), capsys, "--zone", zone)[1]
     assert "goes back by an hour" in said
     assert f"--zone {zone} if it is" not in said
+
+
+@pytest.mark.parametrize(("seconds", "digits", "is_doubted"), [(60, 3, True), (59, 3, False), (200, 2, False)])
+def test_a_picture_that_hangs_is_warned_of(
+    seconds: int, digits: int, is_doubted: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, said = check(project(tmp_path / "p"), hung(seconds, digits)(tmp_path), capsys)
+    assert ("for 60 s nobody in view moves by a digit, from line 356 on" in said) == is_doubted
+    assert ("moves by a digit" in said) == is_doubted
