@@ -40,6 +40,14 @@ def printed(demo_project: Path, capsys: pytest.CaptureFixture[str], *arguments: 
     return json.loads(capsys.readouterr().out)
 
 
+def test_a_site_of_one_camera_has_one_camera(tmp_path: Path) -> None:
+    assert (
+        run(cli, ["-C", str(tmp_path), "init", "--no-input", "--name", "Hall", "--timezone", "UTC", "--camera", "a"])
+        == 0
+    )
+    assert repr(vsd.open(tmp_path)) == "Hall: 1 camera, 0 areas, nothing stored yet"
+
+
 def test_every_part_answers(demo_project: Path) -> None:
     found = use(demo_project)
     assert [name for name, value in found.items() if value is None] == []

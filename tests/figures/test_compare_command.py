@@ -166,6 +166,9 @@ def test_two_weeks_and_their_areas(project: Path, capsys: pytest.CaptureFixture[
     code, out = vsd(project, capsys, "compare", "2026-11-02..2026-11-08", "2026-W46", "--area", "queue")
     assert code == 0
     assert "compared: 7 pairs of days, 7.0 camera-hours recorded in both" in out
+    assert "hold all recorded hours of each period" not in out
+    uneven = vsd(project, capsys, "compare", "2026-11-02..2026-11-08", "2026-11-09..2026-11-14")[1]
+    assert "columns A and B hold all recorded hours of each period" in uneven
     assert "Queue" in out
     assert "Door" not in out
 

@@ -141,6 +141,18 @@ def test_hours_ahead_are_forecast_and_hours_over_are_not_ahead(tmp_path: Path) -
     assert [h.usual for h in found.ahead] == pytest.approx([30.0] * 5, rel=0.25)
 
 
+@pytest.mark.parametrize("days_later", [9, 12, 14])
+def test_recorded_weeks_are_counted_from_monday_to_sunday(days_later: int, tmp_path: Path) -> None:
+    def two_weeks(hours: pd.DataFrame) -> None:
+        days = pd.to_datetime(hours["local_date"]).dt.date
+        is_other = (days < MONDAY - timedelta(weeks=1)) | (days >= MONDAY + timedelta(weeks=1))
+        hours.loc[is_other, ["recorded_s", "recorded_open_s"]] = 0.0
+
+    found = card(site_of(tmp_path), MONDAY + timedelta(days=days_later), 12, change=two_weeks)
+    assert found.forecast_reason == Reason("forecast.weeks", least=4, has=2)
+    assert found.unusual.reason == Reason("unusual.weeks", least=4, has=2)
+
+
 def test_an_hour_with_four_times_the_usual_count_is_unusual(tmp_path: Path) -> None:
     def many(hours: pd.DataFrame) -> None:
         hours.loc[of(hours, day=SATURDAY - timedelta(days=1), hour=10), "n_violations_open"] *= 4

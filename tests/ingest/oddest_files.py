@@ -180,9 +180,15 @@ ODDEST: list[Odd] = [
     Odd("rows of lost people", with_column("lost", lambda s: int(s.track > 4)), says="lost = 0"),
     Odd(
         "percents of confidence",
-        with_column("confidence", lambda s: 20 * s.track),
+        with_column("confidence", lambda s: 15 * s.track),
         ("--where", "confidence >= 0.4"),
         says="compare it with 40",
+    ),
+    Odd(
+        "confidence in a byte",
+        with_column("confidence", lambda s: 255 - s.track),
+        ("--where", "confidence >= 0.4"),
+        says="compare it with 102",
     ),
     Odd(
         "a filter that leaves nothing",

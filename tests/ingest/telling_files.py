@@ -62,6 +62,14 @@ def back_by_an_hour(s: Step) -> object:
     return s.at - timedelta(hours=1) if s.at >= STEPS[0].at + timedelta(seconds=30) else s.at
 
 
+def hung(seconds: int, digits: int = 3) -> object:
+    """Return a walk of people whose last frame comes again, with later times, for some seconds."""
+    last = [s for s in STEPS if s.at == STEPS[-1].at]
+    steps = [*STEPS, *(replace(s, at=s.at + timedelta(seconds=k)) for k in range(1, seconds + 1) for s in last)]
+    made = [[*plain(s)[:2], round(s.x_m + 0.0047, digits), round(s.y_m + 0.0053, digits)] for s in steps]
+    return text("a.csv", NAMES, made)
+
+
 def lost(place: tuple[float, float], every: int) -> object:
     """Return a table in which each so many rows have one place, where the engine has lost the person."""
     made = [[*plain(s)[:2], *(place if n % every == 0 else (s.x_m, s.y_m))] for n, s in enumerate(STEPS, 1)]
@@ -80,10 +88,33 @@ def in_frames_of_a_second(n: int) -> object:
     return text("a.csv", ("ts", "u_px", "v_px"), made)
 
 
+def scores(person: str, other: str, full: int) -> object:
+    """Return a table with a score for each of two classes; the person with the id 6 is the other one."""
+    made = [[*plain(s), full * (0.1 if s.track == 6 else 0.9), full * (0.9 if s.track == 6 else 0.1)] for s in FEW]
+    return text("a.csv", (*NAMES, person, other), made)
+
+
 TELLING: list[Odd] = [
     # columns whose names tell nothing
     Odd("cameras in a column without a telling name", marked("src", "cam-2", "cam-1"), (), None, "W221"),
     Odd("cars in a column without a telling name", marked("what", "car", "person"), (), None, "W222"),
+    Odd("addresses of cameras", marked("src", "10.0.0.11", "10.0.0.12"), (), None, "W221"),
+    Odd("addresses of streams", marked("url", "rtsp://nvr/1", "rtsp://nvr/2"), (), None, "W221"),
+    Odd("Gerät", marked("Gerät", "Eingang", "Kasse"), (), None, "W221"),
+    Odd("scores of classes", scores("p_person", "p_dog", 1), (), None, "W222]: 'p_dog' holds scores above 0.5: 0.9"),
+    Odd("percents of classes", scores("person", "CarScore", 100), (), None, '--where "person >= 50"'),
+    Odd(
+        "scores of classes, filtered",
+        scores("p_person", "p_dog", 1),
+        ("--where", "p_person >= 0.5"),
+        [row for row in stored(FEW) if row[2] != "6"],
+    ),
+    Odd(
+        "scores of people",
+        text("a.csv", (*NAMES, "person", "dog"), rows(lambda s: [*plain(s), 0.9, 0.1], FEW)),
+        (),
+        stored(FEW),
+    ),
     Odd("a column of words", marked("mood", "happy", "sad"), (), stored(FEW)),
     Odd("a plural is no camera", text("cams.csv", NAMES, rows(plain, FEW)), (), stored(FEW)),
     *(

@@ -167,3 +167,45 @@ def test_people_who_do_the_same_again_and_again_are_no_recording_that_came_befor
     vsd("ingest", exported(shop, "a.csv", to_and_fro(0)))
     assert "W230" not in vsd("ingest", exported(shop, "b.csv", to_and_fro(1)))[1]
     assert n_persons(shop) == 720
+
+
+def moved(shop: Path, *, by_m: float, name: str = "corrected.csv", n_lines: int | None = None) -> Path:
+    """Write the day again, with the same times and ids and other places."""
+    lines = (shop / "day.csv").read_text().splitlines()[:n_lines]
+    cells = [line.split(",") for line in lines[1:]]
+    rows = [f"{ts},{track},{float(x) + by_m:.3f},{y}" for ts, track, x, y in cells]
+    (shop / name).write_text("\n".join([lines[0], *rows]) + "\n")
+    return shop / name
+
+
+def x_mm(shop: Path) -> set[int]:
+    parts = (shop / "store" / "observations").rglob("*.parquet")
+    return {x for part in parts for x in pq.ParquetFile(part).read(["x_mm"])["x_mm"].to_pylist()}
+
+
+def test_a_corrected_export_whose_records_are_known_is_warned_of(shop: Path, imported: Vsd, vsd: Vsd) -> None:
+    assert imported()[0] == 0
+    first = x_mm(shop)
+    code, said = vsd("ingest", str(moved(shop, by_m=0.5)), "--map", "ts=time")
+    assert (code, x_mm(shop)) == (1, first)
+    assert "2,000 of 2,000 records that were compared are stored already, at other places" in said
+    remedy = said.split("their first places stay; vsd ")[1].split(" puts")[0]
+    assert vsd(*remedy.split())[0] == 0
+    assert x_mm(shop) == {x + 500 for x in first}
+
+
+@pytest.mark.parametrize(("by_m", "n_lines"), [(0.004, None), (0.5, 8)])
+def test_rounded_places_and_few_records_raise_no_warning(
+    by_m: float, n_lines: int | None, shop: Path, imported: Vsd, vsd: Vsd
+) -> None:
+    imported()
+    said = vsd("ingest", str(moved(shop, by_m=by_m, n_lines=n_lines)), "--map", "ts=time")[1]
+    assert "0 new records stored" in said
+    assert "at other places" not in said
+
+
+def test_other_people_at_the_same_times_raise_no_warning(shop: Path, imported: Vsd, vsd: Vsd) -> None:
+    imported()
+    path = moved(shop, by_m=0.5)
+    path.write_text(path.read_text().replace(",1,", ",8,").replace(",2,", ",9,"))
+    assert "at other places" not in vsd("ingest", str(path), "--map", "ts=time")[1]

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from odd_files import STEPS, Odd
-from telling_files import PAIRS, TELLING, in_frames_of_a_second, numbered, pairs
+from odd_files import STEPS, Odd, plain, rows, text
+from oddest_files import times, with_column
+from telling_files import PAIRS, TELLING, back_by_an_hour, hung, in_frames_of_a_second, numbered, pairs
 from test_odd_files import by_identity, in_store
 from walks import project
 
@@ -90,3 +91,53 @@ def test_several_frames_of_one_second_are_seen_through_the_calibration(
     np.savetxt(root / "h.txt", CALIBRATION)
     _, said = check(root, in_frames_of_a_second(n)(tmp_path), capsys)
     assert ("times have several frames" in said) == is_doubted, said
+
+
+@pytest.mark.parametrize(
+    ("name", "cell", "limit"),
+    [
+        ("score", 0.9, "score >= 0.4"),
+        ("Score (%)", 90, '"Score (%)\\" >= 40'),
+        ("score", 200, None),
+        ("score", "90%", None),
+    ],
+)
+def test_the_limit_that_the_card_proposes_is_one_of_the_column(
+    name: str, cell: object, limit: str | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, said = check(project(tmp_path / "p"), with_column(name, lambda s: cell)(tmp_path), capsys)
+    assert ("can be a limit" in said) == (limit is not None)
+    assert limit is None or limit in said
+
+
+def test_shares_of_a_picture_beyond_its_edge_are_told_from_pixels(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = project(tmp_path / "p")
+    toml = (root / "vsd.toml").read_text().replace("picture_px = [1280, 720]\n", "")
+    (root / "vsd.toml").write_text(toml)
+    shares = text("a.csv", ("ts", "track_id", "u_px", "v_px"), rows(lambda s: [*plain(s)[:2], s.x_m / 20, s.y_m / 5]))
+    _, said = check(root, shares(tmp_path), capsys)
+    assert "--size WIDTHxHEIGHT if they are shares of 1" in said
+
+
+def test_an_hour_set_back_on_the_clock_of_the_site_is_not_answered_with_its_zone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = project(tmp_path / "p")
+    toml = (root / "vsd.toml").read_text()
+    zone = toml.split('timezone = "')[1].split('"')[0]
+    naive = times(lambda s: back_by_an_hour(s).replace(tzinfo=None), STEPS)
+    assert f"--zone {zone} if it is" in check(root, naive(tmp_path), capsys)[1]
+    said = check(root, naive(tmp_path), capsys, "--zone", zone)[1]
+    assert "goes back by an hour" in said
+    assert f"--zone {zone} if it is" not in said
+
+
+@pytest.mark.parametrize(("seconds", "digits", "is_doubted"), [(60, 3, True), (59, 3, False), (200, 2, False)])
+def test_a_picture_that_hangs_is_warned_of(
+    seconds: int, digits: int, is_doubted: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, said = check(project(tmp_path / "p"), hung(seconds, digits)(tmp_path), capsys)
+    assert ("for 60 s nobody in view moves by a digit, from line 356 on" in said) == is_doubted
+    assert ("moves by a digit" in said) == is_doubted

@@ -67,7 +67,9 @@ class OpenProject:
     def __repr__(self) -> str:
         extent = stored_extent(self.site)
         stored = "nothing stored yet" if extent is None else f"stored {extent.first_day} to {extent.last_day}"
-        return f"{self.site.name}: {len(self.site.cameras)} cameras, {len(self.site.areas)} areas, {stored}"
+        n_cameras, n_areas = len(self.site.cameras), len(self.site.areas)
+        cameras, areas = (f"{n} {of}{'' if n == 1 else 's'}" for n, of in ((n_cameras, "camera"), (n_areas, "area")))
+        return f"{self.site.name}: {cameras}, {areas}, {stored}"
 
     def week(self, week: str = "last") -> Days:
         """Return an ISO week: "2026-W46", "last" (the last one with data) or "last-2".

@@ -74,7 +74,7 @@ def _first_sentence(text: str) -> str:
 @click.option(
     "-C", "folder", metavar="DIR", default=".", help="Project folder (default: where vsd.toml is found upward)."
 )
-@click.option("--now", metavar="INSTANT", help="Use this instant as the clock, for repeatable runs.")
+@click.option("--now", metavar="INSTANT", help="Use this instant as the clock (UTC unless it has an offset).")
 @click.option("--quiet", is_flag=True, help="Print nothing but results and errors.")
 @click.option("-v", "--verbose", is_flag=True, help="Show tracebacks of internal errors.")
 @click.version_option(VERSION, prog_name="vsd")

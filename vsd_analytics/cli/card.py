@@ -57,8 +57,11 @@ def _lines(project: Project, card: SourceCard) -> list[tuple[str, str]]:
         lines.append(("ignored", ", ".join(name[:40] for name in card.ignored[:30]) or "none"))
     if card.missing:
         lines.append(("missing", ", ".join(card.missing)))
-    if card.confidence is not None:
-        lines.append(("", f'{card.confidence[:40]} can be a limit: --where "{card.confidence[:40]} >= 0.4"'))
+    if card.confidence is not None and card.confidence_limit is not None:
+        from vsd_analytics.ingest.doubt_case import quoted
+
+        name = card.confidence[:40]
+        lines.append(("", f'{name} can be a limit: --where "{quoted(name)} >= {card.confidence_limit:g}"'))
     if card.floor_m is not None:
         floor = _extent(card.floor_m, "x", "y", digits=1, unit=" m") + _trimmed(card)
         lines.append(("floor", floor + _beside(card.floor_bounds_m)))

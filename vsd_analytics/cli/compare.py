@@ -145,6 +145,9 @@ def _text(found: Comparison) -> str:
     if found.state != "ok":
         return "\n".join([*lines, "", why_none(found.state, found.reason), *_notes(found)])
     lines.append(f"compared: {found.n_pairs} pairs of days, {found.hours_compared:,.1f} camera-hours recorded in both")
+    floor = found.places[0]
+    if any(round(rate.exposure_h - found.hours_compared, 1) > 0 for rate in (floor.often_a, floor.often_b)):
+        lines.append("columns A and B hold all recorded hours of each period, B against A those recorded in both")
     lines += ["", *_place(found.places[0]), "", *_mixing(found)]
     if found.places[1:]:
         lines += ["", *_areas(found.places[1:])]

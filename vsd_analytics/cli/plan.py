@@ -111,7 +111,7 @@ def _text(found: ExperimentPlan) -> str:
     lines = [
         f"{found.area_name}: {percent(found.effect)} time too close per open hour, with a power of {found.power:.0%}"
     ]
-    left_out = [f"does not serve: {area_id}: {reason_text(why)}" for area_id, why in found.areas_left_out]
+    left_out = [f"cannot be compared with {area_id}: {reason_text(why)}" for area_id, why in found.areas_left_out]
     if found.state != "ok" or found.variation is None or found.known is None:
         return "\n".join([*lines, "", f"not enough data: {reason_text(found.reason)}", *left_out])
     varied, (first, last) = found.variation, found.known

@@ -200,32 +200,41 @@ def today(warehouse: Warehouse, at: datetime, *, floor_id: str | None = None) ->
         )
         for w in (violations, people)
     )
+    unusual = (
+        UnusualSlots((), 0, 0, 0, "not_measurable", why)
+        if why is not None
+        else unusual_hours(
+            violations.n[-1],
+            violations.x_h[-1],
+            monday=yesterday,
+            before_n=violations.n[:-1],
+            before_x_h=violations.x_h[:-1],
+            q_max=settings.unusual_false_share,
+            min_change=settings.unusual_min_change,
+            min_difference=settings.unusual_min_violations,
+            share=settings.forecast_share,
+        )
+    )
     return Today(
         at=at,
         floor_id=floor_id,
         yesterday=_level(slots, violations, 0, n_over=n_over, why=why, confidence=confidence),
         so_far=_level(slots, violations, 1, n_over=n_over, why=why, confidence=confidence),
         hours=_hours(slots, violations, people, n_over=n_over, counted=counted, seen=seen),
-        unusual=(
-            UnusualSlots((), 0, 0, 0, "not_measurable", why)
-            if why is not None
-            else unusual_hours(
-                violations.n[-1],
-                violations.x_h[-1],
-                monday=yesterday,
-                before_n=violations.n[:-1],
-                before_x_h=violations.x_h[:-1],
-                q_max=settings.unusual_false_share,
-                min_change=settings.unusual_min_change,
-                min_difference=settings.unusual_min_violations,
-                share=settings.forecast_share,
-            )
-        ),
+        unusual=replace(unusual, reason=_of_calendar_weeks(unusual.reason, loaded.violations)),
         silent=_silent(slots, n_over=n_over, is_sending=_recorded_in_hour_of(loaded, at)),
         n_cameras=len(slots.camera_ids),
         forecast_state=seen.state,
-        forecast_reason=seen.reason,
+        forecast_reason=_of_calendar_weeks(seen.reason, loaded.people),
     )
+
+
+def _of_calendar_weeks(reason: Reason | None, weeks: Weeks) -> Reason | None:
+    """Return a reason that counts recorded weeks as a reader does: two weeks lie in three that begin on a Wednesday."""
+    if reason is None or reason.code not in ("forecast.weeks", "unusual.weeks"):
+        return reason
+    least, has = int(str(reason.values["least"])), int(str(reason.values["has"]))
+    return Reason(reason.code, least=least, has=min(has, weeks.n_recorded))
 
 
 def _open_hours(warehouse: Warehouse, first: date) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
@@ -105,6 +106,12 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def full_score(cells: Iterable[str]) -> float | None:
+    """Return the full score of cells that hold shares (1) or percents (100); None where they hold something else."""
+    found = [float(cell) for cell in cells if is_number(cell)]
+    return None if not found or min(found) < 0 or max(found) > 100 else 100.0 if max(found) > 1.5 else 1.0
 
 
 def _is_text(kind: pa.DataType) -> bool:

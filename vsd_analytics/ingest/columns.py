@@ -112,10 +112,11 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         lacking = [c for c in place if c not in found]
         if lacking and pair:
             raise _missing(source, lacking[0], header, "a row seems to be two people", proposed)
+        if lacking and (other := _not_a_place_a_row(source, header)) is not None:
+            raise other
         if lacking:
-            raise _missing(
-                source, lacking[0], header, _alone(header), proposed, taken=[header.names[i] for i in found.values()]
-            )
+            why, taken = "without a position no distance can be measured", [header.names[i] for i in found.values()]
+            raise _missing(source, lacking[0], header, why, proposed, taken=taken)
         place = ("track_id", *place, *(_PIXELS if place == _FLOOR else ()))
     if "ts" not in found and (options.fps is None or options.start is None):
         if (time := time_like(header.names)) is not None:
@@ -140,14 +141,19 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
     return ColumnPlan(kind, theirs, names, _units(source, names, options), where, compared)
 
 
-def _alone(header: Header) -> str:
-    """Return why a position is needed, or that a row holds several."""
+def _not_a_place_a_row(source: Source, header: Header) -> InputError | None:
+    """Return the error of a table whose rows hold several people, or whose cells a whole box: no `--map` helps."""
+    if place_like(header.names):
+        return None
     several = [n for n in header.names if re.search(r"\d", n) and of_another_person(n, header.names)]
-    if len(several) >= 4 and not place_like(header.names):
-        return "a row seems to hold several people: write one row for each of them"
+    if len(several) >= 4:
+        why = f"a row seems to hold several people; found: {', '.join(name[:40] for name in several[:4])}"
+        fix = "write one row for each of them: time, id, and metres or a box in pixels"
+        return _unfit(source, header, "has no place of one person in a row", why=why, fix=fix)
     if (box := next(filter(is_whole_box, header.names), None)) is not None:
-        return f"{box[:40]!r} seems to hold a whole box: write left, top, right, bottom as columns of their own"
-    return "without a position no distance can be measured"
+        why, fix = f"{box[:40]!r} seems to hold a whole box", "write left, top, right, bottom as columns of their own"
+        return _unfit(source, header, "has no columns of a place", why=why, fix=fix)
+    return None
 
 
 def _units(source: Source, names: Mapping[str, str], options: IngestOptions) -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.config.file_columns import METRES
-from vsd_analytics.ingest.cell_values import is_number
+from vsd_analytics.ingest.cell_values import full_score, is_number
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, quoted
 from vsd_analytics.ingest.reasons import NO_CLASS, NOT_A_PERSON
 from vsd_analytics.ingest.telling_names import (
@@ -20,10 +20,12 @@ from vsd_analytics.ingest.telling_names import (
     SUMS,
     VAGUE,
     cameras_in,
+    is_address,
     is_named_like,
     letters,
     named_like,
     of_another_person,
+    scored_class,
 )
 from vsd_analytics.ingest.units import LENGTHS, unit_in_name
 
@@ -117,7 +119,9 @@ def _cameras(case: Case) -> Iterator[Doubt]:
     known = {name.lower() for c in case.site.cameras for name in (c.camera_id, c.name, *c.engine_ids)}
     for column in case.head.values:
         values = case.head.values[column]
-        is_camera = all(value.lower() in known or cameras_in([value]) == {_plain(value)} for value in values)
+        is_camera = all(
+            value.lower() in known or is_address(value) or cameras_in([value]) == {_plain(value)} for value in values
+        )
         if not is_named_like(column, "camera") and (not is_camera or len(values) > 50):
             continue
         if len(values) < 2 or case.is_settled_by_where(column):
@@ -295,15 +299,35 @@ def _states(case: Case) -> Iterator[Doubt]:
             )
 
 
+def _scores(case: Case) -> Iterator[Doubt]:
+    """W222: a column of scores for each class, and another class than person has the highest one."""
+    if case.head is None or case.sample.is_pairs:
+        return
+    scored = {column: full_score(case.head.values[column]) for column in named_like(case.head.values, "scores")}
+    people = [column for column, full in scored.items() if full is not None and scored_class(column) in PERSON]
+    for column in [c for c, full in scored.items() if full is not None and scored_class(c) in OBJECTS]:
+        half = (scored[column] or 1) / 2
+        high = [v for v in case.head.values[column] if is_number(v) and float(v) > half]
+        if people and high and not any(map(case.is_settled_by_where, (column, *people))):
+            yield Doubt(
+                "W222",
+                f"{column[:80]!r} holds scores above {half:g}: {', '.join(v[:20] for v in high[:5])}",
+                "such rows are hardly people, and each would count as one",
+                f'--where "{quoted(people[0])} >= {half:g}"',
+                is_sure=True,
+            )
+
+
 def _weak(case: Case) -> Iterator[Doubt]:
     """W222: many rows of which the engine itself is not sure."""
     if case.head is None or case.sample.is_pairs:
         return
     for column in named_like(case.head.values, "confidence"):
         found = {float(v): n for v, n in case.head.values[column].items() if is_number(v)}
-        if not found or min(found) < 0 or max(found) > 100 or sum(found.values()) < 5 * ROWS_MIN:
+        full = full_score(case.head.values[column])
+        if full is None or sum(found.values()) < 5 * ROWS_MIN:
             continue
-        limit = WEAK * (100 if max(found) > 1.5 else 1)
+        limit = WEAK * full
         share = sum(n for value, n in found.items() if value < limit) / sum(found.values())
         if share > WEAK_SHARE and not case.is_settled_by_where(column):
             yield Doubt(
@@ -324,11 +348,12 @@ def _confidences(case: Case) -> Iterator[Doubt]:
             continue
         found = [float(v) for v in case.head.filtered.get(column, ()) if is_number(v)]
         if found and 0 < compared.value <= 1 and np.median(found) > 1.5:
+            are_percents = max(found) <= 100
             yield Doubt(
                 "W222",
                 f"--where compares {column[:80]!r} with {compared.value:g}, and it is {min(found):g} to {max(found):g}",
-                "it holds percents, so the filter leaves out hardly any row",
-                f"compare it with {compared.value * 100:g}",
+                f"it holds {'percents' if are_percents else 'no shares'}, so the filter leaves out hardly any row",
+                f"compare it with {compared.value * (100 if are_percents else max(found)):.3g}",
                 is_sure=True,
             )
 
@@ -405,6 +430,7 @@ COLUMN_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
     _unit_column,
     _sums,
     _states,
+    _scores,
     _weak,
     _confidences,
     _nobody,

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt
-from vsd_analytics.ingest.sample import Bools, Floats, Ints, Sample, Ways, is_last
+from vsd_analytics.ingest.sample import Bools, Floats, Ints, Sample, Ways, is_last, is_new
 
 PEOPLE_MIN: Final = 2
 FRAMES_MAX: Final = 5
@@ -27,6 +27,12 @@ TOGETHER: Final = 1.5
 FRAMES_A_STEP: Final = 1.15
 """Frames from one record of a person to the next, beyond which each shows a part of the people: 1.0 in seven real
 recordings, 1.24 to 1.38 in the three hours of ATC, whose times scatter."""
+
+HELD_FRAMES, HELD_S = 30, 60.0
+"""In sixteen real recordings nobody of two or more people moved for 6 frames (Hotel, 2 s) or 12 (Edinburgh, 1.2 s)."""
+FINE_SHARE: Final = 0.5
+"""Share of coordinates finer than a hundredth of a metre or pixel: coarser ones rest by themselves."""
+_DIGITS: Final = 1000
 
 
 def several_frames(case: Case) -> Iterator[Doubt]:
@@ -138,4 +144,29 @@ def _stretches_ms(begun: Ints, ended: Ints) -> Ints:
     return np.asarray(lasts - firsts, dtype=np.int64)
 
 
-FRAME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (several_frames, _parts_of_frames)
+def _held_frames(case: Case) -> Iterator[Doubt]:
+    """W224: a picture that hangs: times go on, and everybody in view stays at one place to the last digit."""
+    sample = case.sample
+    fine = np.rint(np.nan_to_num(sample.places) * _DIGITS)
+    if sample.is_pairs or sample.n < HELD_FRAMES or (fine % 10 != 0).mean() < FINE_SHARE:
+        return
+    order = sample.by_frame
+    starts = np.flatnonzero(is_new(sample.camera.no[order], sample.ts_ms[order]))
+    sums = np.add.reduceat(np.column_stack([np.ones(sample.n), fine, fine[:, 0] * fine[:, 1]])[order], starts)
+    camera, ts_ms = sample.camera.no[order][starts], sample.ts_ms[order][starts]
+    first = np.flatnonzero(is_new(camera, *sums.T) | (sums[:, 0] < PEOPLE_MIN))
+    last = np.append(first[1:], len(starts)) - 1
+    held_s = (ts_ms[last] - ts_ms[first]) / 1000
+    held = (last - first + 1 >= HELD_FRAMES) & (held_s >= HELD_S)
+    if held.any():
+        at = first[held][np.argmax(held_s[held])]
+        yield Doubt(
+            "W224",
+            f"for {held_s[held].max():,.0f} s nobody in view moves by a digit, from line "
+            f"{int(sample.line[order][starts[at]]):,} on",
+            "a picture or engine that hangs looks like this, and its people would count as long as it lasts",
+            "leave these records out of the export, if so: the time then counts as not recorded",
+        )
+
+
+FRAME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (several_frames, _parts_of_frames, _held_frames)

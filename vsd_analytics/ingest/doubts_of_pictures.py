@@ -156,8 +156,9 @@ def _size_unknown(u: Floats, v: Floats) -> Iterator[Doubt]:
         yield Doubt(
             "W226",
             f"nobody is beyond u {u.max():,.0f}, v {v.max():,.0f}",
-            "hardly any camera has so few pixels: metres of the floor, or percents of the picture, look like this",
-            "--map x_m=...,y_m=... if they are metres; picture_px of the camera in vsd.toml if it has so few pixels",
+            "hardly any camera has so few pixels: metres, or shares or percents of the picture, look like this",
+            "--map x_m=...,y_m=... if they are metres; --size WIDTHxHEIGHT if they are shares of 1; "
+            "picture_px of the camera in vsd.toml if it has so few pixels",
         )
 
 

@@ -120,6 +120,8 @@ def _hour_back(case: Case) -> Iterator[Doubt]:
             "put right, or put back at the end of summer time: the hour would be stored on top of the one before",
             "export the records before and after it as two files, the wrong ones with corrected times"
             if not sample.zone.names
+            else "export times with their offset; of that zone's clock, the first of two hours is taken"
+            if case.options.zone == case.site.timezone
             else f"--zone {case.site.timezone} if it is the clock of the site; better: export times with their offset",
         )
 

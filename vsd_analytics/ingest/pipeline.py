@@ -27,6 +27,7 @@ from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.raw import n_rows, without_zones
 from vsd_analytics.ingest.recognise import find_adapter
 from vsd_analytics.ingest.sample import SAMPLE_ROWS
+from vsd_analytics.ingest.stored_places import note_of_other_places
 from vsd_analytics.ingest.table_rows import LEFT_OUT
 from vsd_analytics.ingest.telling_names import differing_cameras
 from vsd_analytics.ingest.understanding import SourceCard, refused, understand
@@ -235,6 +236,9 @@ class _Ingest:
                     rows = clean.tables.get(name)
                     if rows is None or not rows.num_rows:
                         continue
+                    if name == "observations" and not result.n_records[name] and not self.is_dry_run:
+                        note = note_of_other_places(self.site, rows)
+                        result.notes += [note] if note is not None else []
                     self.store.append(name, rows, engines=engines, import_id=import_id)
                     result.n_records[name] += rows.num_rows
                     _note_times(result, rows["ts"])

@@ -26,7 +26,7 @@ PART_OF_A_PERSON: Final = "part of a person"
 FIXES: Final[Mapping[str, str]] = {
     "bad-box": "map the sides as they are: left,top,right,bottom or left,top,width,height; leave out empty boxes",
     "bad-xml": "look at the document: it was cut off, or it is not XML; export it again",
-    "bad-json": "look at the line: it was cut off, or it is not JSON; export it again",
+    "bad-json": "look at the line: it was cut off, or is not JSON (a missing number is null, not NaN); export it again",
     "bad-message": "compare it with the format: vsd schema frame",
     "bad-quotes": 'quote cells as "a""b", without line breaks inside, or leave such columns out of the export',
     "forgotten-day": "nothing: the day's key was destroyed by vsd purge --forget-keys, which cannot be undone",

@@ -29,7 +29,7 @@ SLIM = 3.5
 """Height over width. The median of real boxes of people is 2.3 to 3.3, of boxes drawn around bodies of a model 4."""
 LASTING: tuple[Role, ...] = ("camera", "class", "storey", "absent", "present", "state", "unseen", "unit")
 """What is looked at to the end of a file: these columns have few values."""
-_ROLES: tuple[Role, ...] = (*LASTING, "id", "confidence", "time", "date", "file", "third axis")
+_ROLES: tuple[Role, ...] = (*LASTING, "id", "confidence", "scores", "time", "date", "file", "third axis")
 
 
 @dataclass(frozen=True, slots=True)

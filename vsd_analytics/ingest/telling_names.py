@@ -23,6 +23,7 @@ Role = Literal[
     "state",
     "unseen",
     "unit",
+    "scores",
 ]
 
 
@@ -35,8 +36,9 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
         "camera cameraid cameraname camerano cameranumber cam camid camname camno sensor sensorid sensorname stream "
         "streamid streamname view viewid viewname source sourceid sourcename device deviceid devicename channel "
         "channelid videoid video feed feedid telecamera telecameraid idtelecamera kamera kameraid kameraname camara "
-        "idcamara sensore capteur kanal cameraserial deviceserial ip ipaddress host hostname 摄像头 摄像机 相机 "
-        "カメラ камера 카메라"
+        "idcamara sensore capteur kanal cameraserial deviceserial ip ipaddress host hostname "
+        "gerat geraet gerateid geraeteid dispositivo iddispositivo apparecchio appareil dispositif apparaat "
+        "摄像头 摄像机 相机 カメラ камера 카메라"
     ),
     "id": _words(
         "id person personid personnumber persons pid track tracks trackid tid trackerid trackingid trackingnumber "
@@ -79,12 +81,16 @@ _NAMES: Final[dict[Role, frozenset[str]]] = {
     "present": _words(
         "valid isvalid visible isvisible isperson ishuman isreal confirmed isconfirmed infov inview isdetected"
     ),
+    "scores": frozenset(),
     "unseen": _words("timesinceupdate framessinceupdate missedframes lostframes framessincedetection"),
     "unit": _words("unit units uom lengthunit positionunit coordinateunit einheit unita unidad unite"),
     "state": _words(
         "state status trackstate trackstatus trackingstate trackingstatus trackerstate trackerstatus quality flag"
     ),
 }
+
+_SCORES: Final = _words("p prob probability score conf confidence pct percent")
+"""Words beside that of a class, in a name of scores: `p_person`."""
 
 _LENGTH_UNITS: Final = ("m", "mm", "cm", "dm", "km", "ft", "in", "yd")
 
@@ -196,7 +202,11 @@ OBJECTS: Final = _words(
 def is_named_like(name: str, role: Role) -> bool:
     """Return whether a column's name says that it holds this, whatever its case, blanks, signs, or front (`p.id`)."""
     last = name.strip(" .").rpartition(".")[2]
+    if role == "scores":
+        return scored_class(last) is not None
     said = {letters(name), letters(last), last.strip().lower()}
+    if role == "confidence" and letters(last) not in PERSON and scored_class(last) in PERSON:
+        return True
     if role == "id":
         said |= {_NUMBER_ENDS.sub("", word) for word in said}
     return not _NAMES[role].isdisjoint(said)
@@ -205,6 +215,13 @@ def is_named_like(name: str, role: Role) -> bool:
 def named_like(names: Iterable[str], role: Role) -> list[str]:
     """Return the names that say that their columns hold this, in their order."""
     return [name for name in names if is_named_like(name, role)]
+
+
+def scored_class(name: str) -> str | None:
+    """Return the class whose score a column of this name may hold: `car`, `p_car` and `carScore` are cars; or None."""
+    words = re.findall(r"[^\W\d_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", unaccented(name)))
+    named = [word for word in map(str.lower, words) if word not in _SCORES]
+    return named[0] if len(named) == 1 and named[0] in PERSON | OBJECTS else None
 
 
 def ids_like(names: Iterable[str]) -> list[str]:
@@ -272,6 +289,7 @@ _CAMERA_IN_TEXT = re.compile(
     r"(?<![a-z])((?:tele)?camera|kamera|cam|sensor|stream|channel|kanal|view)(?!s(?![a-z0-9]))s?[ _=-]*"
     r"((?:cam-?)?(?:\d|\d{2,}(?![.-]\d))|[a-z])(?![a-z0-9])"  # no date: `camera 25.11.2025`, no plural: `cams`
 )
+_ADDRESS: Final = re.compile(r"(?:rtsps?|rtmp|srt|onvif)://\S+|\d{1,3}(?:\.\d{1,3}){3}(?::\d{1,5})?", re.IGNORECASE)
 _BOXES: Final = _words("bbox box boundingbox bndbox rect rectangle bb xyxy xywh tlbr ltrb tlwh ltwh cxcywh")
 _SIDES: Final = {
     "corner": _words("right bottom xmax ymax maxx maxy xbr ybr"),
@@ -297,6 +315,11 @@ def names_motion(name: str) -> bool:
 def cameras_in(texts: Iterable[str]) -> set[str]:
     """Return the cameras that paths, names of files or topics name: `site/cam2/people` names cam2."""
     return {f"{word}{which}" for text in texts for word, which in _CAMERA_IN_TEXT.findall(text.lower())}
+
+
+def is_address(text: str) -> bool:
+    """Return whether a text is where a camera is in the network: an IPv4 address, or the address of a stream."""
+    return _ADDRESS.fullmatch(text.strip()) is not None
 
 
 def differing_cameras(texts: Iterable[str]) -> frozenset[str]:

@@ -145,7 +145,7 @@ class TextTable:
             code="E203",
             where=Where(self._source.name, number, text),
             why="several exports seem to be joined in it; the rows below would be read from the wrong columns",
-            fix="make a file of each part; the rows above are stored",
+            fix="make a file of each part",
         )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from vsd_analytics.errors import InputError, VsdError, Where
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Source
+from vsd_analytics.ingest.cell_values import full_score
 from vsd_analytics.ingest.columns import TIME_OF_DAY
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, floor_bounds_m, picture_px
 from vsd_analytics.ingest.doubts import doubts_of
@@ -23,6 +24,8 @@ from vsd_analytics.ingest.units import LENGTHS
 from vsd_analytics.site.model import Site
 
 _CAMERAS_MAX: Final = 20
+_LIMIT: Final = 0.4
+"""Confidence from which detectors are usually believed."""
 _NUMBERS: Final = ("distance_m", "x", "y", "u", "v")
 
 
@@ -53,6 +56,7 @@ class SourceCard:
         ignored: Columns that are not read.
         missing: Our columns that the file lacks, though figures need them.
         confidence: Column that seems to hold the engine's confidence; None = there is none.
+        confidence_limit: A usual limit in the unit of that column; None = it holds neither shares nor percents.
         floor_m: 1st and 99th percentiles of x and y, in metres; None without floor positions.
         floor_bounds_m: Rectangle of the plan or view.
         speed_m_s: Median speed of steps of a second or longer; None = too few.
@@ -83,6 +87,7 @@ class SourceCard:
     ignored: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     confidence: str | None = None
+    confidence_limit: float | None = None
     floor_m: Extent | None = None
     floor_bounds_m: Extent | None = None
     speed_m_s: float | None = None
@@ -183,6 +188,7 @@ def _card(case: Case, name: str) -> SourceCard:
     usual_cameras = np.argsort(-n_of_camera, kind="stable")[:_CAMERAS_MAX].tolist()
     zone, zone_from = _zone(case)
     like = [] if head is None else named_like(head.ignored, "confidence")
+    full = full_score(head.values.get(like[0], ())) if head is not None and like else None
     return SourceCard(
         format=name,
         n_records=sample.n,
@@ -191,6 +197,7 @@ def _card(case: Case, name: str) -> SourceCard:
         ignored=() if head is None or plan is None else tuple(n for n in head.ignored if n not in plan.compared),
         missing=("track_id",) if plan is not None and not sample.is_pairs and "track_id" not in plan.theirs else (),
         confidence=like[0] if like else None,
+        confidence_limit=_LIMIT * full if full is not None else None,
         floor_m=extent(sample.floor_m),
         floor_bounds_m=floor_bounds_m(case),
         speed_m_s=_speed_m_s(sample),

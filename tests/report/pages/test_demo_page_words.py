@@ -72,6 +72,10 @@ def check(tab: Show, address: str) -> None:
         assert question <= viewport["height"], (address, viewport)
 
 
+def n_sheets(page: Any) -> int:
+    return len(re.findall(rb"/Type\s*/Page\b", page.pdf(prefer_css_page_size=True, print_background=True)))
+
+
 def test_the_page_of_a_first_week_is_short_and_asks_on_the_first_screen(
     tab: Show, demo_project: Path, tmp_path: Path
 ) -> None:
@@ -86,10 +90,13 @@ def test_the_page_of_a_first_week_is_short_and_asks_on_the_first_screen(
 
 
 def test_the_page_of_two_and_of_twelve_weeks_is_short_and_asks_on_the_first_screen(
-    tab: Show, demo_of_weeks: Path, tmp_path: Path
+    tab: Show, demo_of_weeks: Path, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
+    is_first_demo = request.node.callspec.params["demo_of_weeks"] == 2
     for address in pages(demo_of_weeks, tmp_path):
         check(tab, address)
+        # in English the page of `make demo` prints without a fourth sheet of two lines
+        assert n_sheets(tab(address)) <= (3 if is_first_demo and "/en/" in address else 4)
 
 
 def test_the_page_of_five_areas_that_ask_for_visits_is_short_and_prints_on_four_sheets(
@@ -108,8 +115,7 @@ def test_the_page_of_five_areas_that_ask_for_visits_is_short_and_prints_on_four_
             check(tab, address)
             page = tab(address)
             rows = page.locator("#waiting tbody tr").count()
-            pdf = page.pdf(prefer_css_page_size=True, print_background=True)
             assert rows >= 2 + 4, "both tables have their places"
-            assert len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 4
+            assert n_sheets(page) <= 4
     finally:
         toml.write_text(silent, encoding="utf-8")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,16 @@ def test_a_day_without_a_usual_range_is_not_called_usual() -> None:
     assert [d.position for d in said.days] == [None, None]
     assert "needs 4 earlier days" in said.days[0].notes[0]
     assert said.ahead == ("No forecast: a forecast needs 4 recorded weeks, has 2.",)
+
+
+def test_what_to_expect_of_closed_hours_and_of_hours_that_few_weeks_recorded() -> None:
+    over = tuple(h for h in cards.card().hours if h.is_over)
+    coming = replace(over[0], day=cards.SUNDAY, is_over=False, violations=None, people=None, usual=None)
+    site = cards.site()
+    assert words("closed").ahead == ("Closed for the rest of today, and tomorrow.",)
+    assert today_words(cards.card(hours=over), site).ahead == ("Closed for the rest of today, and tomorrow.",)
+    said = today_words(cards.card(hours=(*over, coming)), site).ahead
+    assert said == ("No forecast: the open hours ahead were recorded in too few weeks.",)
 
 
 def test_hours_that_were_not_recorded_are_a_dash_and_not_zero() -> None:

@@ -211,10 +211,12 @@ def _silent_since(cameras: Sequence[SilentCamera], site: Site) -> str:
 
 def _ahead(found: Today) -> tuple[str, ...]:
     """Name the fullest hours until tomorrow night; the hours of one day are compared with each other only there."""
+    if all(h.is_over for h in found.hours):
+        return (say("today.ahead_closed"),)
     if found.forecast_state != "ok":
         return (say("today.ahead_none", reason=reason_text(found.forecast_reason)),)
     if not found.ahead:
-        return (say("today.ahead_none", reason=say("reason.forecast.unrecorded")),)
+        return (say("today.ahead_none", reason=say("today.ahead_unknown")),)
     fullest = max(found.ahead, key=lambda h: (h.people or 0.0, -h.day.toordinal(), -h.hour))
     lines = [_expected("today.ahead_people", fullest, fullest.people, fullest.people_lo, fullest.people_hi)]
     counted = [h for h in found.ahead if h.usual is not None]
