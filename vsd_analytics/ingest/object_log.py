@@ -88,7 +88,7 @@ def timed(rows: Iterator[ObjectLogRow | Rejected], zone: ZoneInfo) -> Iterator[t
     comes twice: rows after a step back of half an hour or more are in the second one.
     """
     group: list[ObjectLogRow] = []
-    fold, damage = 0, None
+    fold = 0
 
     def finished() -> Iterator[tuple[ObjectLogRow, int]]:
         for k, row in enumerate(group):
@@ -110,11 +110,10 @@ def timed(rows: Iterator[ObjectLogRow | Rejected], zone: ZoneInfo) -> Iterator[t
                 fold = 1 if group and group[0].second - row.second >= _STEP_BACK else fold
                 fold = fold if _is_twice(row.second, zone) else 0
                 group = [row]
-    except InputError as error:
-        damage = error
+    except InputError:
+        yield from finished()  # what came before the damage
+        raise
     yield from finished()
-    if damage is not None:
-        raise damage
 
 
 def _is_twice(local: datetime, zone: ZoneInfo) -> bool:

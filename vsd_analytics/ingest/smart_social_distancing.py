@@ -153,7 +153,7 @@ def _read(
     source: Source, log: Member, *, options: IngestOptions, zone: ZoneInfo, agreement: LogAgreement
 ) -> Iterator[RawBatch]:
     prefix = "" if archive_kind(source) is None else f"{log.name}: "
-    camera, rows, damage, done = options.camera or _camera(source, log), _ObjectLogRows(), None, 0
+    camera, rows, done = options.camera or _camera(source, log), _ObjectLogRows(), 0
     with log.open() as stream:
         try:
             for item in timed(parsed(stream, source_name=source.name, prefix=prefix, options=options), zone):
@@ -165,11 +165,10 @@ def _read(
                     done = min(bytes_read(stream), source.size_bytes)
                     yield rows.batch(camera, agreement, done)
                     rows = _ObjectLogRows()
-        except InputError as error:
-            damage = error
+        except InputError:
+            yield rows.batch(camera, agreement, done)  # what came before the damage
+            raise
     yield rows.batch(camera, agreement, done)
-    if damage is not None:
-        raise damage
 
 
 def _setting(options: IngestOptions) -> EngineSetting:
