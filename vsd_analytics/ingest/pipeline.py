@@ -7,7 +7,7 @@ import difflib
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
@@ -43,22 +43,10 @@ if TYPE_CHECKING:
 ENGINE_MAX_CHARS = 200
 _NOTHING_SAID = IngestOptions()
 
-OF_PROFILE = (
-    *(
-        "format",
-        "camera",
-        "columns",
-        "unit",
-        "zone",
-        "time_format",
-        "where",
-        "size_px",
-        "period_s",
-        "fps",
-        "engine",
-        "persons",
-    ),
-)
+OF_PROFILE = {f.name for f in fields(IngestOptions)} & {f.name for f in fields(SourceProfile)} - {
+    "map",
+    "camera_from_name",
+}
 """Options that a `[[source]]` states; beside them its `map`."""
 
 
