@@ -156,11 +156,6 @@ def register_site(con: duckdb.DuckDBPyConnection, site: Site, *, heat_cell_m: fl
     create_tables(con, site_relations(site, heat_cell_m=heat_cell_m))
 
 
-def register_quarters(con: duckdb.DuckDBPyConnection, *, first_hour: int, last_hour: int) -> None:
-    """Create `quarters`."""
-    create_tables(con, {"quarters": quarters(first_hour=first_hour, last_hour=last_hour)})
-
-
 def create_tables(con: duckdb.DuckDBPyConnection, tables: Mapping[str, pa.Table]) -> None:
     """Create tables of the names and rows given."""
     for name, rows in tables.items():
