@@ -220,7 +220,10 @@ class DayKeys:
 
 
 def namer(key: bytes, *, camera_id: str) -> Callable[[str], str]:
-    """Return a function that names the tracks of a camera: `pseudonym`, with the key and the camera hashed once."""
+    """Return a function that names the tracks of a camera by the engine's ids.
+
+    A pseudonym has the 16 hexadecimal digits of BLAKE2b(key; camera, 0, engine's track id).
+    """
     begun = hashlib.blake2b(camera_id.encode() + b"\0", key=key, digest_size=8)
 
     def name(engine_track: str) -> str:
@@ -229,8 +232,3 @@ def namer(key: bytes, *, camera_id: str) -> Callable[[str], str]:
         return of_track.hexdigest()
 
     return name
-
-
-def pseudonym(key: bytes, *, camera_id: str, engine_track: str) -> str:
-    """Return the 16 hexadecimal digits of BLAKE2b(key; camera, 0, engine's track id)."""
-    return namer(key, camera_id=camera_id)(engine_track)
