@@ -110,7 +110,7 @@ def send(project: Project, every_s: float | None, as_json: bool) -> int:
     keys_of(project.site)  # a node that has not joined must not begin
 
     def one_round(stop: Callable[[], bool]) -> dict[str, Any]:
-        done = hand_on(project.site, exchange, now=_clock(project)(), stop=stop)
+        done = hand_on(project.site, exchange, now=project.clock(), stop=stop)
         return {
             "node": project.site.node,
             "written": done.n_written,
@@ -149,7 +149,7 @@ def receive(project: Project, every_s: float | None, as_json: bool) -> int:
     exchange = exchange_of(_route(project, is_node=False))
 
     def one_round(stop: Callable[[], bool]) -> dict[str, Any]:
-        return _as_dict(receive_all(project.site, exchange, now=_clock(project)(), stop=stop))
+        return _as_dict(receive_all(project.site, exchange, now=project.clock(), stop=stop))
 
     found = _rounds(project, one_round, every_s=every_s)
     if as_json:
@@ -210,40 +210,28 @@ def _rounds(
     project: Project, one_round: Callable[[Callable[[], bool]], dict[str, Any]], *, every_s: float | None
 ) -> dict[str, Any]:
     """Do one round, or rounds until SIGTERM or Ctrl-C; return what the last one found."""
-    import signal
-    import threading
-
+    from vsd_analytics.cli.stop_signals import stop_signals
     from vsd_analytics.live.exchange_rounds import ONCE, keep_on, write_status
 
     if every_s is None:
         found = one_round(lambda: False)
-        write_status(project.root, found, state=ONCE, error=None, now=_clock(project)())
+        write_status(project.root, found, state=ONCE, error=None, now=project.clock())
         return found
-    stopped = threading.Event()
     last: dict[str, Any] = {}
 
-    def noted() -> dict[str, Any]:
-        last.update(one_round(stopped.is_set))
-        return dict(last)
+    with stop_signals() as stopped:
 
-    before = {s: signal.signal(s, lambda *_: stopped.set()) for s in (signal.SIGTERM, signal.SIGINT)}
-    try:
+        def noted() -> dict[str, Any]:
+            last.update(one_round(stopped.is_set))
+            return dict(last)
+
         keep_on(
             project.root,
             noted,
             every_s=every_s,
-            clock=_clock(project),
+            clock=project.clock,
             sleep=stopped.wait,
             stop=stopped.is_set,
             report=project.say,
         )
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
     return last
-
-
-def _clock(project: Project) -> Callable[[], Any]:
-    from datetime import UTC, datetime
-
-    return lambda: project.now if project.now_text is not None else datetime.now(tz=UTC)
