@@ -13,6 +13,8 @@ from datetime import UTC, datetime, timedelta
 from typing import IO, Any
 from zoneinfo import ZoneInfo
 
+import numpy as np
+
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Rejected
 from vsd_analytics.ingest.body_distance import LoggedFrame
@@ -193,8 +195,6 @@ def _literal(cell: str, column: str) -> list[Any]:
 
 def _detections(people: list[Any]) -> tuple[Any, tuple[str | None, ...]]:
     """Return boxes, shape (n, 4), and the track ids of people the engine tracked."""
-    import numpy as np
-
     boxes, tracks = [], []
     for i, person in enumerate(people):
         box, track = (person.get("bbox"), person.get("tracking_id")) if isinstance(person, dict) else (None, None)

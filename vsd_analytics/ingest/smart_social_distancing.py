@@ -18,6 +18,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
+import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.errors import InputError, UsageError, Where
@@ -56,8 +57,6 @@ class _ObjectLogRows:
 
     def batch(self, camera: str | None, agreement: LogAgreement, done_bytes: int) -> RawBatch:
         """Return raw tables: a frame a row, foot points, and the pairs within the default of `pair_max_m`."""
-        import numpy as np
-
         frames = [r.frame for r in self.rows]
         pairs = Pairs.of(frames)
         metres = pairs.distances_m(agreement.setting)
