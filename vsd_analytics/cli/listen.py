@@ -9,6 +9,7 @@ import click
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.errors import LiveError, VsdError, Where
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -145,8 +146,6 @@ def _posts(project: Project, address: str, *, environ: Mapping[str, str]) -> Pos
 
 
 def _broker(project: Project, *, is_needed: bool) -> Broker | None:
-    from vsd_analytics.errors import LiveError, Where
-
     if project.site.broker is None and is_needed:
         raise LiveError(
             "vsd.toml names no broker",
@@ -159,7 +158,6 @@ def _broker(project: Project, *, is_needed: bool) -> Broker | None:
 
 def _own_port(project: Project) -> int:
     """Return the port that vsd.toml names for a broker without TLS, else the usual one; there may be no project."""
-    from vsd_analytics.errors import VsdError
     from vsd_analytics.live.mqtt import PORT
 
     try:

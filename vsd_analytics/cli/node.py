@@ -10,6 +10,7 @@ import click
 from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import count, emit_json, plain
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.errors import InputError, UsageError, Where
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -57,7 +58,6 @@ def invite(project: Project, out: Path) -> None:
       vsd node invite --out join.json
     """
     from vsd_analytics.cluster.joining import invitation
-    from vsd_analytics.errors import UsageError
     from vsd_analytics.store.durable import publish
 
     if project.site.node is not None:
@@ -79,7 +79,6 @@ def join_site(project: Project, file: Path) -> None:
       vsd node join join.json
     """
     from vsd_analytics.cluster.joining import join
-    from vsd_analytics.errors import InputError, Where
 
     route, name = _route(project, is_node=True), project.site.node
     try:
@@ -192,8 +191,6 @@ def _print_received(found: dict[str, Any]) -> None:
 
 def _route(project: Project, *, is_node: bool) -> ExchangeRoute:
     """Return `[exchange]`, refusing a command of the other side."""
-    from vsd_analytics.errors import UsageError, Where
-
     route, where = project.site.exchange, Where(str(project.root / "vsd.toml"))
     if route is None:
         own = '\nnode = "north"' if is_node else ""
