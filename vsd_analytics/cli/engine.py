@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from vsd_analytics.engine.calibration_error import LikelyCameras
     from vsd_analytics.engine.monoloco_files import MonolocoPeople
     from vsd_analytics.engine.people import People
-    from vsd_analytics.engine.people_calibration_file import StatedError
     from vsd_analytics.engine.ratios import Ratios
     from vsd_analytics.engine.seen import Seen
     from vsd_analytics.site.model import Calibration, Camera, Plane
@@ -351,7 +351,7 @@ def _overlay(detected: DetectedPeople, parts: _Parts, *, to: Path, on: Path | No
     return {"overlay": str(to), "pictures": len(people.frames), "pictured": n_pictured}
 
 
-def _stated_error(used: Calibration) -> StatedError | None:
+def _stated_error(used: Calibration) -> LikelyCameras | None:
     from vsd_analytics.engine.people_calibration_file import read_stated_error
     from vsd_analytics.geometry.stated_errors import beside
 

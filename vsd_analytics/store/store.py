@@ -14,7 +14,8 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
+from operator import add
 from pathlib import Path
 
 import pyarrow as pa
@@ -60,12 +61,7 @@ class TableCounts:
     n_sealed: int = 0
 
     def __add__(self, other: TableCounts) -> TableCounts:
-        return TableCounts(
-            self.n_new + other.n_new,
-            self.n_known + other.n_known,
-            self.n_second + other.n_second,
-            self.n_sealed + other.n_sealed,
-        )
+        return TableCounts(*map(add, astuple(self), astuple(other)))
 
 
 @dataclass(frozen=True, slots=True)
