@@ -40,6 +40,7 @@ def test_what_was_acknowledged_is_in_the_spool_before_and_in_its_hour_after_a_fo
     assert [p.hour for p in store.parts("observations")] == [NINE // HOUR, NINE // HOUR + 1]
     folders = {p.path.parent.relative_to(tmp_path).as_posix() for p in store.parts("observations")}
     assert folders == {"store/observations/site=shop/date=2026-11-09"}
+    assert store.hours() == (NINE // HOUR, NINE // HOUR + 1)
     assert store.damaged() == []
 
 
@@ -54,7 +55,7 @@ def test_nothing_appended_is_nothing_written(tmp_path: Path) -> None:
     store = Store(tmp_path / "store", site_id="shop")
     assert store.append("frames", table("frames", [])) == 0
     assert store.fold().tables == {}
-    assert store.days() == set()
+    assert store.hours() is None
     assert list(tmp_path.iterdir()) == []
 
 

@@ -51,16 +51,7 @@ _OWNERS = pa.schema(
         ("cy", pa.int32()),
     ]
 )
-_AREA_CELLS = pa.schema(
-    [
-        ("floor_id", pa.string()),
-        ("from_ms", pa.int64()),
-        ("to_ms", pa.int64()),
-        ("area_id", pa.string()),
-        ("cx", pa.int32()),
-        ("cy", pa.int32()),
-    ]
-)
+_AREA_CELLS = _OWNERS.set(3, pa.field("area_id", pa.string()))
 _CALENDAR = pa.schema(
     [
         ("quarter", pa.int64()),
