@@ -24,7 +24,7 @@ from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import outbox
-from vsd_analytics.store.secrets import DayKeys, pseudonym
+from vsd_analytics.store.secrets import DayKeys, namer
 
 NODES = ("north", "south", "west")
 CAMERAS = ("cam-1", "cam-2", "cam-3")
@@ -106,9 +106,7 @@ def traffic(rng: random.Random, *, n_frames: int, n_batches: int) -> Traffic:
 def expected(world: World, sent: Traffic) -> tuple[list[Row], list[Row]]:
     """Return the rows of frames and observations that the site must have, from the messages alone."""
     keys = DayKeys(world.project("site") / "secrets")
-    people = {
-        (c, ms, pseudonym(keys.key(_day(ms)), camera_id=c, engine_track=t), x, y) for c, ms, t, x, y in sent.people
-    }
+    people = {(c, ms, namer(keys.key(_day(ms)), camera_id=c)(t), x, y) for c, ms, t, x, y in sent.people}
     return sorted(sent.frames), sorted(people)
 
 

@@ -22,9 +22,9 @@ from site_text import site_text
 
 from vsd_analytics.api.floor_view import picture_view
 from vsd_analytics.config.project import load_site
+from vsd_analytics.engine.calibration_error import LikelyCameras
 from vsd_analytics.engine.floor_method import locate
 from vsd_analytics.engine.people import N_JOINTS, People
-from vsd_analytics.engine.people_calibration_file import StatedError
 from vsd_analytics.engine.plane_method import locate_on_planes
 from vsd_analytics.errors import ConfigError, UsageError
 from vsd_analytics.site.model import Calibration, Plane
@@ -281,9 +281,9 @@ def test_a_safe_space_is_drawn_on_the_plane_of_its_person(planes: Callable[..., 
 
 
 def test_the_stated_error_of_a_plane_goes_with_the_distances_on_it(planes: Callable[..., tuple[Plane, ...]]) -> None:
-    def stated_error(used: Calibration) -> StatedError | None:
+    def stated_error(used: Calibration) -> LikelyCameras | None:
         h = np.array(used.homography)
-        return StatedError(h, np.repeat(h[None], 5, axis=0), SIZE) if used.calibration_id == "stage" else None
+        return LikelyCameras(h, np.repeat(h[None], 5, axis=0), SIZE) if used.calibration_id == "stage" else None
 
     feet = np.concatenate([seen_at([(-1, 12), (-2, 12)], "ramp"), seen_at([(1, 12), (2, 12)], "stage")])
     people = boxes(feet, np.zeros(4, dtype=np.int64), list("abcd"))

@@ -171,10 +171,10 @@ def as_rows(table: Any) -> list[Row]:
 
 def engine_tracks(root: Path, table: str, rows: Sequence[Row]) -> list[Row]:
     """Return rows with pseudonyms replaced by what the keys on the disk say they stand for."""
-    from vsd_analytics.store.secrets import pseudonym
+    from vsd_analytics.store.secrets import namer
 
     keys = [bytes.fromhex(k) for k in _day_keys(root).values()]
-    told = {pseudonym(k, camera_id=c, engine_track=t): t for k in keys for c in CAMERAS for t in TRACKS}
+    told = {namer(k, camera_id=c)(t): t for k in keys for c in CAMERAS for t in TRACKS}
     if table != "pairs":
         return [tuple(told.get(v, v) if isinstance(v, str) else v for v in row) for row in rows]
     return [(*row[:2], frozenset(told.get(v, v) for v in row[4:6]), *row[10:]) for row in rows]  # a, b: by pseudonym

@@ -21,7 +21,7 @@ from vsd_analytics.ingest.pseudonyms import Pseudonyms
 from vsd_analytics.schema import RAW_SCHEMAS, TableName
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Site
-from vsd_analytics.store.secrets import DayKeys, pseudonym
+from vsd_analytics.store.secrets import DayKeys, namer
 
 SITE = small_site(Path("unused"))
 PERSON: dict[str, Any] = {"camera": "cam-1", "ts_ms": NINE_MS, "person": 0, "x_m": 1.0, "y_m": 2.0, "quality": "metric"}
@@ -300,7 +300,7 @@ def test_each_track_has_the_pseudonym_of_its_camera_and_day(
             days = [next(iter(pseudonyms.days(np.array([at])))) for at in ts_ms.tolist()]
             assert len(set(days)) == 3
             assert found.to_pylist() == [
-                pseudonym(keys.key(day), camera_id=camera, engine_track=track) if track else None
+                namer(keys.key(day), camera_id=camera)(track) if track else None
                 for track, camera, day in zip(tracks, cameras, days, strict=True)
             ]
 

@@ -37,7 +37,7 @@ from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.store.duck import connect
 from vsd_analytics.warehouse.compute import create
-from vsd_analytics.warehouse.dimensions import calendar, register_quarters, register_site, site_days
+from vsd_analytics.warehouse.dimensions import calendar, create_tables, quarters, register_site, site_days
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 
 HERE = Path(__file__).parent
@@ -111,7 +111,7 @@ def inputs(*names: str) -> Iterator[duckdb.DuckDBPyConnection]:
 def _dimensions() -> duckdb.DuckDBPyConnection:
     con = connect(threads=1)
     register_site(con, site())
-    register_quarters(con, first_hour=0, last_hour=5)
+    create_tables(con, {"quarters": quarters(first_hour=0, last_hour=5)})
     return con
 
 
@@ -125,7 +125,7 @@ def types() -> Mapping[str, Mapping[str, str]]:
     """Return columns and their types of every relation and stored table that is not a dimension."""
     con = connect(threads=1)
     register_site(con, site())
-    register_quarters(con, first_hour=0, last_hour=0)
+    create_tables(con, {"quarters": quarters(first_hour=0, last_hour=0)})
     found: dict[str, dict[str, str]] = {}
     for table, schema in SCHEMAS.items():
         con.register("_empty", schema.empty_table())

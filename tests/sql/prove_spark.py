@@ -33,7 +33,7 @@ from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store
 from vsd_analytics.store.duck import connect, literal_list
 from vsd_analytics.warehouse.compute import create, day_facts
-from vsd_analytics.warehouse.dimensions import register_quarters, register_site
+from vsd_analytics.warehouse.dimensions import create_tables, quarters, register_site
 from vsd_analytics.warehouse.sqlfiles import relations
 
 CLOSE = 1e-9
@@ -54,7 +54,7 @@ def loaded(site: Site) -> duckdb.DuckDBPyConnection:
     hours = (busiest - 1, busiest)
     con = connect(threads=1)
     register_site(con, site)
-    register_quarters(con, first_hour=hours[0], last_hour=hours[1])
+    create_tables(con, {"quarters": quarters(first_hour=hours[0], last_hour=hours[1])})
     for table in TABLES:
         paths = [p.path for p in parts[table] if p.hour in hours]
         rows = f"read_parquet({literal_list(paths)}, union_by_name = true, hive_partitioning = false)"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from vsd_analytics.errors import StoreError
-from vsd_analytics.store.secrets import KEY_BYTES, DayKeys, pseudonym
+from vsd_analytics.store.secrets import KEY_BYTES, DayKeys, namer
 
 DAY = date(2026, 11, 9)
 
@@ -38,7 +38,7 @@ def test_a_damaged_key_is_refused_rather_than_hashed_with(tmp_path: Path, conten
 
 def test_a_pseudonym_depends_on_key_camera_and_track_and_confuses_none() -> None:
     names = {
-        pseudonym(key, camera_id=camera, engine_track=track)
+        namer(key, camera_id=camera)(track)
         for key in (b"k" * KEY_BYTES, b"l" * KEY_BYTES)
         for camera in ("cam-1", "cam-12")
         for track in ("2", "22", "\ud800")

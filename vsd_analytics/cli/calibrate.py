@@ -11,6 +11,7 @@ import click
 from vsd_analytics.cli.options import json_option, language_option, path_option
 from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.errors import UsageError
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
@@ -115,7 +116,6 @@ def calibrate(
       vsd calibrate cam-1
     """
     from vsd_analytics.config import calibrate as calibration
-    from vsd_analytics.errors import UsageError
 
     ways = (matrix, points, camera_files or None, from_people, check, lines, draw or None)
     if sum(given is not None for given in ways) > 1:
@@ -203,7 +203,6 @@ def _from_lines(
 
     from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.engine.vanishing_points import camera_from_lines
-    from vsd_analytics.errors import UsageError
 
     known = calibration.camera_called(project.site, camera_id).picture_px
     found = camera_from_lines(picture, height_m=height_m)
@@ -282,7 +281,6 @@ def _check(project: Project, camera_id: str, source: Path, *, size: str | None, 
     from vsd_analytics.cli import moved_cameras
     from vsd_analytics.config.calibrate import camera_called
     from vsd_analytics.engine.people_files import read_each_once
-    from vsd_analytics.errors import UsageError
 
     camera = camera_called(project.site, camera_id)
     picture_px = _picture_px(camera, size)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -106,24 +107,14 @@ def _save(
 ) -> None:
     from vsd_analytics.config.new_source import save_source
     from vsd_analytics.config.source_profiles import NewProfile
+    from vsd_analytics.site.model import SourceProfile
 
     options = ingest_options(project, given)
-    stated = {
-        "format": kind,
-        "camera": options.camera if named is None else None,
-        "camera_from_name": None if named is None else named.pattern,
-        "columns": options.columns,
-        "map": options.map or None,
-        "unit": options.unit,
-        "zone": options.zone,
-        "time_format": options.time_format,
-        "where": options.where,
-        "size": options.size_px,
-        "period_s": options.period_s,
-        "fps": options.fps,
-        "engine": options.engine,
-        "persons": options.persons,
-    }
+    names = [f.name for f in fields(SourceProfile) if hasattr(options, f.name)]
+    stated = {name.removesuffix("_px"): getattr(options, name) for name in names}
+    stated |= {"format": kind, "map": options.map or None}
+    if named is not None:
+        stated |= {"camera": None, "camera_from_name": named.pattern}
     profile = NewProfile(name, file_name, stated, () if named is None else named.files)
     written = save_source(project.site, profile)
     project.say(f"saved in vsd.toml:\n{written.rstrip()}")

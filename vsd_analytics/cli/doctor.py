@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +30,6 @@ def doctor(project: Project, show_config: bool, broker_config: Path | None, as_j
       vsd doctor --show-config
       vsd doctor --broker-config /etc/mosquitto/mosquitto.conf
     """
-    import os
-
     from vsd_analytics.doctor import checks as doctors
     from vsd_analytics.doctor.finding import NEEDS_YOU
 
@@ -63,8 +62,6 @@ def doctor(project: Project, show_config: bool, broker_config: Path | None, as_j
 
 def _site_if_valid(start: Path) -> Any:
     """Return the site, or None when there is none to read: `examine` has reported why."""
-    import os
-
     from vsd_analytics.config import find_project, load_site
     from vsd_analytics.errors import VsdError
 

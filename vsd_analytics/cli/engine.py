@@ -13,15 +13,16 @@ from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import count, emit_json
 from vsd_analytics.cli.picture_sizes import known_size, parse_size
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.errors import UsageError
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from vsd_analytics.engine.calibration_error import LikelyCameras
     from vsd_analytics.engine.monoloco_files import MonolocoPeople
     from vsd_analytics.engine.people import People
-    from vsd_analytics.engine.people_calibration_file import StatedError
     from vsd_analytics.engine.ratios import Ratios
     from vsd_analytics.engine.seen import Seen
     from vsd_analytics.site.model import Calibration, Camera, Plane
@@ -147,7 +148,6 @@ def run(
     from vsd_analytics.engine.messages import frame_messages, instants_ms
     from vsd_analytics.engine.monoloco_files import read_monoloco
     from vsd_analytics.engine.people_files import read_each_once, read_people
-    from vsd_analytics.errors import UsageError
     from vsd_analytics.store.durable import publish
 
     if track and method == "paper":
@@ -216,7 +216,6 @@ def _print(done: dict[str, Any]) -> None:
 
 def _ratios(text: str, convention: str) -> Ratios:
     from vsd_analytics.engine.ratios import Ratios
-    from vsd_analytics.errors import UsageError
 
     try:
         horizontal, vertical = (float(word) for word in text.split(","))
@@ -246,7 +245,6 @@ def _calibrated(detected: DetectedPeople) -> _Parts:
     from vsd_analytics.engine.floor_method import locate
     from vsd_analytics.engine.plane_method import locate_on_planes, standing
     from vsd_analytics.engine.tracker import tracked, tracked_at
-    from vsd_analytics.errors import UsageError
 
     camera, people, picture_px = detected.camera, detected.people, detected.picture_px
     if not camera.calibrations and not camera.planes:
@@ -353,7 +351,7 @@ def _overlay(detected: DetectedPeople, parts: _Parts, *, to: Path, on: Path | No
     return {"overlay": str(to), "pictures": len(people.frames), "pictured": n_pictured}
 
 
-def _stated_error(used: Calibration) -> StatedError | None:
+def _stated_error(used: Calibration) -> LikelyCameras | None:
     from vsd_analytics.engine.people_calibration_file import read_stated_error
     from vsd_analytics.geometry.stated_errors import beside
 

@@ -123,35 +123,23 @@ def read_files(
 
 
 def _watch(project: Project, folder: Path, given: dict[str, Any], *, as_json: bool) -> int:
-    import signal
-    import threading
-    from datetime import UTC, datetime
-
+    from vsd_analytics.cli.stop_signals import stop_signals
     from vsd_analytics.live.watch import watch
 
-    stopped = threading.Event()
-
-    def clock() -> datetime:
-        return project.now if project.now_text is not None else datetime.now(tz=UTC)
-
-    before = {s: signal.signal(s, lambda *_: stopped.set()) for s in (signal.SIGTERM, signal.SIGINT)}
-    try:
+    with stop_signals() as stopped:
         project.say(f"watching {folder}; Ctrl-C ends it")
         status = watch(
             project.site,
             folder,
             ingest_options(project, given),
-            clock=clock,
+            clock=project.clock,
             sleep=stopped.wait,
             stop=stopped.is_set,
             on_source=None if project.quiet or as_json else lambda source: print_source(project, source),
             report=project.say,
         )
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
     if as_json:
-        emit_json(status.as_dict(now=clock()))
+        emit_json(status.as_dict(now=project.clock()))
     else:
         project.say(f"{count(status.n_done, 'file')} ingested, {status.n_failed:,} failed, {status.n_open:,} open")
     return 0

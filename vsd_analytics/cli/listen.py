@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.errors import LiveError, VsdError, Where
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -84,6 +85,7 @@ def listen(
     from functools import partial
 
     from vsd_analytics.cli.alarms import live_alarms
+    from vsd_analytics.cli.stop_signals import stop_signals
     from vsd_analytics.live.alone import alone
     from vsd_analytics.live.listener import Listener
     from vsd_analytics.live.mqtt import password_of, recommended_config
@@ -92,7 +94,11 @@ def listen(
         click.echo(recommended_config(_own_port(project)), nl=False)
         return 0
     broker = _broker(project, is_needed=http is None or once)
-    with alone(project.root), _Signals() as signals, live_alarms(project, clock=_clock(project)) as alarms:
+    with (
+        alone(project.root),
+        stop_signals(is_second_final=True) as stopped,
+        live_alarms(project, clock=_clock(project)) as alarms,
+    ):
         posts = None if http is None else _posts(project, http, environ=os.environ)
         listener = Listener(
             project.site,
@@ -112,7 +118,7 @@ def listen(
             alarms.delivery.publish = partial(listener.link.publish, qos=1)
         if alarms is not None:
             listener.status.alarms = alarms.as_dict
-        status = listener.run(should_stop=signals.came, is_once=once, connect_timeout_s=connect_timeout_s)
+        status = listener.run(should_stop=stopped.is_set, is_once=once, connect_timeout_s=connect_timeout_s)
     if as_json:
         emit_json(status.as_dict(now=_clock(project)()))
     else:
@@ -140,8 +146,6 @@ def _posts(project: Project, address: str, *, environ: Mapping[str, str]) -> Pos
 
 
 def _broker(project: Project, *, is_needed: bool) -> Broker | None:
-    from vsd_analytics.errors import LiveError, Where
-
     if project.site.broker is None and is_needed:
         raise LiveError(
             "vsd.toml names no broker",
@@ -154,7 +158,6 @@ def _broker(project: Project, *, is_needed: bool) -> Broker | None:
 
 def _own_port(project: Project) -> int:
     """Return the port that vsd.toml names for a broker without TLS, else the usual one; there may be no project."""
-    from vsd_analytics.errors import VsdError
     from vsd_analytics.live.mqtt import PORT
 
     try:
@@ -173,31 +176,3 @@ def _clock(project: Project) -> Callable[[], datetime]:
         return lambda: datetime.now(tz=UTC)
     start, began_s = project.now, time.monotonic()
     return lambda: start + timedelta(seconds=time.monotonic() - began_s)
-
-
-class _Signals:
-    """Notes SIGTERM and SIGINT instead of dying of them; the second one is not held back."""
-
-    def __init__(self) -> None:
-        self._has_come = False
-
-    def __enter__(self) -> _Signals:
-        import signal
-
-        self._before = {s: signal.signal(s, self._note) for s in (signal.SIGTERM, signal.SIGINT)}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        import signal
-
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def came(self) -> bool:
-        """Return whether one came."""
-        return self._has_come
-
-    def _note(self, _number: int, _frame: Any) -> None:
-        if self._has_come:
-            raise KeyboardInterrupt
-        self._has_come = True

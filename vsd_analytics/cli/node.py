@@ -10,6 +10,7 @@ import click
 from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import count, emit_json, plain
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.errors import InputError, UsageError, Where
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -57,7 +58,6 @@ def invite(project: Project, out: Path) -> None:
       vsd node invite --out join.json
     """
     from vsd_analytics.cluster.joining import invitation
-    from vsd_analytics.errors import UsageError
     from vsd_analytics.store.durable import publish
 
     if project.site.node is not None:
@@ -79,7 +79,6 @@ def join_site(project: Project, file: Path) -> None:
       vsd node join join.json
     """
     from vsd_analytics.cluster.joining import join
-    from vsd_analytics.errors import InputError, Where
 
     route, name = _route(project, is_node=True), project.site.node
     try:
@@ -110,7 +109,7 @@ def send(project: Project, every_s: float | None, as_json: bool) -> int:
     keys_of(project.site)  # a node that has not joined must not begin
 
     def one_round(stop: Callable[[], bool]) -> dict[str, Any]:
-        done = hand_on(project.site, exchange, now=_clock(project)(), stop=stop)
+        done = hand_on(project.site, exchange, now=project.clock(), stop=stop)
         return {
             "node": project.site.node,
             "written": done.n_written,
@@ -149,7 +148,7 @@ def receive(project: Project, every_s: float | None, as_json: bool) -> int:
     exchange = exchange_of(_route(project, is_node=False))
 
     def one_round(stop: Callable[[], bool]) -> dict[str, Any]:
-        return _as_dict(receive_all(project.site, exchange, now=_clock(project)(), stop=stop))
+        return _as_dict(receive_all(project.site, exchange, now=project.clock(), stop=stop))
 
     found = _rounds(project, one_round, every_s=every_s)
     if as_json:
@@ -192,8 +191,6 @@ def _print_received(found: dict[str, Any]) -> None:
 
 def _route(project: Project, *, is_node: bool) -> ExchangeRoute:
     """Return `[exchange]`, refusing a command of the other side."""
-    from vsd_analytics.errors import UsageError, Where
-
     route, where = project.site.exchange, Where(str(project.root / "vsd.toml"))
     if route is None:
         own = '\nnode = "north"' if is_node else ""
@@ -210,40 +207,28 @@ def _rounds(
     project: Project, one_round: Callable[[Callable[[], bool]], dict[str, Any]], *, every_s: float | None
 ) -> dict[str, Any]:
     """Do one round, or rounds until SIGTERM or Ctrl-C; return what the last one found."""
-    import signal
-    import threading
-
+    from vsd_analytics.cli.stop_signals import stop_signals
     from vsd_analytics.live.exchange_rounds import ONCE, keep_on, write_status
 
     if every_s is None:
         found = one_round(lambda: False)
-        write_status(project.root, found, state=ONCE, error=None, now=_clock(project)())
+        write_status(project.root, found, state=ONCE, error=None, now=project.clock())
         return found
-    stopped = threading.Event()
     last: dict[str, Any] = {}
 
-    def noted() -> dict[str, Any]:
-        last.update(one_round(stopped.is_set))
-        return dict(last)
+    with stop_signals() as stopped:
 
-    before = {s: signal.signal(s, lambda *_: stopped.set()) for s in (signal.SIGTERM, signal.SIGINT)}
-    try:
+        def noted() -> dict[str, Any]:
+            last.update(one_round(stopped.is_set))
+            return dict(last)
+
         keep_on(
             project.root,
             noted,
             every_s=every_s,
-            clock=_clock(project),
+            clock=project.clock,
             sleep=stopped.wait,
             stop=stopped.is_set,
             report=project.say,
         )
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
     return last
-
-
-def _clock(project: Project) -> Callable[[], Any]:
-    from datetime import UTC, datetime
-
-    return lambda: project.now if project.now_text is not None else datetime.now(tz=UTC)

@@ -47,6 +47,10 @@ class Project:
             return datetime.now(tz=UTC)
         return instant(self.now_text, zone="UTC", what="--now")
 
+    def clock(self) -> datetime:
+        """Return the instant of `--now`, else the machine's at each call, in UTC."""
+        return self.now if self.now_text is not None else datetime.now(tz=UTC)
+
     @cached_property
     def root(self) -> Path:
         """Return the project folder: `-C`, or the nearest one upward that holds vsd.toml."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import click
@@ -40,8 +41,6 @@ def _schema(what: str) -> dict[str, Any]:
 
         return json_and_csv.json_schema()
     if what == "config":
-        import json
-
         from vsd_analytics.config.schema import SCHEMA_FILE
 
         schema: dict[str, Any] = json.loads(SCHEMA_FILE.read_text(encoding="utf-8"))
@@ -58,6 +57,4 @@ def _schema(what: str) -> dict[str, Any]:
 
 
 def _emit_indented(value: dict[str, Any]) -> None:
-    import json
-
     click.echo(json.dumps(value, indent=2, ensure_ascii=False))

@@ -10,6 +10,7 @@ import click
 from vsd_analytics.cli.options import json_option, language_option, path_option
 from vsd_analytics.cli.output import count, emit_json, render_error
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.errors import UsageError, VsdError
 
 
 @click.group()
@@ -62,7 +63,6 @@ def build(
       vsd site build riverside harbour --out public
       vsd site build --root sites --out public
     """
-    from vsd_analytics.errors import UsageError, VsdError
     from vsd_analytics.site_index.collect_reports import gather, projects_below, sources_of, write_index
     from vsd_analytics.site_index.floor_weeks import catalogue
     from vsd_analytics.site_index.page import render_index
@@ -129,7 +129,6 @@ def write_missing_json(project: Project) -> list[Path]:
     Returns:
         The JSON files written.
     """
-    from vsd_analytics.errors import VsdError
     from vsd_analytics.site_index.read_reports import STEM, files_in, kind_of
 
     folder = project.root / "reports"

@@ -28,7 +28,7 @@ from vsd_analytics.errors import StoreError, VsdError, Where
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, durable, outbox
 from vsd_analytics.store.day_chain import read_chain
-from vsd_analytics.store.part_files import HASH_DIFFERS
+from vsd_analytics.store.part_files import damaged_segment
 from vsd_analytics.store.secrets import ClosedDays, DayKeys
 from vsd_analytics.version import VERSION
 
@@ -88,7 +88,7 @@ def hand_on(site: Site, exchange: Exchange, *, now: datetime, stop: Callable[[],
             elif name not in there:
                 data = path.read_bytes()
                 if durable.digest(data) != path.stem:
-                    refused = refused or _damaged(path)
+                    refused = refused or damaged_segment(path)
                     continue
                 exchange.add(name, data)
                 n_written += 1
@@ -141,13 +141,3 @@ def _forget(keys: DayKeys, closed: ClosedDays) -> int:
     if days or closed.days - keys.forgotten():
         keys.forget({*days, *closed.days})
     return len(days)
-
-
-def _damaged(path: Path) -> StoreError:
-    return StoreError(
-        "a file with records acknowledged earlier is damaged",
-        code="E302",
-        where=Where(str(path)),
-        why=HASH_DIFFERS,
-        fix="move it away and ingest their source again",
-    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -76,11 +77,8 @@ def _history(path: Path, *, table: TableReader, timezone: str) -> tuple[list[Cal
 
 def _calibration(table: TableReader, *, timezone: str, from_key: str, is_plane: bool = False) -> Calibration | None:
     """Return the calibration a table names by `homography` or `points`, if any."""
-
-    def instant(value: Any) -> datetime:
-        return parse_instant(value, timezone=timezone)
-
-    valid_from = table.parsed(from_key, example="2026-11-01T00:00:00+01:00", parse=instant, form=DATE)
+    parse = partial(parse_instant, timezone=timezone)
+    valid_from = table.parsed(from_key, example="2026-11-01T00:00:00+01:00", parse=parse, form=DATE)
     make = f"take this line out and make it: vsd calibrate {table.values.get('id', 'CAMERA')} --points FILE.csv"
     files = {
         kind: table.file(kind, example=example, fix=None if is_plane else make) for kind, example in _KINDS.items()

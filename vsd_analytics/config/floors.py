@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from datetime import date, datetime, time
+from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 from zoneinfo import ZoneInfo
 
 from vsd_analytics.config.calibrations import read_calibrations, view_of_planes
@@ -149,14 +150,9 @@ def _check_queue(table: TableReader, areas: Mapping[str, Area]) -> None:
         table.fault("served_in", f"{table.label} has served_in but is no queue", fix="add: queue = true")
     elif end is None or end is own or end.floor_id != own.floor_id:
         others = [a.area_id for a in areas.values() if a is not own and a.floor_id == own.floor_id]
-        close = nearest(own.served_in, others)
-        table.fault(
-            "served_in",
-            f"{table.label} is served in {own.served_in!r}, which is no other area of its floor",
-            code="E125",
-            note=f"did you mean {close}?" if close else None,
-            fix=f'served_in = "{close}"' if close else "describe the place of service, such as a till, with [[area]]",
-        )
+        what = f"is served in {own.served_in!r}, which is no other area of its floor"
+        instead = "describe the place of service, such as a till, with [[area]]"
+        table.unknown("served_in", what, nearest(own.served_in, others), instead=instead)
 
 
 def read_fixtures(root: TableReader, *, floors: Mapping[str, Floor], timezone: str) -> tuple[Fixture, ...]:
@@ -200,13 +196,8 @@ def read_fixtures(root: TableReader, *, floors: Mapping[str, Floor], timezone: s
 
 def _dates(table: TableReader, *, timezone: str) -> tuple[datetime | None, datetime | None]:
     """Return the UTC instants `from` which and `to` which something is there; a date is its midnight."""
-
-    def instant(value: Any) -> datetime:
-        return parse_instant(value, timezone=timezone)
-
-    since, until = (
-        table.parsed(key, example="2026-11-09T06:30:00+01:00", parse=instant, form=DATE) for key in ("from", "to")
-    )
+    parse, example = partial(parse_instant, timezone=timezone), "2026-11-09T06:30:00+01:00"
+    since, until = (table.parsed(key, example=example, parse=parse, form=DATE) for key in ("from", "to"))
     if since is not None and until is not None and until <= since:
         table.fault("to", f"{table.label} ends before it begins", code="E125", fix="give a later to, or leave it out")
         return None, None
@@ -264,14 +255,9 @@ def _floor(table: TableReader, floors: Mapping[str, Floor]) -> str:
             table.missing("floor", f'"{only}"', why=f"the site has {len(floors)} floors")
         return only
     if value not in floors:
-        close = nearest(value, floors)
-        table.fault(
-            "floor",
-            f"{table.label} is on floor {value!r}, which is not described",
-            code="E125",
-            note=f"did you mean {close}?" if close else None,
-            fix=f'floor = "{close}"' if close else f"known floors: {', '.join(floors)}; or describe it with [[floor]]",
-        )
+        instead = f"known floors: {', '.join(floors)}; or describe it with [[floor]]"
+        what = f"is on floor {value!r}, which is not described"
+        table.unknown("floor", what, nearest(value, floors), instead=instead)
         return only
     return value
 

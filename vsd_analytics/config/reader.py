@@ -144,24 +144,35 @@ class TableReader:
     def wrong_type(self, key: str, expected: str, example: str) -> None:
         """Note that a value is of another kind."""
         found = _kind(self.values[key])
-        self.fault(key, f"{self.label} {key} must be {expected}, not {found}", fix=f"write it as: {key} = {example}")
+        self.refuse(key, f"must be {expected}, not {found}", example)
+
+    def refuse(self, key: str, what: str, example: str, *, code: str = "E124") -> None:
+        """Note what a value must be, or is, and how it is written."""
+        self.fault(key, f"{self.label} {key} {what}", code=code, fix=f"write it as: {key} = {example}")
+
+    def unknown(self, key: str, what: str, close: str | None, *, instead: str | None, code: str = "E125") -> None:
+        """Note a value that names nothing there is; `close` is what may have been meant, `instead` helps without it."""
+        note, fix = (f"did you mean {close}?", f'{key} = "{close}"') if close else (None, instead)
+        self.fault(key, f"{self.label} {what}", code=code, note=note, fix=fix)
+
+    def _typed(self, key: str, form: Form, is_right: Callable[[Any], bool], expected: str, example: str | None) -> Any:
+        """Return a value of the kind that `is_right` knows; None when there is none, or it is of another kind."""
+        value = self.raw(key, form, example=example)
+        if value is None or is_right(value):
+            return value
+        self.wrong_type(key, expected, example or "true")
+        return None
 
     def text(self, key: str, *, example: str, required: bool = False) -> str | None:
         """Return a text that is not empty."""
-        value = self.raw(key, {"type": "string", "minLength": 1, "maxLength": NAME_MAX_CHARS}, example=example)
+        form = {"type": "string", "minLength": 1, "maxLength": NAME_MAX_CHARS}
+        value: str | None = self._typed(key, form, lambda v: isinstance(v, str), "a text in quotes", example)
         if value is None:
-            if required:
+            if required and key not in self.values:
                 self.missing(key, example)
             return None
-        if not isinstance(value, str):
-            self.wrong_type(key, "a text in quotes", example)
-            return None
         if not value.strip() or len(value) > NAME_MAX_CHARS or CONTROL.search(value) or "\t" in value:
-            self.fault(
-                key,
-                f"{self.label} {key} must be one line of 1 to {NAME_MAX_CHARS} characters",
-                fix=f"write it as: {key} = {example}",
-            )
+            self.refuse(key, f"must be one line of 1 to {NAME_MAX_CHARS} characters", example)
             return None
         return value
 
@@ -175,25 +186,17 @@ class TableReader:
             if value == word:
                 return word
         if value is not None:
-            close = nearest(value, words)
-            self.fault(
-                key,
-                f"{self.label} {key} {value!r} is not one of {', '.join(words)}",
-                note=f"did you mean {close}?" if close else None,
-                fix=f'{key} = "{close or fix}"' if close or fix else None,
-            )
+            what, instead = f"{key} {value!r} is not one of {', '.join(words)}", f'{key} = "{fix}"' if fix else None
+            self.unknown(key, what, nearest(value, words), instead=instead, code="E124")
         return None
 
     def id(self, key: str, *, example: str) -> str | None:
         """Return an identifier: lower-case letters, digits, - and _, at most 63."""
-        value = self.raw(key, {"type": "string", "pattern": f"^{ID_PATTERN}$"}, example=example)
-        if value is None:
+        form = {"type": "string", "pattern": f"^{ID_PATTERN}$"}
+        value: str | None = self._typed(key, form, lambda v: isinstance(v, str), "a text in quotes", example)
+        if key not in self.values:
             self.missing(key, example)
-            return None
-        if not isinstance(value, str):
-            self.wrong_type(key, "a text in quotes", example)
-            return None
-        if not re.fullmatch(ID_PATTERN, value):
+        if value is not None and not re.fullmatch(ID_PATTERN, value):
             self.fault(
                 key,
                 f"{value!r} cannot be an id",
@@ -209,67 +212,38 @@ class TableReader:
     ) -> float | int | None:
         """Return a finite number within [minimum, maximum]."""
         form = {"type": "integer" if whole else "number", "minimum": minimum, "maximum": maximum}
-        value = self.raw(key, form, example=example)
-        if value is None:
-            return None
-        if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)):
-            self.wrong_type(key, "a whole number" if whole else "a number", example)
-            return None
-        if not (math.isfinite(value) and minimum <= value <= maximum):
-            span = (
-                f"{minimum:,.10g} to {maximum:,.10g} {unit}".rstrip()
-                if minimum < maximum
-                else f"{minimum:,.10g} {unit}".rstrip()
-            )
-            self.fault(key, f"{self.label} {key} = {value} is outside {span}", fix=f"write it as: {key} = {example}")
+        kinds = (int,) if whole else (int, float)
+        expected = "a whole number" if whole else "a number"
+        value: float | int | None = self._typed(key, form, lambda v: type(v) in kinds, expected, example)
+        if value is not None and not (math.isfinite(value) and minimum <= value <= maximum):
+            span = f"{minimum:,.10g} to {maximum:,.10g}" if minimum < maximum else f"{minimum:,.10g}"
+            self.refuse(key, f"= {value} is outside {f'{span} {unit}'.rstrip()}", example)
             return None
         return value
 
     def flag(self, key: str) -> bool | None:
         """Return true or false."""
-        value = self.raw(key, {"type": "boolean"})
-        if value is None or isinstance(value, bool):
-            return value
-        self.wrong_type(key, "true or false", "true")
-        return None
+        value: bool | None = self._typed(key, {"type": "boolean"}, lambda v: isinstance(v, bool), "true or false", None)
+        return value
 
     def points(self, key: str, *, least: int, example: str) -> tuple[tuple[float, float], ...] | None:
         """Return a list of at least `least` finite [x, y]."""
-        value = self.raw(key, {"type": "array", "items": _numbers(2), "minItems": least}, example=example)
-        if value is None:
+        form = {"type": "array", "items": _numbers(2), "minItems": least}
+        value = self._typed(key, form, lambda v: _is_list(v, _is_pair), "a list of [x, y] in metres", example)
+        if value is not None and len(value) < least:
+            self.refuse(key, f"has {len(value)} points, needs at least {least}", example, code="E128")
             return None
-        if not (isinstance(value, list) and all(_is_numbers(p, 2) for p in value)):
-            self.wrong_type(key, "a list of [x, y] in metres", example)
-            return None
-        if len(value) < least:
-            self.fault(
-                key,
-                f"{self.label} {key} has {len(value)} points, needs at least {least}",
-                code="E128",
-                fix=f"write it as: {key} = {example}",
-            )
-            return None
-        return tuple((float(x), float(y)) for x, y in value)
+        return None if value is None else tuple((float(x), float(y)) for x, y in value)
 
     def pair(self, key: str, *, example: str) -> tuple[float, float] | None:
         """Return two finite numbers."""
-        value = self.raw(key, _numbers(2), example=example)
-        if value is None:
-            return None
-        if not _is_numbers(value, 2):
-            self.wrong_type(key, "two numbers", example)
-            return None
-        return float(value[0]), float(value[1])
+        value = self._typed(key, _numbers(2), _is_pair, "two numbers", example)
+        return None if value is None else (float(value[0]), float(value[1]))
 
     def texts(self, key: str, *, example: str) -> tuple[str, ...]:
         """Return a list of texts; () when absent."""
-        value = self.raw(key, {"type": "array", "items": {"type": "string", "minLength": 1}}, example=example)
-        if value is None:
-            return ()
-        if not (isinstance(value, list) and all(isinstance(v, str) and v for v in value)):
-            self.wrong_type(key, "a list of texts", example)
-            return ()
-        return tuple(value)
+        form = {"type": "array", "items": {"type": "string", "minLength": 1}}
+        return tuple(self._typed(key, form, lambda v: _is_list(v, _is_word), "a list of texts", example) or ())
 
     def table(self, key: str, *, example: str, form: Form) -> dict[str, Any]:
         """Return a table inside this one; {} when absent.
@@ -279,13 +253,7 @@ class TableReader:
             example: Such a table as TOML.
             form: What its keys and values may be.
         """
-        value = self.raw(key, {"type": "object", **form}, example=example)
-        if value is None:
-            return {}
-        if not isinstance(value, dict):
-            self.wrong_type(key, "a table", example)
-            return {}
-        return value
+        return self._typed(key, {"type": "object", **form}, lambda v: isinstance(v, dict), "a table", example) or {}
 
     def inner(self, key: str) -> TableReader:
         """Return a reader of the table `[key]`; empty when absent."""
@@ -362,12 +330,16 @@ def _numbers(count: int) -> Form:
     return {"type": "array", "items": _NUMBER, "minItems": count, "maxItems": count}
 
 
-def _is_numbers(value: Any, count: int) -> bool:
-    return (
-        isinstance(value, list)
-        and len(value) == count
-        and all(type(v) in (int, float) and math.isfinite(v) for v in value)
-    )
+def _is_list(value: Any, is_right: Callable[[Any], bool]) -> bool:
+    return isinstance(value, list) and all(map(is_right, value))
+
+
+def _is_word(value: Any) -> bool:
+    return isinstance(value, str) and value != ""
+
+
+def _is_pair(value: Any) -> bool:
+    return _is_list(value, lambda v: type(v) in (int, float) and math.isfinite(v)) and len(value) == 2
 
 
 def _kind(value: Any) -> str:

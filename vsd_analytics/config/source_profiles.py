@@ -151,14 +151,9 @@ def _camera(table: TableReader, names: Collection[str]) -> str | None:
     value = table.text("camera", example='"cam-1"')
     if value is None or value in names:
         return value
-    close = difflib.get_close_matches(value, sorted(names), n=1)
-    table.fault(
-        "camera",
-        f"{table.label} camera: there is no [[camera]] {value!r}",
-        code="E125",
-        note=f"did you mean {close[0]}?" if close else None,
-        fix=f'camera = "{close[0]}"' if close else "name a camera of this file, or add a [[camera]]",
-    )
+    close = next(iter(difflib.get_close_matches(value, sorted(names), n=1)), None)
+    what, instead = f"camera: there is no [[camera]] {value!r}", "name a camera of this file, or add a [[camera]]"
+    table.unknown("camera", what, close, instead=instead)
     return None
 
 
@@ -220,8 +215,7 @@ def _time_format(table: TableReader) -> str | None:
         return None
     directives = re.findall(r"%(.?)", value)
     if not set(directives) <= _DIRECTIVES or not _DAYS & set(directives):
-        fix = f"write it as: time_format = {example}"
-        table.fault("time_format", f"{table.label} time_format {value!r} is no format of a date and time", fix=fix)
+        table.refuse("time_format", f"{value!r} is no format of a date and time", example)
         return None
     return value
 

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from vsd_analytics.engine.people import N_JOINTS, People
+from vsd_analytics.engine.people import N_JOINTS, People, unusable
 from vsd_analytics.errors import InputError, Where
 
 if TYPE_CHECKING:
@@ -30,8 +31,6 @@ def read_table(path: Path, *, needed: tuple[str, ...]) -> pd.DataFrame:
     Raises:
         InputError: It cannot be read (E205) or lacks a column (E203).
     """
-    import pandas as pd
-
     try:
         table = pd.read_csv(path, dtype=str, keep_default_na=False, encoding="utf-8-sig", on_bad_lines="skip")
     except (OSError, ValueError, EOFError) as error:
@@ -56,15 +55,11 @@ def read_table(path: Path, *, needed: tuple[str, ...]) -> pd.DataFrame:
 
 def numbers(column: pd.Series) -> NDArray[np.float64]:
     """Return a column of text as numbers, NaN where it is none."""
-    import pandas as pd
-
     return np.asarray(pd.to_numeric(column, errors="coerce"), dtype=np.float64)
 
 
 def instants_ms(column: pd.Series) -> NDArray[np.float64]:
     """Return a column of instants as UTC milliseconds, NaN where it is none; ISO 8601 without an offset is UTC."""
-    import pandas as pd
-
     plain = numbers(column)
     if np.isfinite(plain).any():
         return np.asarray(np.round(np.where(plain >= EPOCH_MS_FROM, plain, plain * 1000)), dtype=np.float64)
@@ -106,10 +101,9 @@ def read_boxes(path: Path) -> People:
     bad = Counter({why: int(rows.sum()) for why, rows in named.items() if rows.any()})
     usable = np.flatnonzero(~(no_time | no_number | empty))
     if not len(usable):
-        raise InputError(
+        raise unusable(
+            path,
             f"{path.name} has no usable box",
-            code="E202",
-            where=Where(str(path)),
             why="; ".join(f"{n:,} rows: {why}" for why, n in bad.items()) or "it has a header and no rows",
             fix="left, top, right, bottom are pixels, right and down; right > left and bottom > top",
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -82,6 +83,25 @@ def distance_sd_m(homography: Array, cameras: Array, a: Array, b: Array, *, pict
     along = apart / np.maximum(np.linalg.norm(apart, axis=1), 1e-6)[:, None]
     feet = sum(foot_covariance(homography, uv, picture_px=picture_px) for uv in (a, b))
     return np.asarray(np.sqrt(camera_sd_m(cameras, a, b) ** 2 + np.einsum("ni,nij,nj->n", along, feet, along)))
+
+
+@dataclass(frozen=True, slots=True)
+class LikelyCameras:
+    """What is needed to say how uncertain a distance is.
+
+    Attributes:
+        homography: The one in force, 3x3.
+        likely: Homographies of other cameras that explain the people as well, shape (m, 3, 3).
+        size_px: Width and height of the picture.
+    """
+
+    homography: Array
+    likely: Array
+    size_px: tuple[int, int]
+
+    def distance_sd_m(self, a: Array, b: Array) -> Array:
+        """Return the sd of the distances between foot points a and b, pixels, shape (n, 2)."""
+        return distance_sd_m(self.homography, self.likely, a, b, picture_px=self.size_px)
 
 
 def error_map(homography: Array, cameras: Array, uv: Array, *, picture_px: tuple[int, int]) -> Array:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vsd_analytics.engine.calibration_error import LikelyCameras
 from vsd_analytics.engine.floor_points import floor_points
 from vsd_analytics.engine.joint_places import has_feet
 from vsd_analytics.engine.people import People
-from vsd_analytics.engine.people_calibration_file import StatedError
 from vsd_analytics.engine.safe_space import SafeSpaces, pairs_of_frames
 from vsd_analytics.engine.seen import Seen
 from vsd_analytics.geometry.homography import as_matrix, to_floor
@@ -22,7 +22,7 @@ def locate(
     within_m: float,
     distance_m: float = 2.0,
     name: str,
-    error: StatedError | None = None,
+    error: LikelyCameras | None = None,
 ) -> Seen:
     """Return where people are on the floor, and the pairs nearer than a distance.
 

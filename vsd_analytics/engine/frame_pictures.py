@@ -11,10 +11,11 @@ import re
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.engine.people import People
+from vsd_analytics.engine.people import People, unusable
 from vsd_analytics.errors import InputError, Where
 
 Picture = NDArray[np.uint8]
@@ -60,10 +61,9 @@ class PictureFolder:
             if frame is None:
                 continue
             if frame in self._files:
-                raise InputError(
+                raise unusable(
+                    folder,
                     f"two pictures in {folder} belong to one frame: {self._files[frame].name} and {path.name}",
-                    code="E202",
-                    where=Where(str(folder)),
                     fix="the last number in a name is that of the frame; give a folder with the pictures of one camera",
                 )
             self._files[frame] = path
@@ -73,8 +73,6 @@ class PictureFolder:
 
     def of_frame(self, frame: int) -> Picture | None:
         """Return the picture of a frame as it is stored; None without a file, or where it cannot be read."""
-        import cv2
-
         path = self._files.get(frame)
         if path is None:
             return None
@@ -95,8 +93,6 @@ class VideoPictures:
     """
 
     def __init__(self, path: Path, people: People) -> None:
-        import cv2
-
         self._video = cv2.VideoCapture(str(path))
         if not self._video.isOpened():
             fix = "give a video that OpenCV reads, or a folder of pictures"
@@ -149,16 +145,13 @@ def fitted(picture: Picture, size_px: tuple[int, int], *, source: Path) -> Pictu
     Raises:
         InputError: It has other proportions (E202).
     """
-    import cv2
-
     height, width = picture.shape[:2]
     if (width, height) == size_px:
         return picture
     if abs(width * size_px[1] / (height * size_px[0]) - 1) > SAME_SHAPE:
-        raise InputError(
+        raise unusable(
+            source,
             f"the pictures of {source.name} are {width}x{height} pixels, and people are in {size_px[0]}x{size_px[1]}",
-            code="E202",
-            where=Where(str(source)),
             why="the proportions differ, so people would be drawn in the wrong places",
             fix="give the pictures that the detector saw, or --size",
         )
@@ -176,10 +169,9 @@ def _frames_by_number(people: People) -> dict[int, int]:
 def _none_fits(source: Path, what: str, people: People) -> InputError:
     numbers = people.frames if people.ts_ms is None else people.ts_ms
     span = f"{numbers[0]} to {numbers[-1]}" if len(numbers) else "by nothing"
-    return InputError(
+    return unusable(
+        source,
         f"no picture of {source.name} belongs to a frame",
-        code="E202",
-        where=Where(str(source)),
         why=f"{what} {span}",
         fix="the last number in a picture's name must be that of its frame",
     )

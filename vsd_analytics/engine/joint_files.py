@@ -8,13 +8,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from vsd_analytics.engine.people import N_JOINTS, Array, People, PeopleRows, from_body_25b, is_body_25b, joints_of
+from vsd_analytics.engine.people import Array, People, PeopleRows, joints_of, unusable
 from vsd_analytics.errors import InputError, Where
 
 LARGEST_FRAME = 2**62
@@ -69,10 +68,9 @@ def frame_numbers(folder: Path) -> dict[str, int]:
         if number is None:
             continue
         if number in names:
-            raise InputError(
+            raise unusable(
+                folder,
                 f"two files of {folder.name} are frame {number}",
-                code="E202",
-                where=Where(str(folder)),
                 why=f"the last number in a name is the frame's: {names[number]} and {path.name}",
                 fix="give each video a folder of its own",
             )
@@ -117,30 +115,25 @@ def _checked(rows: PeopleRows, path: Path) -> People:
         listed = "; ".join(f"{n:,}: {why}" for why, n in rows.bad.items()) or "it lists nobody"
         below = sorted(f.name for f in path.iterdir() if f.is_dir() and any(f.glob("*.json"))) if path.is_dir() else []
         if below:
-            raise InputError(
+            raise unusable(
+                path,
                 f"{path.name} has no JSON files, but folders with JSON files",
-                code="E202",
-                where=Where(str(path)),
                 why=f"one folder is one camera: {', '.join(below[:5])}",
                 fix=f"give one of them: {path / below[0]}",
             )
-        raise InputError(
+        raise unusable(
+            path,
             f"{path.name} has no person with joints",
-            code="E202",
-            where=Where(str(path)),
             why=listed,
             fix="give an OpenPose --write_json folder, a COCO, AlphaPose, mmpose or openpifpaf JSON file, or a CSV of "
             "boxes",
         )
     people = rows.people()
-    if rows.n_joints == {N_JOINTS} and is_body_25b(people.joints):
-        people = replace(people, joints=from_body_25b(people.joints))
     known = people.joints[np.isfinite(people.joints)]
     if len(known) and np.abs(known).max() < NORMALISED_BELOW:
-        raise InputError(
+        raise unusable(
+            path,
             f"the joints of {path.name} are no pixels",
-            code="E202",
-            where=Where(str(path)),
             why="all coordinates are shares of the picture",
             fix="run the detector with pixels, such as OpenPose's --keypoint_scale 0",
         )
@@ -197,20 +190,14 @@ def _add(rows: PeopleRows, persons: Iterator[tuple[int | None, Any]]) -> None:
             box = _box(person)
             joints = joints_of(points, confidence)
         except (TypeError, ValueError, KeyError, IndexError, StopIteration):
-            _skip(rows, number, "person whose joints are no numbers")
+            rows.skip(number, "person whose joints are no numbers")
             continue
         if joints is None and len(points):
-            _skip(rows, number, f"skeleton of {len(points)} joints, which is not known")
+            rows.skip(number, f"skeleton of {len(points)} joints, which is not known")
             continue
         rows.add(number, track=_track(person), box=box, joints=joints)
         if joints is not None:
             rows.n_joints.add(len(points))
-
-
-def _skip(rows: PeopleRows, number: int, why: str) -> None:
-    rows.bad[why] += 1
-    if rows.keeps_empty:
-        rows.add_empty(number)
 
 
 def _points(person: Mapping[str, Any]) -> tuple[Array, Array]:

@@ -14,8 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from vsd_analytics.engine.people import Array, People, PeopleRows, joints_of
-from vsd_analytics.errors import InputError, Where
+from vsd_analytics.engine.people import Array, People, PeopleRows, joints_of, unusable
 
 SUFFIX: Final = ".monoloco.json"
 _XYZ, _ALEATORIC, _TOTAL, _SOCIAL = ("xyz_pred", "xyz"), "stds_ale", "stds_epi", "social_distance"
@@ -81,10 +80,9 @@ def read_monoloco(folder: Path) -> MonolocoPeople:
                 numbers.append(own)
     if not rows.frame:
         listed = "; ".join(f"{n:,}: {why}" for why, n in rows.bad.items()) or "its files list nobody"
-        raise InputError(
+        raise unusable(
+            folder,
             f"{folder.name} has no person of Monoloco",
-            code="E202",
-            where=Where(str(folder)),
             why=listed,
             fix=f"give the folder that Monoloco's predict wrote its *{SUFFIX} files to (--output_types json)",
         )

@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -79,8 +80,6 @@ def write_overlay(
         UsageError: A picture is there already (E101); nothing is written then.
         InputError: The camera's pictures have other proportions (E202).
     """
-    import cv2
-
     refuse_existing(folder, overlay_names(parts))
     folder.mkdir(parents=True, exist_ok=True)
     names, n_pictured = iter(overlay_names(parts)), 0
@@ -154,8 +153,6 @@ def _ground(size_px: tuple[int, int]) -> Picture:
 
 def _safe_spaces(canvas: Picture, rings: list[Array], *, is_close: bool, scale: float) -> Picture:
     """Fill ellipses translucently; hatch and outline those of people too close, dash the outline of the others."""
-    import cv2
-
     shapes = [ring for ring in (_drawable(ring, canvas) for ring in rings) if len(ring) > 2]
     if not shapes:
         return canvas
@@ -183,8 +180,6 @@ def _dashes(ring: Array) -> list[Array]:
 
 
 def _person(canvas: Picture, seen: Seen, row: int, colour: tuple[int, int, int], *, scale: float) -> None:
-    import cv2
-
     joints = seen.people.joints[row]
     is_known = np.isfinite(joints).all(axis=1)
     if is_known.any():
@@ -205,8 +200,6 @@ def _person(canvas: Picture, seen: Seen, row: int, colour: tuple[int, int, int],
 
 def _line(canvas: Picture, seen: Seen, pair: int, *, look: OverlayLook, scale: float) -> None:
     """Draw a line between the feet of two people too close, with their distance; `~` where it is approximate."""
-    import cv2
-
     ends = seen.uv[[seen.a[pair], seen.b[pair]]]
     if not np.isfinite(ends).all():
         return
@@ -245,8 +238,6 @@ def _plate(
     is_left: bool = False,
 ) -> None:
     """Write a text in white on a plate of colour, around a point or right of it, inside the picture."""
-    import cv2
-
     height, width = canvas.shape[:2]
     font, scale, weight = cv2.FONT_HERSHEY_DUPLEX, size / 30, max(1, round(size / 20))
     (wide, tall), _ = cv2.getTextSize(text, font, scale, weight)

@@ -9,10 +9,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from vsd_analytics.errors import InputError, Where
 
 Array = NDArray[np.float64]
 
@@ -44,6 +47,11 @@ SKELETONS: Final[Mapping[int, tuple[int, ...]]] = {
     136: HALPE_26,  # HALPE whole body
 }
 """Order of joints by their number."""
+
+
+def unusable(path: Path, what: str, *, fix: str, why: str | None = None) -> InputError:
+    """Return the error (E202) of a file or folder that can be read but not used, as `what` says."""
+    return InputError(what, code="E202", where=Where(str(path)), why=why, fix=fix)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,14 +96,8 @@ class People:
 
     def rows(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> People:
         """Return some of the persons, over the same frames."""
-        return People(
-            self.frame[chosen],
-            self.track[chosen],
-            self.box[chosen],
-            self.joints[chosen],
-            self.frames,
-            self.ts_ms,
-            self.bad,
+        return replace(
+            self, frame=self.frame[chosen], track=self.track[chosen], box=self.box[chosen], joints=self.joints[chosen]
         )
 
     def between(self, first_ms: int | None, end_ms: int | None) -> People:
@@ -178,34 +180,36 @@ class PeopleRows:
         """Add a person; one without a usable box or joint is counted as bad."""
         usable_box = box is not None and bool(np.isfinite(box).all()) and box[2] > box[0] and box[3] > box[1]
         if not usable_box and (joints is None or not np.isfinite(joints).any()):
-            self.bad["neither a box nor a joint"] += 1
-            if self.keeps_empty:
-                self.add_empty(frame)
+            self.skip(frame, "neither a box nor a joint")
             return
-        self.frame.append(frame)
-        self.track.append(None if track is None else str(track))
-        self.box.append(box if usable_box and box is not None else (np.nan,) * 4)
-        self.joints.append(np.full((N_JOINTS, 2), np.nan) if joints is None else joints)
+        self._append(frame, None if track is None else str(track), box if usable_box else None, joints)
 
-    def add_empty(self, frame: int) -> None:
-        """Add a row for a person without box and joints."""
+    def skip(self, frame: int, why: str) -> None:
+        """Count a person as bad; with `keeps_empty`, add a row without box and joints."""
+        self.bad[why] += 1
+        if self.keeps_empty:
+            self._append(frame, None, None, None)
+
+    def _append(self, frame: int, track: str | None, box: Sequence[float] | None, joints: Array | None) -> None:
         self.frame.append(frame)
-        self.track.append(None)
-        self.box.append((np.nan,) * 4)
-        self.joints.append(np.full((N_JOINTS, 2), np.nan))
+        self.track.append(track)
+        self.box.append((np.nan,) * 4 if box is None else box)
+        self.joints.append(np.full((N_JOINTS, 2), np.nan) if joints is None else joints)
 
     def people(self) -> People:
         """Return what was added, in order of frames."""
         order = np.argsort(np.array(self.frame, dtype=np.int64), kind="stable")
         if self._one_id_for_everybody() or self._ids_are_places():
             self.track = [None] * len(self.track)
+        joints = np.array(self.joints, dtype=np.float64).reshape(-1, N_JOINTS, 2)
+        is_other_25 = self.n_joints == {N_JOINTS} and is_body_25b(joints)
         track = np.empty(len(order), dtype=object)
         track[:] = self.track
         return People(
             frame=np.array(self.frame, dtype=np.int64)[order],
             track=track[order],
             box=np.array(self.box, dtype=np.float64).reshape(-1, 4)[order],
-            joints=np.array(self.joints, dtype=np.float64).reshape(-1, N_JOINTS, 2)[order],
+            joints=(from_body_25b(joints) if is_other_25 else joints)[order],
             frames=np.array(sorted(self.frames | set(self.frame)), dtype=np.int64),
             bad=dict(self.bad),
         )

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.engine.calibration_error import PROBE_M, distance_sd_m, error_map, likely_cameras, view_map
+from vsd_analytics.engine.calibration_error import PROBE_M, LikelyCameras, error_map, likely_cameras, view_map
 from vsd_analytics.engine.calibration_fit import DEPTH, Fitted, camera_of, fit_camera, heights_m
 from vsd_analytics.engine.camera_model import CameraModel
 from vsd_analytics.engine.camera_moves import Turn, usual_turn
@@ -33,14 +33,11 @@ MAX_ERROR: Final = 0.30
 
 
 @dataclass(frozen=True, slots=True)
-class FromPeople:
-    """A camera found from the people it sees.
+class FromPeople(LikelyCameras):
+    """A camera found from the people it sees: the origin is below it, x runs right and y ahead.
 
     Attributes:
         camera: The camera.
-        homography: 3x3, pixels to floor metres; the origin is below the camera, x runs right and y ahead.
-        likely: Homographies of other cameras that explain the people as well, shape (m, 3, 3).
-        size_px: Width and height of the picture.
         n_rows: Whole upright people in all frames.
         n_people: Persons by track id; None without tracks.
         n_walkers: Persons whose speeds took part.
@@ -55,9 +52,6 @@ class FromPeople:
     """
 
     camera: CameraModel
-    homography: Array
-    likely: Array
-    size_px: tuple[int, int]
     n_rows: int
     n_people: int | None
     n_walkers: int
@@ -68,10 +62,6 @@ class FromPeople:
     usual_turn: Turn
     map: Array
     view_map: Array
-
-    def distance_sd_m(self, a: Array, b: Array) -> Array:
-        """Return the sd of the distances between foot points a and b, pixels, shape (n, 2)."""
-        return distance_sd_m(self.homography, self.likely, a, b, picture_px=self.size_px)
 
 
 def calibrate_from_people(people: People, *, size_px: tuple[int, int]) -> FromPeople:

@@ -8,32 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from vsd_analytics.engine.calibration_error import distance_sd_m
+from vsd_analytics.engine.calibration_error import LikelyCameras
 from vsd_analytics.engine.camera_model import CameraModel
 from vsd_analytics.engine.camera_moves import Turn
-from vsd_analytics.engine.people import Array
 from vsd_analytics.engine.people_calibration import FromPeople
 from vsd_analytics.geometry.stated_errors import read_content
 from vsd_analytics.store.durable import publish
-
-
-@dataclass(frozen=True, slots=True)
-class StatedError:
-    """What is needed to say how uncertain a distance is.
-
-    Attributes:
-        homography: The one in force, 3x3.
-        likely: Homographies of other cameras that explain the people as well, shape (m, 3, 3).
-        size_px: Width and height of the picture.
-    """
-
-    homography: Array
-    likely: Array
-    size_px: tuple[int, int]
-
-    def distance_sd_m(self, a: Array, b: Array) -> Array:
-        """Return the sd of the distances between foot points a and b, pixels, shape (n, 2)."""
-        return distance_sd_m(self.homography, self.likely, a, b, picture_px=self.size_px)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +58,7 @@ def write_stated_error(path: Path, found: FromPeople, *, calibration_id: str) ->
     publish(path, json.dumps(content).encode() + b"\n")
 
 
-def read_stated_error(path: Path, *, calibration_id: str) -> StatedError | None:
+def read_stated_error(path: Path, *, calibration_id: str) -> LikelyCameras | None:
     """Return the error that belongs to a matrix; None without a file, or when it belongs to another matrix."""
     content = read_content(path, calibration_id=calibration_id)
     try:
@@ -86,7 +66,7 @@ def read_stated_error(path: Path, *, calibration_id: str) -> StatedError | None:
         width, height = (int(side) for side in content["size_px"])
     except (ValueError, KeyError, TypeError):
         return None
-    return StatedError(homography.reshape(3, 3), likely.reshape(-1, 3, 3), (width, height))
+    return LikelyCameras(homography.reshape(3, 3), likely.reshape(-1, 3, 3), (width, height))
 
 
 def read_stated_camera(path: Path, *, calibration_id: str) -> StatedCamera | None:

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.engine.body import feet
+from vsd_analytics.engine.calibration_error import LikelyCameras
 from vsd_analytics.engine.floor_points import floor_points
 from vsd_analytics.engine.people import Array, People
-from vsd_analytics.engine.people_calibration_file import StatedError
 from vsd_analytics.engine.safe_space import SafeSpaces, pairs_of_frames
 from vsd_analytics.engine.seen import Seen
 from vsd_analytics.geometry.homography import as_matrix, to_floor
@@ -119,7 +119,7 @@ def locate_on_planes(
     picture_px: tuple[int, int] | None,
     within_m: float,
     distance_m: float = 2.0,
-    stated_error: Callable[[Calibration], StatedError | None] = lambda _: None,
+    stated_error: Callable[[Calibration], LikelyCameras | None] = lambda _: None,
 ) -> Seen:
     """Return where people are on the floor plan, and the pairs nearer than a distance.
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from vsd_analytics.engine.body import is_valid
 from vsd_analytics.engine.doubles import without_doubles
 from vsd_analytics.engine.joint_files import frame_numbers, read_joint_folder
-from vsd_analytics.engine.people import Array, People
+from vsd_analytics.engine.people import Array, People, unusable
 from vsd_analytics.engine.ratio_search import Labelled
 from vsd_analytics.errors import InputError, UsageError, Where
 from vsd_analytics.geometry.picture_size import picture_size
@@ -72,11 +72,8 @@ def read_sequences(folder: Path, *, size_px: tuple[int, int] | None = None) -> l
         if joints.is_dir()
     ]
     if not found:
-        raise InputError(
-            f"{folder.name} has no sequence",
-            code="E202",
-            where=Where(str(folder)),
-            fix="give a folder with Images, HumanJoints and Annotations",
+        raise unusable(
+            folder, f"{folder.name} has no sequence", fix="give a folder with Images, HumanJoints and Annotations"
         )
     return found
 
@@ -102,10 +99,9 @@ def _sequence(data_set: Path, joints: Path, size_px: tuple[int, int] | None) -> 
     frames = _annotation(path)
     number_of = _frames_of(people, frame_numbers(joints), [image.stem for image in images], frames)
     if not number_of:
-        raise InputError(
+        raise unusable(
+            path,
             f"no frame of {path.name} has a file of joints",
-            code="E202",
-            where=Where(str(path)),
             why=f"it has frames such as {next(iter(frames), 'none')!r}",
             fix="name frames by their place in the order with six digits, or like their images",
         )

@@ -76,14 +76,8 @@ class Sightings:
 
     def rows(self, chosen: NDArray[np.intp]) -> Sightings:
         """Return some of the rows."""
-        return Sightings(
-            self.body,
-            self.low[chosen],
-            self.high[chosen],
-            self.has_lean,
-            self.who[chosen],
-            self.frame[chosen],
-            self.has_tracks,
+        return replace(
+            self, low=self.low[chosen], high=self.high[chosen], who=self.who[chosen], frame=self.frame[chosen]
         )
 
 

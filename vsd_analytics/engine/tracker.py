@@ -7,6 +7,7 @@ and leave, and how they walk (`floor_sightings`). Then it looks for more likely 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -81,7 +82,7 @@ def with_ids(people: People, numbers: NDArray[np.int64], *, ts_ms: NDArray[np.in
     start = int(ts_ms[0]) if len(ts_ms) else 0
     ids = np.empty(len(people), dtype=object)
     ids[:] = [f"{start:x}-{number}" for number in numbers.tolist()]
-    return People(people.frame, ids, people.box, people.joints, people.frames, people.ts_ms, people.bad)
+    return replace(people, track=ids)
 
 
 def _border_s(uv: Array, per_px: Array, picture_px: tuple[int, int]) -> Array:

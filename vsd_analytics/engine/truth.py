@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.engine.box_table import instants_ms, numbers, read_table, texts
-from vsd_analytics.engine.people import Array
+from vsd_analytics.engine.people import Array, unusable
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.frames import FrameMessage
 
@@ -77,12 +77,7 @@ def read_positions(path: Path) -> Positions:
     track = texts(table["track_id"])
     usable = np.isfinite(when) & np.isfinite(xy).all(axis=1) & (track != None)  # noqa: E711 elementwise
     if not usable.any():
-        raise InputError(
-            f"{path.name} has no usable position",
-            code="E202",
-            where=Where(str(path)),
-            fix="write frame (or ts), track_id, x_m, y_m",
-        )
+        raise unusable(path, f"{path.name} has no usable position", fix="write frame (or ts), track_id, x_m, y_m")
     order = np.flatnonzero(usable)[np.argsort(when[usable], kind="stable")]
     instant = when[order].astype(np.int64)
     return Positions(instant, track[order], xy[order], np.unique(instant), clock, int((~usable).sum()))

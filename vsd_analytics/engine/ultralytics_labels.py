@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from vsd_analytics.engine.people import Array, People, PeopleRows, joints_of
-from vsd_analytics.errors import InputError, UsageError, Where
+from vsd_analytics.engine.people import Array, People, PeopleRows, joints_of, unusable
+from vsd_analytics.errors import UsageError
 
 PERSON_CLASS = 0
 N_BOX, N_POSE = 5, 5 + 17 * 3
@@ -49,9 +49,7 @@ def read_labels(folder: Path, *, size_px: tuple[int, int] | None) -> People:
             elif values[0] == PERSON_CLASS:
                 _add(rows, int(found[-1]), values, np.array(size_px, dtype=np.float64))
     if not rows.frame:
-        raise InputError(
-            f"{folder.name} has no person", code="E202", where=Where(str(folder)), fix="give a folder of save_txt"
-        )
+        raise unusable(folder, f"{folder.name} has no person", fix="give a folder of save_txt")
     numbers = rows.frame
     rows.frames.update(range(min(numbers), max(numbers) + 1))
     return rows.people()

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -70,8 +71,6 @@ def camera_from_lines(picture: Path, *, height_m: float) -> FromLines:
     Raises:
         CalibrationError: It is no picture (E406), or its lines show no camera (E413).
     """
-    import cv2
-
     grey: Any = cv2.imread(str(picture), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     if grey is None:
         raise CalibrationError(
@@ -83,8 +82,6 @@ def camera_from_lines(picture: Path, *, height_m: float) -> FromLines:
 
 def line_segments(grey: NDArray[np.uint8]) -> Array:
     """Return the longest straight edges of a grey picture as u, v of both ends, shape (n, 4)."""
-    import cv2
-
     found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
     segments = np.empty((0, 4)) if found is None else np.asarray(found, dtype=np.float64).reshape(-1, 4)
     length = _lengths(segments)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from vsd_analytics.errors import InputError, Where
-from vsd_analytics.ingest.adapter import Source
+from vsd_analytics.ingest.adapter import Rejected, Source
+from vsd_analytics.ingest.raw import rejected
 
 
 def text_lengths(column: pa.Array) -> np.ndarray:
@@ -21,6 +23,27 @@ def text_lengths(column: pa.Array) -> np.ndarray:
     if not is_text(column.type):
         return nothing
     return np.asarray(pc.fill_null(pc.binary_length(column), 0).to_numpy(zero_copy_only=False), dtype=np.int64)
+
+
+def long_cells(
+    columns: Mapping[str, pa.Array], lines: np.ndarray, *, allowed: int
+) -> tuple[np.ndarray, list[Rejected], int]:
+    """Return which rows have a cell of more than `allowed` bytes, these rows for quarantine, and the bytes of texts.
+
+    Args:
+        columns: Columns by our names.
+        lines: Number of each row in the file.
+        allowed: The setting `cell_max_bytes`.
+    """
+    is_long, bad, n_bytes = np.zeros(len(lines), dtype=bool), [], 0
+    for ours, column in columns.items():
+        lengths = text_lengths(column)
+        for i in np.flatnonzero((lengths > allowed) & ~is_long).tolist():
+            detail = f"{ours} has {lengths[i]:,} bytes; at most {allowed:,} are read (cell_max_bytes)"
+            bad.append(rejected(int(lines[i]), reason="cell-too-long", detail=detail))
+        is_long |= lengths > allowed
+        n_bytes += int(lengths.sum())
+    return is_long, bad, n_bytes
 
 
 def plain(column: pa.Array) -> pa.Array:

@@ -15,10 +15,9 @@ import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.errors import InputError
-from vsd_analytics.ingest.adapter import BATCH_ROWS, Rejected, Source, damaged_after
-from vsd_analytics.ingest.arrow_cells import holds_text, no_such_type, plain, text_lengths
+from vsd_analytics.ingest.adapter import BATCH_ROWS, Source, damaged_after
+from vsd_analytics.ingest.arrow_cells import holds_text, long_cells, no_such_type, plain
 from vsd_analytics.ingest.limits import records_max, too_many_records, unpacked_max, unpacks_too_far
-from vsd_analytics.ingest.raw import rejected
 from vsd_analytics.ingest.table_file import Chunk, Header, repeated_names, unique_names
 
 MAGIC: Final = b"ARROW1"
@@ -91,14 +90,7 @@ class ArrowTable:
     def _chunk(self, batch: pa.RecordBatch, wanted: Mapping[str, int], n_batches: int, number: int) -> Chunk:
         columns = {ours: plain(batch.column(i)) for ours, i in wanted.items()}
         lines = np.arange(self._done + 1, self._done + batch.num_rows + 1)
-        allowed, is_long = int(self._source.settings.cell_max_bytes), np.zeros(batch.num_rows, dtype=bool)
-        bad: list[Rejected] = []
-        for ours, column in columns.items():
-            lengths = text_lengths(column)
-            for i in np.flatnonzero((lengths > allowed) & ~is_long).tolist():
-                detail = f"{ours} has {lengths[i]:,} bytes; at most {allowed:,} are read (cell_max_bytes)"
-                bad.append(rejected(int(lines[i]), reason="cell-too-long", detail=detail))
-            is_long |= lengths > allowed
+        is_long, bad, _ = long_cells(columns, lines, allowed=int(self._source.settings.cell_max_bytes))
         keep = pa.array(~is_long)
         self._done += batch.num_rows
         done_bytes = self._source.size_bytes * (number + 1) // n_batches

@@ -12,11 +12,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+import numpy as np
+from numpy.typing import NDArray
 
 PERSON_CM = 170.0
 METHODS = ("center-points", "four-corner")
@@ -82,8 +80,6 @@ class Pairs:
     @classmethod
     def of(cls, frames: Sequence[LoggedFrame]) -> Pairs:
         """Return the n(n-1)/2 pairs of every frame."""
-        import numpy as np
-
         sizes = [len(f.boxes) for f in frames]
         by_size = {n: np.triu_indices(n, 1) for n in set(sizes)}
         frame = np.repeat(np.arange(len(frames)), [n * (n - 1) // 2 for n in sizes])
@@ -94,8 +90,6 @@ class Pairs:
 
     def distances_m(self, setting: EngineSetting) -> NDArray[np.float64]:
         """Return the estimated distance of every pair in metres (formula at the top of this module)."""
-        import numpy as np
-
         scale = np.array(setting.resolution_px * 2, dtype=np.float64)
         a, b = self.boxes_a * scale, self.boxes_b * scale
         # a person 1.7 m tall and h px high gives 170/h cm per pixel; the mean of both persons' scales is used
@@ -122,8 +116,6 @@ def agreeing(frames: Sequence[LoggedFrame], pairs: Pairs, *, is_close: NDArray[n
     Returns:
         Shape (n_frames,).
     """
-    import numpy as np
-
     span = 1 + max((len(f.boxes) for f in frames), default=0)
     counts = np.bincount(pairs.frame[is_close], minlength=len(frames))
     agrees = np.asarray(counts == np.array([f.n_violations for f in frames], dtype=np.int64))

@@ -132,7 +132,6 @@ class Frames:
         """Stream the messages of one file; see `Adapter.read`."""
         builder = MessageRows(options)
         too_long = f"the line is longer than {options.line_max_bytes:,} bytes"
-        damage: InputError | None = None
         with source.open() as stream:
             try:
                 for first, lines in line_blocks(stream, max_bytes=options.line_max_bytes):
@@ -143,11 +142,10 @@ class Frames:
                             builder.add(number, line)
                         if builder.n_rows >= BATCH_ROWS:
                             yield builder.batch(bytes_read(stream))
-            except InputError as error:
-                damage = error
+            except InputError:
+                yield builder.batch(source.size_bytes)  # what came before the damage
+                raise
         yield builder.batch(source.size_bytes)
-        if damage is not None:
-            raise damage
 
 
 def _is_own(line: bytes) -> bool:

@@ -43,7 +43,6 @@ class JsonMessages(ABC):
             InputError: E205, a file that is not written line by line is damaged; what came before is stored.
         """
         frames = FrameRows(options, engine=self.engine)
-        damage: InputError | None = None
         done = 0
         try:
             for number, message, record, done in messages(source, options):
@@ -55,11 +54,10 @@ class JsonMessages(ABC):
                         frames.reject(number, reason, detail, record)
                 if frames.n_rows >= BATCH_ROWS:
                     yield frames.batch(done, first_line="")
-        except InputError as error:
-            damage = error
-        yield frames.batch(source.size_bytes if damage is None else done, first_line="")
-        if damage is not None:
-            raise damage
+        except InputError:
+            yield frames.batch(done, first_line="")  # what came before the damage
+            raise
+        yield frames.batch(source.size_bytes, first_line="")
 
     def check(self, options: IngestOptions) -> None:  # noqa: B027 - most formats have nothing to check
         """Raise UsageError (E101) when messages cannot be read as the user says."""

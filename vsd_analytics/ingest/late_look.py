@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from typing import Final
 
 import numpy as np
 
-from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Source
+from vsd_analytics.ingest.adapter import RawBatch
 from vsd_analytics.ingest.doubt_case import Case, Doubt
 from vsd_analytics.ingest.doubts import doubts_of
 from vsd_analytics.ingest.raw import n_rows
 from vsd_analytics.ingest.sample import SAMPLE_ROWS, sample_of
 from vsd_analytics.ingest.table_head import VALUES_MAX
-from vsd_analytics.ingest.understanding import SourceCard, table_head
-from vsd_analytics.site.model import Site
 
 EVERY: Final = 500_000
 """After so many records the newest `LATE_ROWS` are looked at, and once more at the end."""
@@ -31,21 +28,12 @@ class LateLook:
     """Looks at the newest records of a source from time to time, with the doubts of its card.
 
     Attributes:
-        site: The site.
-        source: The source.
-        reader: Its adapter.
-        options: What the user says, completed from vsd.toml.
-        card: What was understood of the first records.
-        differing_cameras, now: As in `Case`.
+        case: That of the first records; None = there are none.
+        doubts: What looked wrong in it.
     """
 
-    site: Site
-    source: Source
-    reader: Adapter
-    options: IngestOptions
-    card: SourceCard | None
-    differing_cameras: frozenset[str]
-    now: datetime
+    case: Case | None = None
+    doubts: Sequence[Doubt] = ()
     _newest: list[RawBatch] = field(default_factory=list)
     _values: dict[str, Counter[str]] = field(default_factory=dict)
     _n: int = 0
@@ -79,18 +67,17 @@ class LateLook:
         return sum(n_rows(batch.tables.values()) for batch in batches)
 
     def _look(self) -> None:
-        card, self._n_since = self.card, 0
-        if card is None:
+        self._n_since = 0
+        if self.case is None:
             return
         # the card has looked at the first ones: they would hide those behind them
         sample = sample_of(self._newest, is_whole=False, n_last=min(LATE_ROWS, self._n - SAMPLE_ROWS))
-        head = table_head(self.source, self.reader, self.options)
+        head = self.case.head
         if head is not None:
             head = replace(head, values={**head.values, **self._values})
-        case = Case(self.site, self.options, sample, head, self.source.name, self.differing_cameras, self.now)
         with np.errstate(over="ignore", invalid="ignore"):
-            doubts = doubts_of(case)
-        known = {d.code: d.is_sure for d in card.doubts}
+            doubts = doubts_of(replace(self.case, sample=sample, head=head))
+        known = {d.code: d.is_sure for d in self.doubts}
         for doubt in doubts:
             is_news = doubt.code not in known or (doubt.is_sure and not known[doubt.code])
             if is_news and not (doubt.is_note and doubt.code != "W225"):

@@ -13,6 +13,8 @@ from datetime import UTC, datetime, timedelta
 from typing import IO, Any
 from zoneinfo import ZoneInfo
 
+import numpy as np
+
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.adapter import IngestOptions, Rejected
 from vsd_analytics.ingest.body_distance import LoggedFrame
@@ -88,7 +90,7 @@ def timed(rows: Iterator[ObjectLogRow | Rejected], zone: ZoneInfo) -> Iterator[t
     comes twice: rows after a step back of half an hour or more are in the second one.
     """
     group: list[ObjectLogRow] = []
-    fold, damage = 0, None
+    fold = 0
 
     def finished() -> Iterator[tuple[ObjectLogRow, int]]:
         for k, row in enumerate(group):
@@ -110,11 +112,10 @@ def timed(rows: Iterator[ObjectLogRow | Rejected], zone: ZoneInfo) -> Iterator[t
                 fold = 1 if group and group[0].second - row.second >= _STEP_BACK else fold
                 fold = fold if _is_twice(row.second, zone) else 0
                 group = [row]
-    except InputError as error:
-        damage = error
+    except InputError:
+        yield from finished()  # what came before the damage
+        raise
     yield from finished()
-    if damage is not None:
-        raise damage
 
 
 def _is_twice(local: datetime, zone: ZoneInfo) -> bool:
@@ -194,8 +195,6 @@ def _literal(cell: str, column: str) -> list[Any]:
 
 def _detections(people: list[Any]) -> tuple[Any, tuple[str | None, ...]]:
     """Return boxes, shape (n, 4), and the track ids of people the engine tracked."""
-    import numpy as np
-
     boxes, tracks = [], []
     for i, person in enumerate(people):
         box, track = (person.get("bbox"), person.get("tracking_id")) if isinstance(person, dict) else (None, None)

@@ -69,19 +69,17 @@ class Onvif:
         """
         frames = FrameRows(options, engine="ONVIF")
         documents = _Documents(frames, options)
-        damage: InputError | None = None
         with source.open() as stream:
             try:
                 for data in _pieces(stream):
                     documents.feed(data)
                     if frames.n_rows >= BATCH_ROWS:
                         yield frames.batch(bytes_read(stream))
-            except InputError as error:
-                damage = error
-            documents.close(is_damaged=damage is not None)
-            yield frames.batch(source.size_bytes if damage is None else bytes_read(stream))
-        if damage is not None:
-            raise damage
+            except InputError:
+                yield frames.batch(bytes_read(stream))  # what came before the damage
+                raise
+            documents.close()
+            yield frames.batch(source.size_bytes)
 
 
 def _pieces(stream: IO[bytes]) -> Iterator[bytes]:
@@ -108,11 +106,10 @@ class _Documents:
             self._some(self._held[:-_TAIL_BYTES], is_last=False)
             self._held = self._held[-_TAIL_BYTES:]
 
-    def close(self, *, is_damaged: bool) -> None:
-        """Take what is left; a document without its end is bad, unless the file is damaged, which is said apart."""
-        rest, self._held = self._held, b""
-        if (rest.strip() or self._reader is not None) and not is_damaged:
-            self._some(rest, is_last=True)
+    def close(self) -> None:
+        """Take what is left at the end of the file: a document without its end is bad."""
+        if self._held.strip() or self._reader is not None:
+            self._some(self._held, is_last=True)
 
     def _some(self, data: bytes, *, is_last: bool) -> None:
         if self._reader is None:

@@ -16,11 +16,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import InputError, Where
-from vsd_analytics.ingest.adapter import BATCH_ROWS, Rejected, Source, damaged_after
-from vsd_analytics.ingest.arrow_cells import holds_text, no_such_type, plain, text_lengths
+from vsd_analytics.ingest.adapter import BATCH_ROWS, Source, damaged_after
+from vsd_analytics.ingest.arrow_cells import holds_text, long_cells, no_such_type, plain
 from vsd_analytics.ingest.limits import MB, records_max, too_many, too_many_records, unpacked_max, unpacks_too_far
 from vsd_analytics.ingest.parquet_pages import PageError, ParquetPage, pages
-from vsd_analytics.ingest.raw import rejected
 from vsd_analytics.ingest.table_file import Chunk, Header, repeated_names, unique_names
 
 READ_ROWS = BATCH_ROWS // 2
@@ -212,15 +211,7 @@ class ParquetTable:
         columns = {ours: _whole(batch.column(i)) for ours, i in places.items()}
         n_rows = len(next(iter(columns.values())))
         lines = np.arange(self._done + 1, self._done + n_rows + 1)
-        is_long, n_bytes = np.zeros(n_rows, dtype=bool), 0
-        too_long: list[Rejected] = []
-        for ours, column in columns.items():
-            lengths = text_lengths(column)
-            for i in np.flatnonzero((lengths > self._settings.cell_max_bytes) & ~is_long).tolist():
-                detail = f"{ours} has {lengths[i]:,} bytes; at most {int(self._settings.cell_max_bytes):,} are read"
-                too_long.append(rejected(int(lines[i]), reason="cell-too-long", detail=f"{detail} (cell_max_bytes)"))
-            is_long |= lengths > self._settings.cell_max_bytes
-            n_bytes += int(lengths.sum())
+        is_long, too_long, n_bytes = long_cells(columns, lines, allowed=int(self._settings.cell_max_bytes))
         self._count(n_bytes + VALUE_BYTES * n_rows * len(columns))
         if too_long:
             keep = pa.array(~is_long)

@@ -7,7 +7,7 @@ import difflib
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 from itertools import chain
 from pathlib import Path
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from vsd_analytics.config.source_profiles import profile_of
 from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
 from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
+from vsd_analytics.ingest.doubt_case import Case
 from vsd_analytics.ingest.import_identity import content_id, content_of, doubt_of_earlier_reading, import_id, reading_id
 from vsd_analytics.ingest.known_shapes import known_shapes, note_shape
 from vsd_analytics.ingest.late_look import LateLook
@@ -26,11 +27,11 @@ from vsd_analytics.ingest.pseudonyms import keys_of
 from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.raw import n_rows, without_zones
 from vsd_analytics.ingest.recognise import find_adapter
-from vsd_analytics.ingest.sample import SAMPLE_ROWS
+from vsd_analytics.ingest.sample import SAMPLE_ROWS, sample_of
 from vsd_analytics.ingest.stored_places import note_of_other_places
 from vsd_analytics.ingest.table_rows import LEFT_OUT
 from vsd_analytics.ingest.telling_names import differing_cameras
-from vsd_analytics.ingest.understanding import SourceCard, refused, understand
+from vsd_analytics.ingest.understanding import SourceCard, refused, table_head, understand
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site, SourceProfile
 from vsd_analytics.store import FoldResult, Store
@@ -44,22 +45,10 @@ if TYPE_CHECKING:
 ENGINE_MAX_CHARS = 200
 _NOTHING_SAID = IngestOptions()
 
-OF_PROFILE = (
-    *(
-        "format",
-        "camera",
-        "columns",
-        "unit",
-        "zone",
-        "time_format",
-        "where",
-        "size_px",
-        "period_s",
-        "fps",
-        "engine",
-        "persons",
-    ),
-)
+OF_PROFILE = {f.name for f in fields(IngestOptions)} & {f.name for f in fields(SourceProfile)} - {
+    "map",
+    "camera_from_name",
+}
 """Options that a `[[source]]` states; beside them its `map`."""
 
 
@@ -213,6 +202,7 @@ class _Ingest:
     on_card: Callable[[SourceResult], None] | None
     run_number: int
     differing_cameras: frozenset[str]
+    late: LateLook = field(default_factory=LateLook)
 
     def run(self) -> SourceResult:
         """Read the source, look at its head, and store it."""
@@ -287,11 +277,10 @@ class _Ingest:
             head, error = _head(batches)
             if head:
                 self.understand(result, reader, head)
-            late = LateLook(self.site, self.source, reader, self.options, result.card, self.differing_cameras, self.now)
             for batch in chain(head, () if error is not None else batches):
-                late.add(batch)
+                self.late.add(batch)
                 yield batch
-            result.notes += late.notes(import_id=result.import_id)
+            result.notes += self.late.notes(import_id=result.import_id)
             if error is not None:
                 raise error
         except OSError as error:
@@ -303,19 +292,11 @@ class _Ingest:
             ) from None
 
     def understand(self, result: SourceResult, reader: Adapter, head: Sequence[RawBatch]) -> None:
-        """Make the card of the source, and refuse what is almost surely wrong."""
-        is_whole = sum(n_rows(b.tables.values()) for b in head) < SAMPLE_ROWS
-        differing = self.differing_cameras
-        card = understand(
-            self.site,
-            self.source,
-            reader,
-            self.options,
-            head,
-            is_whole=is_whole,
-            differing_cameras=differing,
-            now=self.now,
-        )
+        """Make the card of the source, and refuse what is almost surely wrong; `late` compares what follows with it."""
+        sample = sample_of(head, is_whole=sum(n_rows(b.tables.values()) for b in head) < SAMPLE_ROWS)
+        table = table_head(self.source, reader, self.options)
+        case = Case(self.site, self.options, sample, table, self.source.name, self.differing_cameras, self.now)
+        card = understand(case, name=reader.name)
         again = doubt_of_earlier_reading(
             self.site, self.source, reading_id(self.options, kind=reader.name), card.sketch
         )
@@ -326,6 +307,7 @@ class _Ingest:
             self.on_card(result)
         if card.sure_doubts and not self.is_dry_run and not self.options.is_sure:
             raise refused(self.source, card)
+        self.late.case, self.late.doubts = case, card.doubts
 
     def counting_bytes(self, batches: Iterator[RawBatch]) -> Iterator[RawBatch]:
         """Pass on batches, and report how far into the source they reach."""

@@ -18,6 +18,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
+import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.errors import InputError, UsageError, Where
@@ -56,8 +57,6 @@ class _ObjectLogRows:
 
     def batch(self, camera: str | None, agreement: LogAgreement, done_bytes: int) -> RawBatch:
         """Return raw tables: a frame a row, foot points, and the pairs within the default of `pair_max_m`."""
-        import numpy as np
-
         frames = [r.frame for r in self.rows]
         pairs = Pairs.of(frames)
         metres = pairs.distances_m(agreement.setting)
@@ -153,7 +152,7 @@ def _read(
     source: Source, log: Member, *, options: IngestOptions, zone: ZoneInfo, agreement: LogAgreement
 ) -> Iterator[RawBatch]:
     prefix = "" if archive_kind(source) is None else f"{log.name}: "
-    camera, rows, damage, done = options.camera or _camera(source, log), _ObjectLogRows(), None, 0
+    camera, rows, done = options.camera or _camera(source, log), _ObjectLogRows(), 0
     with log.open() as stream:
         try:
             for item in timed(parsed(stream, source_name=source.name, prefix=prefix, options=options), zone):
@@ -165,11 +164,10 @@ def _read(
                     done = min(bytes_read(stream), source.size_bytes)
                     yield rows.batch(camera, agreement, done)
                     rows = _ObjectLogRows()
-        except InputError as error:
-            damage = error
+        except InputError:
+            yield rows.batch(camera, agreement, done)  # what came before the damage
+            raise
     yield rows.batch(camera, agreement, done)
-    if damage is not None:
-        raise damage
 
 
 def _setting(options: IngestOptions) -> EngineSetting:

@@ -29,13 +29,13 @@ def line_blocks(
         InputError: The stream is damaged (E205); every whole line before the damage was yielded.
     """
     number, rest, is_skipping = 1, b"", False
-    damage: InputError | None = None
     while True:
         try:
             data: bytes = stream.read1(block_bytes)  # type: ignore[attr-defined]
-        except InputError as error:
-            damage = error
-            break
+        except InputError:
+            if is_skipping:
+                yield number, [None]
+            raise
         if not data:
             break
         if is_skipping:
@@ -55,10 +55,8 @@ def line_blocks(
             rest, is_skipping = b"", True
     if is_skipping:
         yield number, [None]
-    elif rest and damage is None:
+    elif rest:
         yield number, _split(rest.removesuffix(b"\r"), max_bytes)
-    if damage is not None:
-        raise damage
 
 
 def _split(whole: bytes, max_bytes: int) -> list[bytes | None]:

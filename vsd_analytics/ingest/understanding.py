@@ -5,23 +5,21 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
 from typing import Any, Final
 
 import numpy as np
 
 from vsd_analytics.errors import InputError, VsdError, Where
-from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Source
+from vsd_analytics.ingest.adapter import Adapter, IngestOptions, Source
 from vsd_analytics.ingest.cell_values import full_score
 from vsd_analytics.ingest.columns import TIME_OF_DAY
 from vsd_analytics.ingest.doubt_case import ROWS_MIN, Case, Doubt, floor_bounds_m, picture_px
 from vsd_analytics.ingest.doubts import doubts_of
-from vsd_analytics.ingest.sample import Extent, Sample, extent, sample_of
+from vsd_analytics.ingest.sample import Extent, Sample, extent
 from vsd_analytics.ingest.sketch import sketch_of
 from vsd_analytics.ingest.table_head import SHOWN_ROWS, TableHead
 from vsd_analytics.ingest.telling_names import named_like
 from vsd_analytics.ingest.units import LENGTHS
-from vsd_analytics.site.model import Site
 
 _CAMERAS_MAX: Final = 20
 _LIMIT: Final = 0.4
@@ -124,36 +122,6 @@ class SourceCard:
         return hashlib.blake2b(alike.encode("utf-8", "backslashreplace"), digest_size=8).hexdigest()
 
 
-def understand(
-    site: Site,
-    source: Source,
-    reader: Adapter,
-    options: IngestOptions,
-    head: Sequence[RawBatch],
-    *,
-    is_whole: bool,
-    differing_cameras: frozenset[str] = frozenset(),
-    now: datetime | None = None,
-) -> SourceCard:
-    """Return what was understood of a source.
-
-    Args:
-        site: The site.
-        source: The source.
-        reader: Its adapter.
-        options: What the user says, completed from vsd.toml.
-        head: The first batches.
-        is_whole: Whether there are no others.
-        differing_cameras: As in `Case`.
-        now: The clock.
-    """
-    sample = sample_of(head, is_whole=is_whole)
-    table = table_head(source, reader, options)
-    case = Case(site, options, sample, table, source.name, differing_cameras, now)
-    with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are quarantined later
-        return _card(case, reader.name)
-
-
 def refused(source: Source, card: SourceCard) -> InputError:
     """Return the error of a source that is almost surely understood wrongly: E211."""
     sure = card.sure_doubts
@@ -180,7 +148,9 @@ def table_head(source: Source, reader: Adapter, options: IngestOptions) -> Table
     return found
 
 
-def _card(case: Case, name: str) -> SourceCard:
+@np.errstate(over="ignore", invalid="ignore")  # absurd numbers are quarantined later
+def understand(case: Case, *, name: str) -> SourceCard:
+    """Return what was understood of a source that the adapter `name` reads."""
     sample, head = case.sample, case.head
     plan = None if head is None else head.plan
     lives = sample.lives_s()

@@ -90,15 +90,32 @@ def _local(ms: int, zone: ZoneInfo) -> str:
     return datetime.fromtimestamp(ms / 1000, tz=zone).isoformat(timespec="milliseconds")
 
 
-def alarm_id(site: Site, rule: AlarmRule, *, camera_id: str, since_ms: int, number: int = 0) -> str:
-    """Return the id of an alarm: the BLAKE2 hash of site, rule, camera, when its situation began, and its number.
+class RuleAtCamera:
+    """One rule at one camera, and the events of its alarms.
 
     Args:
         site: The project.
         rule: The rule.
         camera_id: The camera.
-        since_ms: When the situation began.
-        number: Distinguishes situations that began at the same instant.
     """
-    identity = json.dumps([site.site_id, rule.alarm_id, rule.kind, camera_id, since_ms, number])
-    return hashlib.blake2b(identity.encode(), digest_size=8).hexdigest()
+
+    def __init__(self, site: Site, *, rule: AlarmRule, camera_id: str) -> None:
+        self.rule, self._site_id = rule, site.site_id
+        self._camera = site.camera(camera_id)
+        self._for_ms, self._cooldown_ms = round(rule.for_s * 1000), round(rule.cooldown_s * 1000)
+        self._update_ms = round(site.settings.update_s * 1000)
+
+    def _id(self, since_ms: int, number: int = 0) -> str:
+        """Return the id of an alarm: the BLAKE2 hash of site, rule, camera, when its situation began, and its number.
+
+        The number distinguishes situations that began at the same instant.
+        """
+        rule = self.rule
+        identity = json.dumps([self._site_id, rule.alarm_id, rule.kind, self._camera.camera_id, since_ms, number])
+        return hashlib.blake2b(identity.encode(), digest_size=8).hexdigest()
+
+    def _told(self, step: AlarmStep, at_ms: int, since_ms: int, *, number: int = 0, **seen: Any) -> AlarmEvent:
+        """Return one step of an alarm; `seen` are the attributes of `AlarmEvent` from `x_mm` on."""
+        rule, camera = self.rule, self._camera
+        seen |= {"site": self._site_id, "camera": camera.camera_id, "floor": camera.floor_id, "area": rule.area_id}
+        return AlarmEvent(self._id(since_ms, number), rule.alarm_id, rule.kind, step, at_ms, since_ms, **seen)

@@ -5,8 +5,6 @@ A link that is away, a server that does not answer and a full disk are no reason
 
 from __future__ import annotations
 
-import contextlib
-import json
 import os
 from collections.abc import Callable
 from datetime import datetime
@@ -14,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from vsd_analytics.errors import VsdError
+from vsd_analytics.live import status
 from vsd_analytics.live.batches import delays_s
 from vsd_analytics.live.status import iso_utc, read_json
-from vsd_analytics.store.durable import publish
 
 STATUS = Path("status") / "exchange.json"
 WORKING, STOPPED, REFUSED, ONCE = "working", "stopped", "refused", "once"
@@ -64,10 +62,9 @@ def keep_on(
 
 
 def write_status(root: Path, found: dict[str, Any], *, state: str, error: str | None, now: datetime) -> None:
-    """Write the status; it is no record, so a disk that refuses it stops nothing."""
-    status = {"state": state, "pid": os.getpid(), "at": iso_utc(now), "error": error, **found}
-    with contextlib.suppress(OSError):
-        publish(root / STATUS, json.dumps(status, ensure_ascii=False, indent=1).encode(), is_synced=False)
+    """Write what a round found."""
+    about = {"state": state, "pid": os.getpid(), "at": iso_utc(now), "error": error, **found}
+    status.write_status(root, about, file=STATUS)
 
 
 def read_exchange_status(root: Path) -> dict[str, Any] | None:

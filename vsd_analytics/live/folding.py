@@ -19,30 +19,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
+from vsd_analytics.errors import VsdError
 from vsd_analytics.live.process import peak_mb
+from vsd_analytics.store import Store, TableCounts, quarantine
 
 NICE = 5
 
 
 @dataclass(frozen=True, slots=True)
-class Folded:
-    """What one fold did.
+class Folded(TableCounts):
+    """What one fold did, with all tables.
 
     Attributes:
         took_s: Seconds from its start to its end.
-        n_new: Records the tables gained.
-        n_known: Records that were delivered more than once.
-        n_second: Records left out because another one has their key and other values.
-        n_sealed: Records put into quarantine because a purge sealed their hour meanwhile.
         peak_mb: Peak memory of its process in megabytes.
         error: Why it failed; None = it did not.
     """
 
-    took_s: float
-    n_new: int = 0
-    n_known: int = 0
-    n_second: int = 0
-    n_sealed: int = 0
+    took_s: float = 0.0
     peak_mb: float = 0.0
     error: str | None = None
 
@@ -104,9 +98,6 @@ def _read(stream: IO[bytes] | None) -> str:
 
 def main(arguments: Sequence[str]) -> int:
     """Fold a store (its folder, site and ballast in megabytes) and print a JSON line; return the exit code."""
-    from vsd_analytics.errors import VsdError
-    from vsd_analytics.store import Store, TableCounts, quarantine
-
     with contextlib.suppress(OSError):
         os.nice(NICE)
     try:

@@ -367,14 +367,10 @@ def token_of(root: Path, *, environ: Mapping[str, str]) -> str:
     try:
         return access_token(path, variable=TOKEN_VARIABLE, environ=environ)
     except UnsafeTokenError as error:
-        raise _no_token(path, str(error)) from None
-
-
-def _no_token(path: Path, why: str) -> LiveError:
-    return LiveError(
-        "the token of --http cannot be used",
-        code="E704",
-        where=Where(os.fspath(path)),
-        why=why,
-        fix=f"delete the file, and vsd listen makes a new one; or set {TOKEN_VARIABLE}",
-    )
+        raise LiveError(
+            "the token of --http cannot be used",
+            code="E704",
+            where=Where(os.fspath(path)),
+            why=str(error),
+            fix=f"delete the file, and vsd listen makes a new one; or set {TOKEN_VARIABLE}",
+        ) from None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime
 from functools import lru_cache
 
-from vsd_analytics.live.events import AlarmEvent, AlarmStep, alarm_id
+from vsd_analytics.live.events import AlarmEvent, AlarmStep, RuleAtCamera
 from vsd_analytics.site.model import AlarmRule, Site
 from vsd_analytics.warehouse.dimensions import QUARTER_MS, is_open
 
@@ -56,7 +56,7 @@ class Opening:
         return quarter * QUARTER_MS
 
 
-class Silence:
+class Silence(RuleAtCamera):
     """One rule of the kind "silence" at one camera.
 
     A silence begins with the camera's last record, or when the site opens if that is later. It ends with the camera's
@@ -69,10 +69,7 @@ class Silence:
     """
 
     def __init__(self, site: Site, *, rule: AlarmRule, camera_id: str) -> None:
-        self.rule, self._site = rule, site
-        self._camera = site.camera(camera_id)
-        self._for_ms, self._cooldown_ms = round(rule.for_s * 1000), round(rule.cooldown_s * 1000)
-        self._update_ms = round(site.settings.update_s * 1000)
+        super().__init__(site, rule=rule, camera_id=camera_id)
         self._opening = Opening(site, is_always=not rule.is_open_only)
         self._from_ms: int | None = None  # silent from here on, unless the site is closed
         self._quiet_ms = -FOREVER_MS
@@ -135,22 +132,7 @@ class Silence:
         self._since_ms, self._from_ms, self._quiet_ms = None, at_ms, at_ms + self._cooldown_ms
         return event
 
-    def _id(self, since_ms: int) -> str:
-        return alarm_id(self._site, self.rule, camera_id=self._camera.camera_id, since_ms=since_ms)
-
     def _event(self, step: AlarmStep, at_ms: int) -> AlarmEvent:
         since_ms = self._since_ms if self._since_ms is not None else at_ms
         self._reported_ms = at_ms
-        camera = self._camera
-        return AlarmEvent(
-            self._id(since_ms),
-            self.rule.alarm_id,
-            self.rule.kind,
-            step,
-            at_ms,
-            since_ms,
-            self._site.site_id,
-            camera.camera_id,
-            camera.floor_id,
-            self.rule.area_id,
-        )
+        return self._told(step, at_ms, since_ms)

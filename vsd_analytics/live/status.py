@@ -148,14 +148,19 @@ def offline(started: datetime) -> bytes:
     return json.dumps({"state": "offline", "pid": os.getpid(), "started": iso_utc(started)}).encode()
 
 
-def write_status(root: Path, status: dict[str, Any]) -> None:
+def write_status(root: Path, status: dict[str, Any], *, file: Path = FILE) -> None:
     """Write a heartbeat to `<project>/status/listen.json`; a reader sees all of the old one or of the new one.
 
     It is no record, so it need not survive a power cut, and a disk that refuses it stops nothing.
+
+    Args:
+        root: The project folder.
+        status: The content.
+        file: What it is written to instead.
     """
     text = json.dumps(status, ensure_ascii=False, indent=1)
     with contextlib.suppress(OSError):
-        publish(root / FILE, text.encode(), is_synced=False)
+        publish(root / file, text.encode("utf-8", "replace"), is_synced=False)
 
 
 def read_status(root: Path) -> dict[str, Any] | None:

@@ -6,7 +6,7 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from vsd_analytics.live.events import AlarmEvent, AlarmStep, alarm_id
+from vsd_analytics.live.events import AlarmEvent, AlarmStep, RuleAtCamera
 from vsd_analytics.live.situations import Ground, Sighting
 from vsd_analytics.site.model import AlarmRule, Site
 
@@ -67,7 +67,7 @@ class _Quiet:
     place: tuple[float | None, float | None]
 
 
-class Situations:
+class Situations(RuleAtCamera):
     """The situations of one rule at one camera.
 
     Args:
@@ -78,10 +78,8 @@ class Situations:
     """
 
     def __init__(self, site: Site, *, ground: Ground, rule: AlarmRule, camera_id: str) -> None:
-        self.rule, self._site, self._ground = rule, site, ground
-        self._camera = site.camera(camera_id)
-        self._for_ms, self._cooldown_ms = round(rule.for_s * 1000), round(rule.cooldown_s * 1000)
-        self._update_ms = round(site.settings.update_s * 1000)
+        super().__init__(site, rule=rule, camera_id=camera_id)
+        self._ground = ground
         self._same_place_mm = site.settings.same_place_m * 1000
         self._situations: list[_Situation] = []
         self._quiet: list[_Quiet] = []
@@ -94,7 +92,7 @@ class Situations:
     @property
     def open_alarms(self) -> list[str]:
         """Return the ids of alarms that have started and not ended."""
-        return [self._id(s) for s in self._situations if s.reported_ms is not None]
+        return [self._id(s.since_ms, s.number) for s in self._situations if s.reported_ms is not None]
 
     def pass_time(self, ts_ms: int, gap_ms: int) -> list[AlarmEvent]:
         """End situations last seen more than `gap_ms` before `ts_ms`."""
@@ -169,24 +167,15 @@ class Situations:
                 return True
         return False
 
-    def _id(self, s: _Situation) -> str:
-        return alarm_id(self._site, self.rule, camera_id=self._camera.camera_id, since_ms=s.since_ms, number=s.number)
-
     def _event(self, s: _Situation, step: AlarmStep, at_ms: int) -> AlarmEvent:
-        return AlarmEvent(
-            self._id(s),
-            self.rule.alarm_id,
-            self.rule.kind,
+        return self._told(
             step,
             at_ms,
             s.since_ms,
-            self._site.site_id,
-            self._camera.camera_id,
-            self._camera.floor_id,
-            self.rule.area_id,
-            s.now.x_mm,
-            s.now.y_mm,
-            s.now.n_people,
-            s.n_people_max,
-            s.nearest_mm,
+            number=s.number,
+            x_mm=s.now.x_mm,
+            y_mm=s.now.y_mm,
+            n_people=s.now.n_people,
+            n_people_max=s.n_people_max,
+            nearest_mm=s.nearest_mm,
         )

@@ -8,8 +8,6 @@ come at once.
 
 from __future__ import annotations
 
-import contextlib
-import json
 import os
 import time
 from collections import Counter
@@ -26,9 +24,9 @@ from vsd_analytics.live.batches import delays_s
 from vsd_analytics.live.gathering import GatheringStore
 from vsd_analytics.live.inbox import DONE, FAILED, Waiting, alone, as_it_is, refuse_folder, to_done, to_failed, waiting
 from vsd_analytics.live.process import is_alive
-from vsd_analytics.live.status import CANNOT_STORE, iso_utc, read_json
+from vsd_analytics.live.status import CANNOT_STORE, iso_utc, read_json, write_status
 from vsd_analytics.site.model import Site
-from vsd_analytics.store.durable import make_dirs, publish
+from vsd_analytics.store.durable import make_dirs
 from vsd_analytics.store.seals import SEALED
 
 STATUS = Path("status") / "watch.json"
@@ -319,11 +317,9 @@ class _Watch:
             self.status.error = None
 
     def beat(self) -> None:
-        """Write the status; it is no record, so a disk that refuses it stops nothing."""
+        """Write the status."""
         self.beaten_s = self.monotonic()
-        text = json.dumps(self.status.as_dict(now=self.clock()), ensure_ascii=False, indent=1)
-        with contextlib.suppress(OSError):
-            publish(self.site.root / STATUS, text.encode("utf-8", "replace"), is_synced=False)
+        write_status(self.site.root, self.status.as_dict(now=self.clock()), file=STATUS)
 
 
 def _together(files: Sequence[Waiting]) -> Iterator[list[Waiting]]:

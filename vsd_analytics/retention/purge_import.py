@@ -74,9 +74,7 @@ def purge_import(site: Site, given: str, *, terms: Terms) -> tuple[ImportLine | 
         }
         store.refuse_damaged(p for found in (rewrite, repeats) for parts in found.values() for p in parts)
         staying = {t: sum(n_replacing(store.root, p.path, t, import_id) for p in parts) for t, parts in rewrite.items()}
-        records = {
-            t: sum(brought_by(p.path)[import_id].n_rows for p in parts) - staying[t] for t, parts in rewrite.items()
-        }
+        records = {t: _n_rows(parts, import_id) - staying[t] for t, parts in rewrite.items()}
         quarantined = _quarantined(site, import_id)
         guard(sum(records.values()), sum(n_records(store).values()), "records", terms)
         days = sorted({hour // 24 for hour in going})
@@ -87,12 +85,7 @@ def purge_import(site: Site, given: str, *, terms: Terms) -> tuple[ImportLine | 
             last=date_of_hour(days[-1] * 24) if days else None,
             n_quarantined=len(quarantined),
             n_staying=sum(staying.values()),
-            n_again=sum(
-                brought_by(p.path)[import_id].n_rows
-                for parts in repeats.values()
-                for p in parts
-                if import_id in brought_by(p.path)
-            ),
+            n_again=sum(_n_rows(_parts_of(parts, import_id), import_id) for parts in repeats.values()),
         )
         if terms.is_dry_run or found.is_nothing:
             return line, found
@@ -115,14 +108,14 @@ def _parts_of(parts: Sequence[Part], import_id: str) -> list[Part]:
     return [p for p in parts if import_id in brought_by(p.path)]
 
 
+def _n_rows(parts: Sequence[Part], import_id: str) -> int:
+    return sum(brought_by(p.path)[import_id].n_rows for p in parts)
+
+
 def _quarantined(site: Site, import_id: str) -> list[bytes]:
     """Return the lines of the quarantine that came with an import."""
-    found: dict[bytes, None] = {}
-    for path in quarantine.files(site.root / quarantine.FOLDER):
-        for text, entry in quarantine.entries(path):
-            if entry is not None and entry.import_id == import_id:
-                found[text] = None
-    return list(found)
+    entries = (each for path in quarantine.files(site.root / quarantine.FOLDER) for each in quarantine.entries(path))
+    return list(dict.fromkeys(text for text, entry in entries if entry is not None and entry.import_id == import_id))
 
 
 def _refuse_sealed(site: Site, import_id: str) -> None:

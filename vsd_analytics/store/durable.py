@@ -147,6 +147,21 @@ def exclusive(lock: Path) -> Iterator[None]:
         yield
 
 
+@contextlib.contextmanager
+def folder_lock(folder: Path, kind: int = fcntl.LOCK_EX) -> Iterator[None]:
+    """Hold an flock(2) on a folder that exists; the kernel releases it when the process dies.
+
+    Raises:
+        BlockingIOError: `kind` has `fcntl.LOCK_NB`, and somebody else holds it.
+    """
+    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        fcntl.flock(fd, kind)
+        yield
+    finally:
+        os.close(fd)
+
+
 def sweep_temporaries(folder: Path, *, of: str | None = None) -> int:
     """Remove temporary files that dead processes left; return how many.
 

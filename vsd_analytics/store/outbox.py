@@ -19,13 +19,13 @@ from pathlib import Path
 
 import pyarrow as pa
 
-from vsd_analytics.errors import DiskError, StoreError, Where
+from vsd_analytics.errors import DiskError
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import durable
 from vsd_analytics.store.imports import FILE as IMPORTS_FILE
 from vsd_analytics.store.layout import segment_paths
 from vsd_analytics.store.owners import OWNER, owned_by
-from vsd_analytics.store.part_files import HASH_DIFFERS, engines_in
+from vsd_analytics.store.part_files import damaged_segment, engines_in
 from vsd_analytics.store.segments import about, read_segment, sent_bytes
 
 FOLDER = "outbox"
@@ -54,13 +54,7 @@ def make_ready(root: Path) -> int:
             n_rows += _as_one(root, table, paths)
     _imports_ready(root)
     if damaged:
-        raise StoreError(
-            "a file with records acknowledged earlier is damaged",
-            code="E302",
-            where=Where(str(damaged[0])),
-            why=HASH_DIFFERS,
-            fix="move it away and ingest their source again",
-        )
+        raise damaged_segment(damaged[0])
     return n_rows
 
 

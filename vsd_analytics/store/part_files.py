@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.store.owners import OWNER, OWNERS, owners_of, without_owners
 
@@ -31,6 +32,16 @@ _REPEATS_LEAST = 6
 bytes where they came 8 to 25 times, and 0.52 to 0.72 times where they came one to three times."""
 _TABLE_MOST = 8
 """Numbers are counted in a table of at most this many times their rows."""
+
+
+def damaged(path: Path, what: str, *, fix: str) -> StoreError:
+    """Return the error (E302) of a file whose name is not the hash of its bytes."""
+    return StoreError(f"a file with {what} is damaged", code="E302", where=Where(str(path)), why=HASH_DIFFERS, fix=fix)
+
+
+def damaged_segment(path: Path) -> StoreError:
+    """Return the same of a segment of the spool."""
+    return damaged(path, "records acknowledged earlier", fix="move it away and ingest their source again")
 
 
 def engines_of(path: Path) -> list[str]:

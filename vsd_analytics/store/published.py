@@ -13,7 +13,6 @@ of a day, never rows of two generations. Links, because a second name of a file 
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import os
 import secrets
@@ -22,7 +21,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from vsd_analytics.store.durable import fsync_dir, make_dirs
+from vsd_analytics.store.durable import folder_lock, fsync_dir, make_dirs
 
 FOLDER: Final = "published"
 CURRENT: Final = "current"
@@ -110,14 +109,9 @@ def _generation(project: Path) -> str | None:
 @contextlib.contextmanager
 def _alone(project: Path) -> Iterator[None]:
     """Hold the lock of the folder: two builds publish one after the other."""
-    folder = project / FOLDER
-    make_dirs(folder)
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        fcntl.flock(fd, fcntl.LOCK_EX)
+    make_dirs(project / FOLDER)
+    with folder_lock(project / FOLDER):
         yield
-    finally:
-        os.close(fd)
 
 
 def _write(folder: Path, generation: str, relations: Sequence[str], links: Mapping[str, Path]) -> None:

@@ -30,11 +30,11 @@ from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import durable, quarantine
 from vsd_analytics.store.imports import imports_of, note_taken_back, order_of
-from vsd_analytics.store.part_files import HASH_DIFFERS, engines_of, part_bytes, read_owned
+from vsd_analytics.store.part_files import HASH_DIFFERS, read_owned
 from vsd_analytics.store.published import withdraw
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.secrets import DayKeys
-from vsd_analytics.store.taking_back import forget_repeats, take_back
+from vsd_analytics.store.taking_back import forget_repeats, replace_part, take_back
 from vsd_analytics.store.unsealing import unseal
 
 LOCK = ".purge.lock"
@@ -247,20 +247,10 @@ def _take_back(store: Path, intent: Intent, import_id: str) -> set[Path]:
 
 
 def _rewrite_without(path: Path, table: TableName, scope: RecordScope) -> Path:
-    """Replace a part by its remaining rows, then rename it to its own hash; return its folder.
-
-    Each step is one rename, so that even a plain glob never sees a record twice and never misses one that stays.
-    Published under its own name first, the new part would be there beside the old one for a moment.
-    """
+    """Replace a part by its remaining rows; return its folder."""
     if path.exists():
         rows = read_owned(path, table)
-        rest = rows.filter(pc.invert(scope.mask(rows)))
-        if rest.num_rows:
-            data = part_bytes(table, rest, engines_of(path))
-            durable.publish(path, data)  # a crash after this leaves a name with another hash; the next run renames it
-            path.rename(path.parent / f"{path.name[:2]}-{durable.digest(data)}.parquet")
-        else:
-            durable.remove(path)
+        replace_part(path, table, rows.filter(pc.invert(scope.mask(rows))))
     return path.parent
 
 

@@ -8,7 +8,6 @@ site with nodes come from one secret that all of them hold (`store.day_chain`).
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import hashlib
 import json
 import os
@@ -21,7 +20,7 @@ from pathlib import Path
 
 from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.store.day_chain import DayChain, day_after, new_chain, read_chain, write_chain
-from vsd_analytics.store.durable import fsync_dir, make_dirs, publish, remove, sweep_temporaries, temporary
+from vsd_analytics.store.durable import folder_lock, fsync_dir, make_dirs, publish, remove, sweep_temporaries, temporary
 
 KEY_BYTES = 32
 _KEY = re.compile(r"^(\d{4}-\d{2}-\d{2})\.key$")
@@ -162,12 +161,8 @@ class DayKeys:
     def _alone(self) -> Iterator[None]:
         """Hold an flock(2) on the folder, so that no key is made for a day that is being forgotten."""
         make_dirs(self.folder)
-        fd = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            fcntl.flock(fd, fcntl.LOCK_EX)
+        with folder_lock(self.folder):
             yield
-        finally:
-            os.close(fd)
 
     def key(self, day: date) -> bytes:
         """Return the key of a site day; make it, durably and once, when it does not exist yet.
@@ -220,7 +215,10 @@ class DayKeys:
 
 
 def namer(key: bytes, *, camera_id: str) -> Callable[[str], str]:
-    """Return a function that names the tracks of a camera: `pseudonym`, with the key and the camera hashed once."""
+    """Return a function that names the tracks of a camera by the engine's ids.
+
+    A pseudonym has the 16 hexadecimal digits of BLAKE2b(key; camera, 0, engine's track id).
+    """
     begun = hashlib.blake2b(camera_id.encode() + b"\0", key=key, digest_size=8)
 
     def name(engine_track: str) -> str:
@@ -229,8 +227,3 @@ def namer(key: bytes, *, camera_id: str) -> Callable[[str], str]:
         return of_track.hexdigest()
 
     return name
-
-
-def pseudonym(key: bytes, *, camera_id: str, engine_track: str) -> str:
-    """Return the 16 hexadecimal digits of BLAKE2b(key; camera, 0, engine's track id)."""
-    return namer(key, camera_id=camera_id)(engine_track)

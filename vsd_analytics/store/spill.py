@@ -11,6 +11,7 @@ import atexit
 import contextlib
 import fcntl
 import os
+import shutil
 from itertools import count
 from pathlib import Path
 
@@ -29,8 +30,6 @@ def new_folder() -> Path:
 
 def leave() -> None:
     """Remove this process's folder: at its end, which Python does not see when it is left by `os._exit`."""
-    import shutil
-
     if (folder := _made.pop(os.getpid(), None)) is not None:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -67,8 +66,6 @@ def _locked(folder: Path) -> Path | None:
 
 def sweep(parent: Path) -> None:
     """Remove the folders of this user in `parent` whose processes are dead."""
-    import shutil
-
     for folder in parent.glob(f"{PREFIX}*"):
         with contextlib.suppress(OSError):  # another user's, no folder, a link, locked, or removed meanwhile
             lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)

@@ -14,13 +14,14 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
+from operator import add
 from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from vsd_analytics.errors import DiskError, StoreError, VsdError, Where, disk_error
+from vsd_analytics.errors import DiskError, VsdError, disk_error
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import ballast, durable, late_records, outbox, quarantine, removal
 from vsd_analytics.store.layout import (
@@ -35,7 +36,7 @@ from vsd_analytics.store.layout import (
 )
 from vsd_analytics.store.new_rows import new_rows
 from vsd_analytics.store.owners import OWNER, owned_by
-from vsd_analytics.store.part_files import HASH_DIFFERS, engines_in, part_bytes
+from vsd_analytics.store.part_files import damaged, damaged_segment, engines_in, part_bytes
 from vsd_analytics.store.repeats import AGAIN
 from vsd_analytics.store.reused_memory import reused_memory
 from vsd_analytics.store.seals import FOLDER, Seals
@@ -60,12 +61,7 @@ class TableCounts:
     n_sealed: int = 0
 
     def __add__(self, other: TableCounts) -> TableCounts:
-        return TableCounts(
-            self.n_new + other.n_new,
-            self.n_known + other.n_known,
-            self.n_second + other.n_second,
-            self.n_sealed + other.n_sealed,
-        )
+        return TableCounts(*map(add, astuple(self), astuple(other)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +184,7 @@ class Store:
             except (pa.ArrowException, ValueError, OSError) as error:
                 if getattr(error, "errno", None):
                     raise
-                raise _damaged_segment(path) from None
+                raise damaged_segment(path) from None
         return n_rows
 
     def parts(self, table: TableName, *, first_hour: int | None = None, last_hour: int | None = None) -> list[Part]:
@@ -225,7 +221,7 @@ class Store:
         """
         for part in parts if parts is not None else (p for t in TABLES for p in self.parts(t)):
             if durable.file_digest(part.path) != part.digest:
-                raise _damaged_part(part.path)
+                raise damaged(part.path, "stored records", fix="restore it from a backup, or move it away")
 
     @contextlib.contextmanager
     def reporting_damage(self) -> Iterator[None]:
@@ -252,7 +248,7 @@ class Store:
     ) -> TableCounts:
         for path in segments:
             if durable.file_digest(path) != path.stem:
-                raise _damaged_segment(path)
+                raise damaged_segment(path)
         # publish all parts, sync their folders, and only then remove the segments: after a crash at any step the next
         # fold reads the same segments again and finds the records it has already moved by their keys
         segments, n_sealed = self._without_late(table, segments)
@@ -325,24 +321,6 @@ class Store:
             if error.code != "E304" or not ballast.give_up(self.root):
                 raise
             durable.publish(path, data)
-
-
-def _damaged_segment(path: Path) -> StoreError:
-    return _damaged(path, "records acknowledged earlier", fix="move it away and ingest their source again")
-
-
-def _damaged_part(path: Path) -> StoreError:
-    return _damaged(path, "stored records", fix="restore it from a backup, or move it away")
-
-
-def _damaged(path: Path, what: str, *, fix: str) -> StoreError:
-    return StoreError(
-        f"a file with {what} is damaged",
-        code="E302",
-        where=Where(str(path)),
-        why=HASH_DIFFERS,
-        fix=fix,
-    )
 
 
 def _by_hour(rows: pa.Table) -> Iterator[tuple[int, pa.Table]]:

@@ -35,7 +35,7 @@ def take_back(store: Path, path: Path, table: TableName, import_id: str, *, orde
     """
     if path.exists():
         rest, replacing = _taken_back(store, path, table, import_id, order)
-        _replace(path, table, _sorted(table, rest, replacing))
+        replace_part(path, table, _sorted(table, rest, replacing))
     return path.parent
 
 
@@ -68,7 +68,7 @@ def forget_repeats(store: Path, path: Path, table: TableName, import_id: str) ->
         owned = [read_owned(p, table) for p in _same_hour(store / table, path)]
         if owned:
             rows = _unowned(table, rows, pa.concat_tables(owned))
-        _replace(path, table, rows)
+        replace_part(path, table, rows)
     return path.parent
 
 
@@ -112,13 +112,17 @@ def _sorted(table: TableName, rows: pa.Table, more: pa.Table) -> pa.Table:
     return every.take(pc.sort_indices(every, sort_keys=by))
 
 
-def _replace(path: Path, table: TableName, rows: pa.Table) -> None:
-    """Replace a part by rows, then rename it to its own hash; see `removal`."""
+def replace_part(path: Path, table: TableName, rows: pa.Table) -> None:
+    """Replace a part by rows, then rename it to its own hash; without rows, remove it.
+
+    Each step is one rename, so that even a plain glob never sees a record twice and never misses one that stays.
+    Published under its own name first, the new part would be there beside the old one for a moment.
+    """
     if not rows.num_rows:
         durable.remove(path)
         return
     data = part_bytes(table, rows, engines_of(path))
-    durable.publish(path, data)
+    durable.publish(path, data)  # a crash after this leaves a name with another hash; the next run renames it
     path.rename(path.parent / f"{path.name[:2]}-{durable.digest(data)}.parquet")
 
 

@@ -31,7 +31,7 @@ from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.dimensions import params
 from vsd_analytics.warehouse.fact_weeks import FactWeeks, fingerprints
 from vsd_analytics.warehouse.input_fingerprint import InputHashes, SiteInputs, text_hash
-from vsd_analytics.warehouse.sqlfiles import Relation, relations
+from vsd_analytics.warehouse.sqlfiles import Relation, reached, relations
 from vsd_analytics.warehouse.stored_days import Extent
 from vsd_analytics.warehouse.week_files import DAYS, WeekFile, week_file
 from vsd_analytics.warehouse.week_files import FOLDER as WEEKS
@@ -289,12 +289,4 @@ def _marts_of(relation: Relation) -> list[Relation]:
 
     Facts are left out: the fingerprints of hours cover their SQL.
     """
-    known = relations("marts")
-    found: dict[str, Relation] = {}
-    queue = [relation.name]
-    while queue:
-        name = queue.pop()
-        if name in known and name not in found:
-            found[name] = known[name]
-            queue += known[name].reads
-    return list(found.values())
+    return [r for r in reached([relation.name], lambda r: r.layer == "marts") if r.layer == "marts"]

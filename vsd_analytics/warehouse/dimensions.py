@@ -51,16 +51,7 @@ _OWNERS = pa.schema(
         ("cy", pa.int32()),
     ]
 )
-_AREA_CELLS = pa.schema(
-    [
-        ("floor_id", pa.string()),
-        ("from_ms", pa.int64()),
-        ("to_ms", pa.int64()),
-        ("area_id", pa.string()),
-        ("cx", pa.int32()),
-        ("cy", pa.int32()),
-    ]
-)
+_AREA_CELLS = _OWNERS.set(3, pa.field("area_id", pa.string()))
 _CALENDAR = pa.schema(
     [
         ("quarter", pa.int64()),
@@ -154,11 +145,6 @@ def quarters(*, first_hour: int, last_hour: int) -> pa.Table:
 def register_site(con: duckdb.DuckDBPyConnection, site: Site, *, heat_cell_m: float = 1.0) -> None:
     """Create `site_relations`."""
     create_tables(con, site_relations(site, heat_cell_m=heat_cell_m))
-
-
-def register_quarters(con: duckdb.DuckDBPyConnection, *, first_hour: int, last_hour: int) -> None:
-    """Create `quarters`."""
-    create_tables(con, {"quarters": quarters(first_hour=first_hour, last_hour=last_hour)})
 
 
 def create_tables(con: duckdb.DuckDBPyConnection, tables: Mapping[str, pa.Table]) -> None:

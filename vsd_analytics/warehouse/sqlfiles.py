@@ -25,7 +25,7 @@ a changed comment in a query makes all facts stale and warns of every sealed hou
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -156,38 +156,31 @@ def queried_relations() -> Mapping[str, Relation]:
     return {**{name: of_records[name] for name in RECORD_RELATIONS}, **relations("facts", "marts")}
 
 
+def reached(names: Iterable[str], goes_on: Callable[[Relation], bool]) -> list[Relation]:
+    """Return the facts and marts among some names and what they read, behind relations that `goes_on` is true for."""
+    known, queue = relations("facts", "marts"), list(names)
+    found: dict[str, Relation] = {}
+    while queue:
+        name = queue.pop()
+        if name in known and name not in found:
+            found[name] = known[name]
+            queue += known[name].reads if goes_on(known[name]) else ()
+    return list(found.values())
+
+
 def facts_behind(names: Iterable[str]) -> frozenset[str]:
     """Return the hourly facts whose files are read for some relations: facts among these, and those that marts read.
 
     Facts that other facts are computed with are not among them; so nothing is written that nobody asked for.
     """
-    known, found, queue = relations("facts", "marts"), set[str](), list(names)
-    reached = set[str]()
-    while queue:
-        name = queue.pop()
-        if name not in known or name in reached:
-            continue
-        reached.add(name)
-        if known[name].layer == "marts":
-            queue += known[name].reads
-        elif known[name].unit == "hour":
-            found.add(name)
-    return frozenset(found)
+    found = reached(names, lambda r: r.layer == "marts")
+    return frozenset(r.name for r in found if r.layer == "facts" and r.unit == "hour")
 
 
 def marts_by_day(names: Iterable[str]) -> list[Relation]:
     """Return the marts with week files that relations read, or are, not those behind others with week files."""
-    known, found, queue = relations("marts"), set[str](), list(names)
-    reached = set[str]()
-    while queue:
-        name = queue.pop()
-        if name in known and name not in reached:
-            reached.add(name)
-            if known[name].stored_by:
-                found.add(name)
-            else:
-                queue += known[name].reads
-    return [relation for name, relation in known.items() if name in found]
+    found = {r.name for r in reached(names, lambda r: r.layer == "marts" and not r.stored_by) if r.stored_by}
+    return [r for r in relations("marts").values() if r.name in found]
 
 
 def read_relation(path: Path) -> Relation:

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
 
-from vsd_analytics.store.durable import is_temporary, make_dirs, remove
+from vsd_analytics.store.durable import folder_lock, is_temporary, make_dirs, remove
 from vsd_analytics.store.layout import list_parts
 from vsd_analytics.store.published import published_files, sweep_generations
 from vsd_analytics.warehouse.sealed import SealedRange
@@ -26,15 +25,8 @@ def reading(root: Path) -> Iterator[None]:
     """Hold the lock against removal of fact files below `root`. A read-only disk needs none: nobody can remove any."""
     with contextlib.suppress(OSError):
         make_dirs(root)
-    if not root.is_dir():
+    with folder_lock(root, fcntl.LOCK_SH) if root.is_dir() else contextlib.nullcontext():
         yield
-        return
-    fd = os.open(root, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        fcntl.flock(fd, fcntl.LOCK_SH)
-        yield
-    finally:
-        os.close(fd)
 
 
 def find(
@@ -85,20 +77,17 @@ def clear(root: Path, paths: Sequence[Path], *, has_published: bool = False) -> 
     """
     if not paths and not has_published:
         return True
-    fd = os.open(root, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        published = published_files(root.parent) if paths else frozenset()
-        going = [path for path in paths if path.relative_to(root.parent) not in published]
-        for path in going:
-            remove(path)
-        _remove_empty(root, going)
-        if has_published:
-            sweep_generations(root.parent)
+        with folder_lock(root, fcntl.LOCK_EX | fcntl.LOCK_NB):
+            published = published_files(root.parent) if paths else frozenset()
+            going = [path for path in paths if path.relative_to(root.parent) not in published]
+            for path in going:
+                remove(path)
+            _remove_empty(root, going)
+            if has_published:
+                sweep_generations(root.parent)
     except BlockingIOError:
         return False
-    finally:
-        os.close(fd)
     return True
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -187,13 +187,7 @@ def check_facts(
     days = [None if hour is None else hour // 24 for hour in (first_hour, last_hour)]
     for relation in sorted(known):
         of_days = list_parts(site.root / "facts", relation, site.site_id, first_hour=first, last_hour=last_hour)
-        for part in (*of_days, *FactWeeks(site.root / "facts", relation, site.site_id).files(*days)):
-            try:
-                data = part.path.read_bytes()
-            except FileNotFoundError:
-                continue
-            except OSError:
-                data = b""
+        for part, data in _read((*of_days, *FactWeeks(site.root / "facts", relation, site.site_id).files(*days))):
             n += 1
             if not is_undamaged(data):
                 damaged.append(_damaged_fact(part.path))
@@ -209,20 +203,16 @@ def check_facts(
     n_day_files, day_findings = _check_days(site, of_sealed, of_weeks, first_hour=first_hour, last_hour=last_hour)
 
     n_beside, beside_findings = _check_beside(site)
+    below = {DAYS_FOLDER.name: of_sealed, WEEKS: {*of_weeks, *known}}
 
     def is_known(name: str) -> bool:
         if name in former:
             return True
         for other in beside.folders(site):
             name = name.removeprefix(f"{other.relative_to(site.root / 'facts').as_posix()}/")
-        relation, _, rest = name.partition("/")
-        if relation == DAYS_FOLDER.name:
-            relation, _, rest = rest.partition("/")
-            return relation in of_sealed and is_part(rest, site.site_id)
-        if relation == WEEKS:
-            relation, _, rest = rest.partition("/")
-            return (relation in of_weeks or relation in known) and is_part(rest, site.site_id)
-        return relation in known and is_part(rest, site.site_id)
+        folder, _, rest = name.partition("/")
+        relation, _, file = rest.partition("/") if folder in below else (folder, "", rest)
+        return relation in below.get(folder, known) and is_part(file, site.site_id)
 
     n_names, foreign = foreign_files(site.root / "facts", is_known)
     return (
@@ -247,19 +237,25 @@ def _check_days(
     folders = [(DAYS_FOLDER, name, first) for name in sorted(of_sealed)]
     folders += [(DAYS_FOLDER.with_name(WEEKS), name, of_week) for name in sorted(of_weeks)]
     for folder, name, since in folders:
-        for part in list_parts(site.root / folder, name, site.site_id, first_hour=since, last_hour=last_hour):
+        parts = list_parts(site.root / folder, name, site.site_id, first_hour=since, last_hour=last_hour)
+        for part, data in _read(parts):
             n += 1
-            try:
-                data = part.path.read_bytes()
-            except FileNotFoundError:
-                continue
-            except OSError:
-                data = b""
             if not is_undamaged(data):
                 found.append(_damaged_fact(part.path))
             elif _fingerprint(folder, name, part, noted_inputs(data)) != part.digest:
                 found.append(_other_fact(part.path))
     return n, found
+
+
+def _read(parts: Iterable[Part]) -> Iterator[tuple[Part, bytes]]:
+    """Yield files with their bytes, none where the disk refuses them; files that are gone meanwhile are left out."""
+    for part in parts:
+        try:
+            yield part, part.path.read_bytes()
+        except FileNotFoundError:
+            continue
+        except OSError:
+            yield part, b""
 
 
 def _fingerprint(folder: Path, name: str, part: Part, inputs: Mapping[str, Any]) -> str:
