@@ -37,7 +37,7 @@ from vsd_analytics.figures.change_weeks import (
     windows_of,
 )
 from vsd_analytics.figures.compare import span, why_not
-from vsd_analytics.figures.panels import FloorHours, Ints, Place, positions
+from vsd_analytics.figures.panels import FloorHours, Ints, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.result import Design, Reason, State
 from vsd_analytics.settings import FLOOR_CELL_M, Settings
@@ -386,10 +386,7 @@ def _ring(data: FloorHours, area: Area) -> Place:
         "where floor_id = $floor group by all",
         {"cx": cx[inside].astype(int).tolist(), "cy": cy[inside].astype(int).tolist(), "floor": data.floor.floor_id},
     )
-    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
-    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
-    n, exposure_h = np.zeros_like(data.everyone.n), np.zeros_like(data.everyone.n)
-    n[camera, hour], exposure_h[camera, hour] = rows["n"].to_numpy(), rows["exposure_h"].to_numpy()
+    n, exposure_h = data.by_hour(rows, "n", "exposure_h")
     return Place(n, exposure_h, np.asarray((n + exposure_h).any(axis=1)))
 
 

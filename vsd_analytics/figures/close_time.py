@@ -65,9 +65,8 @@ def close_share(period: Period, place: Place, *, has_history: bool = True) -> Ra
     found = encounter_rate(
         now.n.sum(axis=0),
         now.exposure_h.sum(axis=0),
-        confidence=settings.confidence,
-        min_days=settings.min_days,
         min_exposure_h=0.0,
+        **settings.for_intervals,
         **history(period, past.n.sum(axis=0), history_exposure_h=past.exposure_h.sum(axis=0)),
     )
     if found.rate is None:
@@ -95,19 +94,14 @@ def close_share_by_hour(period: Period) -> Array:
 
 def burden(period: Period, place: Place) -> RateEstimate:
     """Return person-minutes in violation per recorded open hour, sum over cameras, with the interval of M0."""
-    data, settings = period.data, period.data.site.settings
+    data = period.data
     if not place.cameras.any():
         return not_measured(NO_FLOOR)
     if not period.knows(place):
         return NOT_RECORDED
     now, past = (data.panel(place, days) for days in (period.days, period.history_days))
-    found = violation_rate(
-        now.n,
-        now.x_h,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-        **history(period, past.n, history_x_h=past.x_h),
-    )
+    rules = data.site.settings.for_intervals
+    found = violation_rate(now.n, now.x_h, **rules, **history(period, past.n, history_x_h=past.x_h))
     return in_units(found, MINUTES, Reason("nobody.close"))
 
 

@@ -347,8 +347,7 @@ def _routes(period: Period, moves: _Moves, asked: Sequence[Area]) -> DoorRoutes:
     following = next_areas(
         Leaving(moves.since_began_s[starts], _renamed(kind, pooled), moves.day[starts]),
         n_kinds=int(pooled.max(initial=-1)) + 1,
-        confidence=settings.confidence,
-        min_days=int(settings.min_days),
+        **settings.for_intervals,
     )
     following = replace(
         following,

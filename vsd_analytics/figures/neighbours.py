@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import pyarrow as pa
 
 from vsd_analytics.figures.close_time import SECONDS, close_share, knows_distances
 from vsd_analytics.figures.groups import PURGED
-from vsd_analytics.figures.panels import Array, Place, positions
+from vsd_analytics.figures.panels import Array, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import not_measured
 from vsd_analytics.result import Reason
@@ -107,13 +108,8 @@ def _by_number(period: Period) -> dict[int, Array] | None:
         "order by hour_start_ms, camera_id, n_others",
         {"cameras": data.ids, "first": period.first, "last": period.last},
     )
-    n, hours = rows["n_others"].to_numpy(), rows["hours"].to_numpy()
-    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
-    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
-    found: dict[int, Array] = {}
-    for number in np.unique(n).tolist():
-        found[number] = np.zeros_like(data.everyone.n)
-        found[number][camera[n == number], hour[n == number]] = hours[n == number]
+    n = rows["n_others"].to_numpy()
+    found = {k: data.by_hour(rows.filter(pa.array(n == k)), "hours")[0] for k in np.unique(n).tolist()}
     stored = sum(found.values(), start=np.zeros_like(data.everyone.n))
     if (data.violation_h * period.is_inside).sum() > 1.001 * (stored * period.is_inside).sum() + 1e-6:
         return None  # sealed by a version that did not count others

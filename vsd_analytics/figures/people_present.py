@@ -184,8 +184,7 @@ class Presence:
         found = violation_rate(
             by_day(amount, now),
             x_h,
-            confidence=settings.confidence,
-            min_days=settings.min_days,
+            **settings.for_intervals,
             **history(self.period, by_day(amount, past), history_x_h=by_day(time_s, past) / 3600),
         )
         found = in_units(found, SECONDS, nothing)

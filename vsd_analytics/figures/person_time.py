@@ -93,15 +93,10 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
 
 def _people(period: Period) -> RateEstimate:
     """Return the mean number of people. Person-seconds are used as events, so rules for small counts do not apply."""
-    data, settings = period.data, period.data.site.settings
+    data = period.data
     now, past = (data.panel(data.everyone, days) for days in (period.days, period.history_days))
-    found = violation_rate(
-        now.exposure_h * 3600,
-        now.x_h,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-        **history(period, past.exposure_h * 3600, history_x_h=past.x_h),
-    )
+    weeks_before = history(period, past.exposure_h * 3600, history_x_h=past.x_h)
+    found = violation_rate(now.exposure_h * 3600, now.x_h, **data.site.settings.for_intervals, **weeks_before)
     return in_units(found, SECONDS, Reason("nobody.seen"))
 
 
@@ -116,11 +111,7 @@ def _close_between(period: Period, known: set[str] | None) -> RateEstimate:
         return not_measured(NO_GROUPS)
     cameras = [c for c, ok in zip(data.ids, able.tolist(), strict=True) if ok]
     rows = data.warehouse.table(_BETWEEN, {"cameras": cameras, "first": period.first, "last": period.last})
-    violation_h, all_pairs_h = np.zeros_like(data.everyone.n), np.zeros_like(data.everyone.n)
-    camera = np.array([data.ids.index(c) for c in rows["camera_id"].to_pylist()], dtype=np.int64)
-    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
-    violation_h[camera, hour] = rows["between_h"].to_numpy()
-    all_pairs_h[camera, hour] = rows["all_h"].to_numpy()
+    violation_h, all_pairs_h = data.by_hour(rows, "between_h", "all_h")
     counted = data.hours.is_counted & period.is_inside
     if (data.violation_h * counted)[able].sum() > 1.001 * (all_pairs_h * counted)[able].sum() + 1e-6:
         return not_measured(PURGED)

@@ -187,8 +187,7 @@ def _waiting(period: Period, seen: _Waits, recorded: Sequence[RecordedHours]) ->
         waited.outcome,
         period.data.hours.day[waited.hour],
         weight=np.array([r.weight for r in recorded])[waited.camera, waited.hour] if recorded else None,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
+        **settings.for_intervals,
     )
 
 
@@ -215,6 +214,5 @@ def _stays(period: Period, area: Area, seen: _Waits) -> Dwell:
         np.searchsorted(days, data.hours.day[seen.hour]),
         person_s=person_s_by_day(period, place, used),
         long_s=settings.long_visit_s,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
+        **settings.for_intervals,
     )

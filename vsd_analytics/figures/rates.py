@@ -41,14 +41,8 @@ def violation_rate_level(
     if not period.knows(place):
         return NOT_RECORDED
     panel, past = _panels(period, place, since, until)
-    settings = period.data.site.settings
-    return violation_rate(
-        panel.n,
-        panel.x_h,
-        **history(period, past.n, history_x_h=past.x_h),
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-    )
+    rules = period.data.site.settings.for_intervals
+    return violation_rate(panel.n, panel.x_h, **history(period, past.n, history_x_h=past.x_h), **rules)
 
 
 def encounter_rate_level(
@@ -65,9 +59,8 @@ def encounter_rate_level(
         panel.n.sum(axis=0),
         panel.exposure_h.sum(axis=0),
         **history(period, past.n.sum(axis=0), history_exposure_h=past.exposure_h.sum(axis=0)),
-        confidence=settings.confidence,
-        min_days=settings.min_days,
         min_exposure_h=settings.min_exposure_h,
+        **settings.for_intervals,
     )
 
 
@@ -87,9 +80,8 @@ def violation_rate_change(pair: TwoPeriods, place: Place, *, since: int | None =
         now.x_h,
         history_n=[week.n for week in past],
         history_x_h=[week.x_h for week in past],
-        confidence=settings.confidence,
-        min_days=settings.min_days,
         about_same_share=settings.about_same_share,
+        **settings.for_intervals,
     )
 
 
@@ -109,10 +101,9 @@ def encounter_rate_change(pair: TwoPeriods, place: Place, *, since: int | None =
         now.exposure_h.sum(axis=0),
         history_n=[week.n.sum(axis=0) for week in past],
         history_exposure_h=[week.exposure_h.sum(axis=0) for week in past],
-        confidence=settings.confidence,
-        min_days=settings.min_days,
         min_exposure_h=settings.min_exposure_h,
         about_same_share=settings.about_same_share,
+        **settings.for_intervals,
     )
 
 
@@ -127,9 +118,8 @@ def change_people(pair: TwoPeriods, place: Place) -> ChangeEstimate:
         now.x_h,
         history_h=[week.exposure_h for week in past],
         history_x_h=[week.x_h for week in past],
-        confidence=settings.confidence,
-        min_days=settings.min_days,
         about_same_share=settings.about_same_share,
+        **settings.for_intervals,
     )
 
 

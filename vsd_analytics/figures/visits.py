@@ -148,8 +148,7 @@ def _of_area(period: Period, area: Area, seen: _Stays, able: Flags) -> AreaVisit
         np.searchsorted(days, data.hours.day[seen.hour[entered]]),
         person_s=person_s_by_day(period, place, used),
         long_s=long_s,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
+        **settings.for_intervals,
     )
     open_h = float(data.hours.open_s[period.is_inside].sum()) / 3600 * int(counted.cameras.sum())
     recorded = data.hours.recorded_s[:, period.is_inside].sum(axis=1) / 3600
@@ -193,7 +192,7 @@ def per_open_hour(period: Period, place: Place, n: Array, x_h: Array, *, what: s
     if not period.knows(place):
         return NOT_RECORDED
     settings = period.data.site.settings
-    found = violation_rate(n, x_h, confidence=settings.confidence, min_days=settings.min_days)
+    found = violation_rate(n, x_h, **settings.for_intervals)
     if found.reason is None or found.reason.code not in _OWN_WORDS:
         return found
     return replace(found, reason=Reason(found.reason.code.replace("level", what), **found.reason.values))
