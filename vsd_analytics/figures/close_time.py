@@ -14,16 +14,10 @@ import numpy as np
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.panels import Array, Flags, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.figures.rates import (
-    NOT_RECORDED,
-    encounter_rate_change,
-    history,
-    not_measured,
-    violation_rate_change,
-)
+from vsd_analytics.figures.rates import NOT_RECORDED, encounter_rate_change, history, violation_rate_change
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
-from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
+from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate, no_rate
 from vsd_analytics.stats.rates import encounter_rate, violation_rate
 
 SECONDS: Final = 3600.0
@@ -56,9 +50,9 @@ def close_share(period: Period, place: Place, *, has_history: bool = True) -> Ra
     """
     data, settings = period.data, period.data.site.settings
     if (why := period.why_no_exposure) is not None:
-        return not_measured(why)
+        return no_rate(why)
     if not place.cameras.any():
-        return not_measured(NO_FLOOR)
+        return no_rate(NO_FLOOR)
     if not period.knows(place):
         return NOT_RECORDED
     now, past = (data.panel(place, days) for days in (period.days, period.history_days if has_history else []))
@@ -96,7 +90,7 @@ def burden(period: Period, place: Place) -> RateEstimate:
     """Return person-minutes in violation per recorded open hour, sum over cameras, with the interval of M0."""
     data = period.data
     if not place.cameras.any():
-        return not_measured(NO_FLOOR)
+        return no_rate(NO_FLOOR)
     if not period.knows(place):
         return NOT_RECORDED
     now, past = (data.panel(place, days) for days in (period.days, period.history_days))

@@ -13,9 +13,8 @@ from vsd_analytics.figures.close_time import SECONDS, close_share, knows_distanc
 from vsd_analytics.figures.groups import PURGED
 from vsd_analytics.figures.panels import Array, Place
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.rates import not_measured
 from vsd_analytics.result import Reason
-from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.estimates import RateEstimate, no_rate
 
 THREE: Final = 3
 SQUARE_FOOT_M2: Final = 0.3048**2
@@ -44,10 +43,10 @@ class RoomLevel:
 def three_or_more(period: Period) -> RateEstimate:
     """Return the share of person-time with three or more others closer than the legal distance (M32)."""
     if (why := period.why_no_exposure) is not None:
-        return not_measured(why)
+        return no_rate(why)
     by_number = _by_number(period)
     if by_number is None:
-        return not_measured(PURGED)
+        return no_rate(PURGED)
     crowded = sum((hours for n, hours in by_number.items() if n >= THREE), start=np.zeros_like(period.data.everyone.n))
     return _share(period, crowded)
 
@@ -76,7 +75,7 @@ def room_around(period: Period) -> tuple[RoomLevel, ...]:
         RoomLevel(
             level,
             *density_edges()[k],
-            not_measured(why) if hours is None and why is not None else _share(period, (hours or [])[k]),
+            no_rate(why) if hours is None and why is not None else _share(period, (hours or [])[k]),
         )
         for k, level in enumerate(LEVELS)
     )

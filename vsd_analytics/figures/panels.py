@@ -229,7 +229,7 @@ class FloorHours:
         return positions(rows["camera_id"], self.ids, otherwise=-1), day, np.stack(counts, axis=1)
 
     def by_hour(self, rows: pa.Table, *names: str) -> tuple[Array, ...]:
-        """Return columns of rows by camera and hour as arrays of shape (n_cameras, n_hours), 0 where there is no row."""
+        """Return columns of rows by camera and hour as arrays of shape (n_cameras, n_hours), 0 where no row is."""
         made = tuple(np.zeros_like(self.everyone.n) for _ in names)
         at = self._at(rows)
         for sums, name in zip(made, names, strict=True):

@@ -17,10 +17,10 @@ import numpy as np
 from vsd_analytics.figures.close_time import SECONDS, in_units
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Array, Flags, Place
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.rates import NOT_RECORDED, history, not_measured
+from vsd_analytics.figures.rates import NOT_RECORDED, history
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
-from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.rates import violation_rate
 from vsd_analytics.stats.recorded_hours import RecordedHours, recorded_hours
 
@@ -165,9 +165,9 @@ class Presence:
     def _level(self, amount: Array, hour: int | None, nothing: Reason, *, per: Array | None = None) -> RateEstimate:
         """Return an amount of seconds by hour, per second of recorded time (or of `per`), days as clusters."""
         if (why := self.period.why_no_exposure) is not None:
-            return not_measured(why)
+            return no_rate(why)
         if not self.cameras.any():
-            return not_measured(NOBODY)
+            return no_rate(NOBODY)
         hours, settings = self.data.hours, self.data.site.settings
         chosen = self.is_known if hour is None else self.is_known & (hours.hour == hour)
         time_s = self.seconds.sum(axis=1) if per is None else per

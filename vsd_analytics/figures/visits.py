@@ -14,11 +14,11 @@ import numpy as np
 
 from vsd_analytics.figures.panels import Array, Flags, FloorHours, Ints, Place, positions
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.rates import NOT_RECORDED, not_measured
+from vsd_analytics.figures.rates import NOT_RECORDED
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.dwell import Dwell, dwell
-from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.rates import violation_rate
 
 NO_TRACK_IDS: Final = Reason("engine.no_track_ids")
@@ -186,9 +186,9 @@ def per_open_hour(period: Period, place: Place, n: Array, x_h: Array, *, what: s
         why_none: Reason where no camera can count there.
     """
     if period.why_no_exposure is not None:
-        return not_measured(period.why_no_exposure)
+        return no_rate(period.why_no_exposure)
     if not place.cameras.any():
-        return not_measured(why_none)
+        return no_rate(why_none)
     if not period.knows(place):
         return NOT_RECORDED
     settings = period.data.site.settings

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import date, datetime, timedelta
 from typing import Final
 
@@ -25,6 +25,7 @@ from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import findings, recording, timetable
 from vsd_analytics.figures.week.density import FloorGrid
+from vsd_analytics.figures.week.estimates import with_change
 from vsd_analytics.figures.week.floor_maps import floor_maps
 from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
 from vsd_analytics.figures.week.model_estimate import Estimate
@@ -374,16 +375,7 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
 def _with_change(data: TwoWeeks, share: Estimate, of_time: Place) -> Estimate:
     """Return a share of time too close with its change from the other week, as `vsd compare` gives it."""
     found = change_close_share(data.pair, of_time)
-    if found.theta is None or share.value is None:
-        return share
-    return replace(
-        share,
-        previous=found.rate_a,
-        change=found.theta - 1,
-        change_lo=None if found.lo is None else found.lo - 1,
-        change_hi=None if found.hi is None else found.hi - 1,
-        verdict=found.verdict,
-    )
+    return share if found.theta is None or share.value is None else with_change(share, found)
 
 
 def _place(data: TwoWeeks, row: PlaceRow) -> Place:

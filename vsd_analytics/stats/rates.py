@@ -9,16 +9,16 @@ docs/statistics.md. Changes between periods: `vsd_analytics.stats.changes`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason, State
+from vsd_analytics.result import Reason
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.day_correlation import PRIOR_CORRELATION, day_correlation, inflation
-from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.influence import (
     DayCounts,
     Profile,
@@ -88,7 +88,7 @@ def violation_rate(
     """
     counts = as_counts(n, x_h)
     if not counts.kept:
-        return _without_interval(counts, reason=Reason("level.unrecorded"), rate=None)
+        return _without_interval(counts, None, Reason("level.unrecorded"))
     past = _past(counts, weekday, history_n, history_x_h, history_weekday, min_history_weeks)
     return level(counts, past=past, confidence=confidence, min_days=min_days, kind="often")
 
@@ -131,15 +131,11 @@ def encounter_rate(
         ValueError: Shapes do not fit, or a number is negative or infinite.
     """
     if exposure_h is None:
-        return RateEstimate(
-            rate=None, lo=None, hi=None, n_events=None, exposure_h=0.0, n_days=0, df=None, log_se=None,
-            state="not_measurable", reason=Reason("engine.no_positions"), is_conservative=False,
-        )  # fmt: skip
+        return no_rate(Reason("engine.no_positions"))
     counts = as_counts(n, exposure_h)
     total_h = float(counts.x.sum())
     if not counts.kept or total_h < min_exposure_h:
-        reason = Reason("level.person_hours", least=min_exposure_h, has=total_h)
-        return _without_interval(counts, reason=reason, rate=None)
+        return _without_interval(counts, None, Reason("level.person_hours", least=min_exposure_h, has=total_h))
     past = _past(counts, weekday, history_n, history_exposure_h, history_weekday, min_history_weeks)
     return level(counts, past=past, confidence=confidence, min_days=min_days, kind="risky")
 
@@ -177,16 +173,14 @@ def level(
     n_events, n_days = float(counts.n.sum()), counts.n_days
     rate = float((counts.n.sum(axis=1) / counts.x.sum(axis=1)).sum())
     if n_days < min_days:
-        reason = Reason("level.days", least=min_days, has=n_days)
-        return _without_interval(counts, reason=reason, rate=rate)
+        return _without_interval(counts, rate, Reason("level.days", least=min_days, has=n_days))
     if n_events == 0:
         least_h = float(counts.x.sum(axis=1).min())
         hi = zero_events_limit(confidence=confidence) / least_h
         reason = Reason("level.none_often" if kind == "often" else "level.none_risky", hours=least_h)
-        return _estimate(counts, rate=0.0, lo=0.0, hi=hi, state="ok", reason=reason)
+        return replace(_without_interval(counts, 0.0, reason), lo=0.0, hi=hi, state="ok")
     if n_events < MIN_EVENTS:
-        reason = Reason("level.events", least=MIN_EVENTS, has=n_events)
-        return _without_interval(counts, reason=reason, rate=rate)
+        return _without_interval(counts, rate, Reason("level.events", least=MIN_EVENTS, has=n_events))
 
     weights, missed, profile = equal_weights(counts), 0.0, None
     if past is None:
@@ -198,16 +192,17 @@ def level(
         missed = math.log1p(float(days.shares @ (profile.gap - 1)))
     factor, df = small_sample(weights, shares=days.shares, noise=days.noise)
     if not math.isfinite(factor):
-        return _without_interval(counts, reason=Reason("level.camera"), rate=rate)
+        return _without_interval(counts, rate, Reason("level.camera"))
     factor *= inflation(correlation, n_days=n_days)
     log_se = math.sqrt(factor * float(days.by_day @ days.by_day))
     half = t_quantile(df, confidence=confidence) * log_se
     if n_events < SMALL_COUNT:
         half = max(half, z_quantile(confidence=confidence) * math.sqrt(float(days.noise.sum())))
     is_plain = profile is None or not bool(profile.is_known[days.totals > 0].all())
-    return _estimate(
-        counts, rate=rate, lo=rate * math.exp(min(missed, 0.0) - half), hi=rate * math.exp(max(missed, 0.0) + half),
-        state="ok", reason=None, df=df, log_se=log_se, is_conservative=is_plain or missed != 0,
+    return replace(
+        _without_interval(counts, rate, None), lo=rate * math.exp(min(missed, 0.0) - half),
+        hi=rate * math.exp(max(missed, 0.0) + half), state="ok", df=df, log_se=log_se,
+        is_conservative=is_plain or missed != 0,
     )  # fmt: skip
 
 
@@ -231,24 +226,9 @@ def _past(
     return Past(profile, day_correlation(history, then))
 
 
-def _without_interval(counts: DayCounts, *, reason: Reason, rate: float | None) -> RateEstimate:
-    return _estimate(counts, rate=rate, lo=None, hi=None, state="not_enough_data", reason=reason)
-
-
-def _estimate(
-    counts: DayCounts,
-    *,
-    rate: float | None,
-    lo: float | None,
-    hi: float | None,
-    state: State,
-    reason: Reason | None,
-    df: float | None = None,
-    log_se: float | None = None,
-    is_conservative: bool = False,
-) -> RateEstimate:
+def _without_interval(counts: DayCounts, rate: float | None, reason: Reason | None) -> RateEstimate:
     return RateEstimate(
-        rate=rate, lo=lo, hi=hi, n_events=float(counts.n.sum()), exposure_h=float(counts.x.sum()),
-        n_days=counts.n_days, df=df, log_se=log_se, state=state, reason=reason, is_conservative=is_conservative,
+        rate=rate, lo=None, hi=None, n_events=float(counts.n.sum()), exposure_h=float(counts.x.sum()),
+        n_days=counts.n_days, df=None, log_se=None, state="not_enough_data", reason=reason, is_conservative=False,
         left_out=counts.left_out,
     )  # fmt: skip

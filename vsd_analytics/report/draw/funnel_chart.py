@@ -95,9 +95,8 @@ def funnel_chart(points: Sequence[FunnelPoint], *, usual_sd: float, title: str, 
     parts = [_band(plane, usual_sd), *_grid(plane), *_limits(plane, usual_sd)]
     parts += [_dot(plane, p) for p in sorted(points, key=lambda p: p.kind == "differs")]
     parts += _labels(plane, points)
-    axis = chart_text(title, (LEFT + width - RIGHT) / 2, HEIGHT - 8)
-    style = "tr fun wide" if width == WIDE else "tr fun nar"
-    return drawing([*parts, axis], (width, HEIGHT), class_=style, label=label)
+    parts.append(chart_text(title, (LEFT + width - RIGHT) / 2, HEIGHT - 8))
+    return drawing(parts, (width, HEIGHT), class_="tr fun wide" if width == WIDE else "tr fun nar", label=label)
 
 
 def _curve(plane: _Plane, usual_sd: float, confidence: float) -> list[tuple[float, float]]:

@@ -65,7 +65,7 @@ def chart(trend: Trend, measure: Measure, *, width: int, label: str) -> Markup:
         label: Text alternative.
     """
     weeks = trend.weeks
-    values = [_known(w, measure) for w in weeks]
+    values = [known(w, measure) for w in weeks]
     target = trend.target_often.value if measure == "often" and trend.target_often is not None else None
     most = max((e.value or 0.0 for e in values if e is not None), default=0.0)
     ends = [min(e.hi or 0.0, WHISKER_MAX * most) for e in values if e is not None]
@@ -87,7 +87,7 @@ def chart(trend: Trend, measure: Measure, *, width: int, label: str) -> Markup:
 
 def spark(trend: Trend | None, measure: Measure) -> Markup:
     """Draw the weeks as a small line from zero, broken at gaps, the last one a dot; empty under three figures."""
-    values = [None if w.missing else _known(w, measure) for w in trend.weeks] if trend is not None else []
+    values = [None if w.missing else known(w, measure) for w in trend.weeks] if trend is not None else []
     if sum(e is not None for e in values) < 3 or values[-1] is None:
         return Markup("")
     top = max(e.value or 0.0 for e in values if e is not None) or 1.0
@@ -107,7 +107,8 @@ def spark(trend: Trend | None, measure: Measure) -> Markup:
     return el("svg", line + dot, class_="spark", viewBox="0 0 140 28", aria_hidden="true")
 
 
-def _known(week: TrendWeek, measure: Measure) -> Estimate | None:
+def known(week: TrendWeek, measure: Measure) -> Estimate | None:
+    """Return what a week measured of violations or of time too close; None where it has no value."""
     found = week.often if measure == "often" else week.close
     return found if found is not None and found.value is not None else None
 
