@@ -69,8 +69,7 @@ def close_share(period: Period, place: Place, *, has_history: bool = True) -> Ra
     if found.lo is not None and found.exposure_h < settings.min_exposure_h:
         reason = Reason("level.interval_person_hours", least=settings.min_exposure_h, has=found.exposure_h)
         found = replace(found, lo=None, hi=None, state="not_enough_data", reason=reason)
-    assert found.rate is not None
-    return replace(found, rate=min(1.0, found.rate), hi=None if found.hi is None else min(1.0, found.hi))
+    return at_most_one(found)
 
 
 def close_share_by_hour(period: Period) -> Array:
@@ -130,6 +129,13 @@ def in_units(found: RateEstimate, per_unit: float, nothing: Reason) -> RateEstim
         return replace(found, lo=None, hi=None, state="ok", reason=nothing)
     lo, hi = (None if v is None else v / per_unit for v in (found.lo, found.hi))
     return replace(found, rate=found.rate / per_unit, lo=lo, hi=hi, n_events=None)
+
+
+def at_most_one(found: RateEstimate) -> RateEstimate:
+    """Return a share that its interval puts at no more than 1."""
+    if found.rate is None:
+        return found
+    return replace(found, rate=min(1.0, found.rate), hi=None if found.hi is None else min(1.0, found.hi))
 
 
 def _change_in_units(found: ChangeEstimate, per_unit: float) -> ChangeEstimate:

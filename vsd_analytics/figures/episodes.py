@@ -70,12 +70,7 @@ class EpisodeFigures:
 
 
 def episode_figures(
-    warehouse: Warehouse,
-    *,
-    floor_id: str | None = None,
-    first: date | None = None,
-    last: date | None = None,
-    seed: int = SEED,
+    warehouse: Warehouse, *, floor_id: str | None = None, first: date | None = None, last: date | None = None
 ) -> EpisodeFigures:
     """Return how long and how close violations are, close contacts, and the track ids of a range.
 
@@ -84,7 +79,6 @@ def episode_figures(
         floor_id: Only cameras of this floor; None = all.
         first: First local day; None = the warehouse's.
         last: Last local day; None = the warehouse's.
-        seed: Of the bootstrap of durations.
 
     Raises:
         UsageError: E101, the site has no such floor.
@@ -108,7 +102,7 @@ def episode_figures(
         first=span["first"],
         last=span["last"],
         floor_id=floor_id,
-        durations=_durations(warehouse, span, sums, seed),
+        durations=_durations(warehouse, span, sums),
         distances=_distances(warehouse, span, sums, n_violations),
         contacts=_contacts(warehouse, span, sums),
         tracks=_tracks(warehouse, span, sums),
@@ -126,14 +120,9 @@ def _why(sums: dict[str, Any], *, needs_ids: bool) -> tuple[State, Reason] | Non
     return None
 
 
-def _durations(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any], seed: int) -> Durations:
+def _durations(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any]) -> Durations:
     settings = warehouse.site.settings
-    rules: dict[str, Any] = {
-        "seed": seed,
-        "confidence": settings.confidence,
-        "min_days": settings.min_days,
-        "sustained_s": settings.sustained_s,
-    }
+    rules: dict[str, Any] = {"seed": SEED, "sustained_s": settings.sustained_s, **settings.for_intervals}
     if (why := _why(sums, needs_ids=True)) is not None:
         none = durations([], [], None, **rules)
         share = replace(none.long_share, state=why[0], reason=why[1])

@@ -50,7 +50,6 @@ def violation_rate(
     history_weekday: npt.ArrayLike | None = None,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
-    min_history_weeks: int = MIN_HISTORY_WEEKS,
 ) -> RateEstimate:
     """Return how often violations happen: M0, violations per open hour of a place, with its interval.
 
@@ -71,7 +70,6 @@ def violation_rate(
             was closed in the period: a weekday the history knows and the period lacks counts as missed.
         confidence: Confidence level.
         min_days: Recorded days an interval needs.
-        min_history_weeks: Weeks of history a weekday profile needs.
 
     Returns:
         The rate in violations per open hour, and its interval. Without violations: 0, lo 0 and hi by the rule of
@@ -89,7 +87,7 @@ def violation_rate(
     counts = as_counts(n, x_h)
     if not counts.kept:
         return _without_interval(counts, None, Reason("level.unrecorded"))
-    past = _past(counts, weekday, history_n, history_x_h, history_weekday, min_history_weeks)
+    past = _past(counts, weekday, history_n, history_x_h, history_weekday)
     return level(counts, past=past, confidence=confidence, min_days=min_days, kind="often")
 
 
@@ -104,7 +102,6 @@ def encounter_rate(
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
     min_exposure_h: float = DEFAULTS.min_exposure_h,
-    min_history_weeks: int = MIN_HISTORY_WEEKS,
 ) -> RateEstimate:
     """Return encounters per person-hour (M7): violations per person-hour of exposure, with its interval.
 
@@ -122,7 +119,6 @@ def encounter_rate(
         confidence: Confidence level.
         min_days: Days with exposure an interval needs.
         min_exposure_h: Person-hours the rate needs.
-        min_history_weeks: Weeks of history a weekday profile needs.
 
     Returns:
         The rate in violations per person-hour and its interval; `rate` is None below `min_exposure_h`.
@@ -136,7 +132,7 @@ def encounter_rate(
     total_h = float(counts.x.sum())
     if not counts.kept or total_h < min_exposure_h:
         return _without_interval(counts, None, Reason("level.person_hours", least=min_exposure_h, has=total_h))
-    past = _past(counts, weekday, history_n, history_exposure_h, history_weekday, min_history_weeks)
+    past = _past(counts, weekday, history_n, history_exposure_h, history_weekday)
     return level(counts, past=past, confidence=confidence, min_days=min_days, kind="risky")
 
 
@@ -212,7 +208,6 @@ def _past(
     history_n: npt.ArrayLike | None,
     history_x_h: npt.ArrayLike | None,
     history_weekday: npt.ArrayLike | None,
-    min_weeks: int,
 ) -> Past | None:
     if history_n is None or history_x_h is None:
         return None
@@ -222,7 +217,7 @@ def _past(
     now, then = np.asarray(weekday, dtype=np.int64), np.asarray(history_weekday, dtype=np.int64)
     if now.shape != counts.n.shape[1:] or then.shape != history.n.shape[1:]:
         raise ValueError("every day needs a weekday")
-    profile = weekday_profile(counts, history, weekday=now, history_weekday=then, min_weeks=min_weeks)
+    profile = weekday_profile(counts, history, weekday=now, history_weekday=then, min_weeks=MIN_HISTORY_WEEKS)
     return Past(profile, day_correlation(history, then))
 
 

@@ -93,8 +93,8 @@ class BarTable:
 
     title: str
     sub: str
-    axis: Markup
-    rows: tuple[BarRow, ...]
+    axis: Markup = NO_BAR
+    rows: tuple[BarRow, ...] = ()
     sentence: str = ""
     notes: tuple[str, ...] = ()
 
@@ -103,9 +103,9 @@ class BarTable:
 class Listed:
     """A short figure made of lines; without title and lines it is only refused, in its notes."""
 
-    title: str
-    sub: str
-    lines: tuple[str, ...]
+    title: str = ""
+    sub: str = ""
+    lines: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -176,9 +176,7 @@ def causes(report: WeekReport) -> BarTable | None:
     distance = fmt.distance(report.rules.distance_m, report.rules.distance_unit)
     title, sub = say("causes.title"), say("causes.sub", distance=distance, before=report.previous.number)
     if found.close is None:
-        return BarTable(
-            title=title, sub=sub, axis=Markup(""), rows=(), notes=(say("causes.none", reason=_because(found.reason)),)
-        )
+        return BarTable(title=title, sub=sub, notes=(say("causes.none", reason=_because(found.reason)),))
     parts = {
         "people": Estimate(value=None, change=found.people),
         "layout": Estimate(value=None, change=found.layout),
@@ -229,9 +227,7 @@ def outlook(report: WeekReport) -> Listed | None:
         return None
     sub = say("next.sub")
     if not found.highest:
-        return Listed(
-            title="", sub="", lines=(), notes=(say("next.why", week=found.number, reason=_because(found.reason)),)
-        )
+        return Listed(notes=(say("next.why", week=found.number, reason=_because(found.reason)),))
     lines = []
     for h in found.highest:
         hour = f"{fmt.weekday(h.day)} {fmt.hour_label(h.hour)}"
@@ -262,7 +258,7 @@ def unusual(report: WeekReport) -> Listed | None:
     if found.state != "ok" and _is_named_by_trend(report, found.reason, "unusual.weeks"):
         return None
     if found.state != "ok":
-        return Listed(title="", sub="", lines=(), notes=(say("when.unusual_why", reason=_because(found.reason)),))
+        return Listed(notes=(say("when.unusual_why", reason=_because(found.reason)),))
     lines = [
         say(
             "when.unusual_row" if r.violations is not None else "when.unusual_row_held",
