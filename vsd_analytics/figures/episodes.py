@@ -70,7 +70,12 @@ class EpisodeFigures:
 
 
 def episode_figures(
-    warehouse: Warehouse, *, floor_id: str | None = None, first: date | None = None, last: date | None = None
+    warehouse: Warehouse,
+    *,
+    floor_id: str | None = None,
+    first: date | None = None,
+    last: date | None = None,
+    seed: int = SEED,
 ) -> EpisodeFigures:
     """Return how long and how close violations are, close contacts, and the track ids of a range.
 
@@ -79,6 +84,7 @@ def episode_figures(
         floor_id: Only cameras of this floor; None = all.
         first: First local day; None = the warehouse's.
         last: Last local day; None = the warehouse's.
+        seed: Of the bootstrap of durations.
 
     Raises:
         UsageError: E101, the site has no such floor.
@@ -102,7 +108,7 @@ def episode_figures(
         first=span["first"],
         last=span["last"],
         floor_id=floor_id,
-        durations=_durations(warehouse, span, sums),
+        durations=_durations(warehouse, span, sums, seed),
         distances=_distances(warehouse, span, sums, n_violations),
         contacts=_contacts(warehouse, span, sums),
         tracks=_tracks(warehouse, span, sums),
@@ -120,9 +126,9 @@ def _why(sums: dict[str, Any], *, needs_ids: bool) -> tuple[State, Reason] | Non
     return None
 
 
-def _durations(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any]) -> Durations:
+def _durations(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any], seed: int) -> Durations:
     settings = warehouse.site.settings
-    rules: dict[str, Any] = {"seed": SEED, "sustained_s": settings.sustained_s, **settings.for_intervals}
+    rules: dict[str, Any] = {"seed": seed, "sustained_s": settings.sustained_s, **settings.for_intervals}
     if (why := _why(sums, needs_ids=True)) is not None:
         none = durations([], [], None, **rules)
         share = replace(none.long_share, state=why[0], reason=why[1])
