@@ -157,7 +157,7 @@ def test_a_compared_sentence_is_found(source: str) -> None:
 SENTENCELESS = ("figures", "stats", "planner", "result.py")
 """What gives codes and leaves their words to the catalogue."""
 SQL = re.compile(r"^\s*(select|from|where|and|inner join|left join|group by|order by|union)\b|\b(select|order by)\b")
-HELP = {"_f", "described"}
+HELP = {"_f", "described", "_o", "optional"}
 """Field helps: the documentation of the JSON file, which its schema gives in English."""
 
 

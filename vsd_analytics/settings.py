@@ -10,7 +10,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Final, Literal, TypeAlias, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Final, Literal, TypeAlias, TypedDict, TypeVar, get_args, get_origin, get_type_hints
 
 FLOOR_CELL_M: Final = 0.25
 """Side of a floor cell in stored facts. Facts, areas and maps of every age must nest in it, so it is not a setting."""
@@ -25,6 +25,13 @@ Value: TypeAlias = "float | int | str | bool | tuple[float, ...]"
 Reader: TypeAlias = Literal["facts", "sql"]
 
 T = TypeVar("T")
+
+
+class IntervalRules(TypedDict):
+    """The settings that every interval follows, as arguments of the functions of `vsd_analytics.stats`."""
+
+    confidence: float
+    min_days: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +160,11 @@ class Settings:
     def values(self) -> dict[str, Value]:
         """Return the value of each setting by name, in the order of the table."""
         return {s.name: getattr(self, s.name) for s in SETTINGS}
+
+    @property
+    def for_intervals(self) -> IntervalRules:
+        """Return the confidence level of every interval and the recorded days it needs."""
+        return {"confidence": self.confidence, "min_days": self.min_days}
 
     def with_values(self, overrides: Mapping[str, Any]) -> Settings:
         """Return a copy with `overrides` applied; names must be in the table."""

@@ -9,11 +9,11 @@ from pathlib import Path
 import click
 import generate_reference as reference
 import pytest
+from forbidden_words import forbidden_in
 from markdown_pages import PAGES, REPOSITORY, anchors, commands, links
 
 from vsd_analytics.cli import COMMANDS, cli, explanations
 from vsd_analytics.errors import VsdError
-from vsd_analytics.report.words.terms import forbidden_in
 
 GENERATED = sorted(reference.PAGES)
 SOURCES = sorted((REPOSITORY / "vsd_analytics").rglob("*.py"))

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from forbidden_words import forbidden_in
 from planner import dense_floor as dense
 from planner import planted_shop as planted
 from report.sample_space import AREAS, five_areas, visits
@@ -21,7 +22,6 @@ from vsd_analytics.figures.hotspots import ResolvedSpot
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData
 from vsd_analytics.report.words.reasons import read_reason, reason_text
-from vsd_analytics.report.words.terms import forbidden_in
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Site
 

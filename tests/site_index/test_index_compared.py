@@ -7,13 +7,13 @@ import re
 from pathlib import Path
 
 import pytest
+from forbidden_words import forbidden_in
 from report.pages.test_report_page import Tree
 from site_index import many_reports as many
 from site_index.compared_sites import NAMES, write_sites
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.report.words import terms
 from vsd_analytics.report.words.languages import speaking
 from vsd_analytics.site_index.collect_reports import gather, sources_of
 from vsd_analytics.site_index.floor_weeks import catalogue
@@ -43,7 +43,7 @@ def test_the_page_names_who_differs_and_by_how_much_in_both_languages(folders: l
     text = render_index(found)
     assert "Castle Shop (23% not recorded)" in text
     assert "as an older version made the reports: North Gate." in text
-    assert terms.forbidden_in(re.sub(r"<(style|svg).*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL)) == []
+    assert forbidden_in(re.sub(r"<(style|svg).*?</\1>|<[^>]*>", " ", text, flags=re.DOTALL)) == []
     with speaking("it"):
         italian = make_index(found).compare
         assert italian is not None

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from datetime import timedelta
 
 import pytest
+from forbidden_words import forbidden_in
 from report import sample_weeks as weeks
 from site_index import many_reports as many
 
@@ -84,7 +85,7 @@ def test_headline(floors: Callable[..., tuple[FloorWeeks, ...]], kinds: str, exp
     said = headline(floors(*kinds.split()), many.LAST)
     assert said == expected
     assert terms.n_words(said) <= 15
-    assert terms.forbidden_in(said) == []
+    assert forbidden_in(said) == []
 
 
 def test_one_floor_has_the_headline_of_its_report(floors: Callable[..., tuple[FloorWeeks, ...]]) -> None:
@@ -117,7 +118,7 @@ def test_lead_names_what_changed_and_what_lacks_data(floors: Callable[..., tuple
         "fewer). No data from Site 2, Floor C. Too incomplete to compare: Site 2, Floor D. No report for this week: "
         "Site 3, Floor E."
     )
-    assert terms.forbidden_in(said) == []
+    assert forbidden_in(said) == []
 
 
 def test_lead_counts_what_it_does_not_name(floors: Callable[..., tuple[FloorWeeks, ...]]) -> None:
@@ -155,7 +156,7 @@ def test_one_floor_has_the_lead_of_its_report(floors: Callable[..., tuple[FloorW
 def test_line_of_an_earlier_week(floors: Callable[..., tuple[FloorWeeks, ...]], kinds: str, expected: str) -> None:
     said = week_line(floors(*kinds.split(), back=2), many.LAST - timedelta(weeks=2))
     assert said == expected
-    assert terms.forbidden_in(said) == []
+    assert forbidden_in(said) == []
 
 
 def test_a_week_nobody_reported_has_no_line(floors: Callable[..., tuple[FloorWeeks, ...]]) -> None:

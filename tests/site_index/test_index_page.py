@@ -13,6 +13,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
+from forbidden_words import forbidden_in
 from jinja2 import Environment, meta
 from report import model_classes as m
 from report import sample_weeks as weeks
@@ -21,7 +22,6 @@ from report.pages.test_report_page import Tree
 from site_index import many_reports as many
 
 from vsd_analytics.report.pages.json_and_csv import from_json
-from vsd_analytics.report.words import terms
 from vsd_analytics.resources import shipped
 from vsd_analytics.site_index import week_bars
 from vsd_analytics.site_index.floor_weeks import Catalogue, catalogue
@@ -141,7 +141,7 @@ def test_every_state_of_a_week_is_shown_without_a_value_of_python(tmp_path: Path
     visible = re.sub(r"<style>.*?</style>|<[^>]*>", " ", text, flags=re.DOTALL)
     assert re.findall(r"\b(None|nan|True|False|inf|Undefined|datetime)\b", visible) == []
     if name != "hostile":
-        assert terms.forbidden_in(visible) == []
+        assert forbidden_in(visible) == []
     Tree(text)
 
 

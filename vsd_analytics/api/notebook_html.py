@@ -10,7 +10,7 @@ from markupsafe import Markup, escape
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_recording import CameraDay
-from vsd_analytics.report.draw.svg import HATCH, MUTED, RULE, change_bar, change_limit, el, strip
+from vsd_analytics.report.draw.svg import MUTED, RULE, change_bar, change_limit, el, hatch_pattern, strip
 from vsd_analytics.report.words import format as fmt
 
 COLUMNS_SHOWN: Final = 12
@@ -60,11 +60,7 @@ def days_html(
         first_hour: First local hour of the strips.
         last_hour: Last local hour, inclusive.
     """
-    hatch = el("line", stroke=HATCH, stroke_width=1.4, x1=0, y1=0, x2=0, y2=6)
-    pattern = el(
-        "pattern", hatch, id="hat", width=6, height=6, patternUnits="userSpaceOnUse", patternTransform="rotate(45)"
-    )
-    defs = el("svg", el("defs", pattern), width=0, height=0, style="position:absolute", aria_hidden="true")
+    defs = el("svg", el("defs", hatch_pattern()), width=0, height=0, style="position:absolute", aria_hidden="true")
     days = next(iter(cameras.values()), ())
     head = _cell("th", "recorded") + Markup("").join(_cell("th", fmt.day_short(day.day)) for day in days)
     lines = [

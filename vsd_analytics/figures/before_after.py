@@ -8,9 +8,10 @@ person-time in violation per open hour; its share of person-time says how much o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import date, datetime
+from functools import partial
 from typing import Final, Literal
 
 import numpy as np
@@ -37,11 +38,11 @@ from vsd_analytics.figures.change_weeks import (
     windows_of,
 )
 from vsd_analytics.figures.compare import span, why_not
-from vsd_analytics.figures.panels import FloorHours, Ints, Place, positions
+from vsd_analytics.figures.panels import FloorHours, Ints, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.result import Design, Reason, State
 from vsd_analytics.settings import FLOOR_CELL_M, Settings
-from vsd_analytics.site.model import Area, Site
+from vsd_analytics.site.model import Area
 from vsd_analytics.site.places import known_area, known_floor
 from vsd_analytics.stats import before_after as test
 from vsd_analytics.stats.decomposition import additive_parts
@@ -192,7 +193,8 @@ def before_after(
     state, why = _guard(pair, area)
     if state != "ok":
         return replace(made, state=state, reason=why)
-    chosen, left_out = _comparison_areas(pair, area, windows, site)
+    since_trend = windows.trend[0], windows.after[1]
+    chosen, left_out = comparison_areas(data, area, since_trend, why_not=partial(_why_no_comparison, pair))
     doubts = other_changes(site, entry, area, windows)
     place = pair.now.area(area.area_id)
     alone, people = rates.encounter_rate_change(pair, place), rates.change_people(pair, place)
@@ -266,30 +268,41 @@ def _guard(pair: TwoPeriods, area: Area) -> tuple[State, Reason | None]:
     return "ok", None
 
 
-def _comparison_areas(
-    pair: TwoPeriods, area: Area, windows: Windows, site: Site
+def comparison_areas(
+    data: FloorHours, area: Area, days: tuple[date, date], *, why_not: Callable[[Area], Reason | None]
 ) -> tuple[list[Area], dict[str, Reason]]:
-    """Return the areas of the floor that were left alone, and why the others are no comparison."""
-    changed = changed_areas(site, windows.trend[0], windows.after[1])
-    shape = shapely.Polygon(area.polygon)
+    """Return the areas of the floor that serve for comparison with an area, and why the others do not.
+
+    Args:
+        data: The floor.
+        area: The area; others nearer to it than `change_apart_m` are no comparison.
+        days: First and last day: an area with a logged change in between is no comparison.
+        why_not: Returns why the records of an area are no comparison; None where they are.
+    """
+    changed, shape = changed_areas(data.site, *days), shapely.Polygon(area.polygon)
+    least_m = data.site.settings.change_apart_m
     chosen, left_out = [], dict[str, Reason]()
-    for other in pair.data.areas:
+    for other in data.areas:
+        apart_m = float(shape.distance(shapely.Polygon(other.polygon)))
         if other.area_id == area.area_id:
             continue
-        apart_m = float(shape.distance(shapely.Polygon(other.polygon)))
-        at = _at(pair, _cameras(pair, other))
-        if apart_m < site.settings.change_apart_m:
-            least_m = site.settings.change_apart_m
+        if apart_m < least_m:
             left_out[other.area_id] = Reason("redesign.near", apart_m=apart_m, least_m=least_m)
         elif other.area_id in changed:
             left_out[other.area_id] = Reason("redesign.changed_too", day=str(changed[other.area_id]))
-        elif not pair.is_comparable[at].all():
-            left_out[other.area_id] = Reason("redesign.calibrated_there")
-        elif not len(at):
-            left_out[other.area_id] = Reason("redesign.nobody_there")
+        elif (why := why_not(other)) is not None:
+            left_out[other.area_id] = why
         else:
             chosen.append(other)
     return chosen, left_out
+
+
+def _why_no_comparison(pair: TwoPeriods, other: Area) -> Reason | None:
+    """Return why an area cannot be compared with another one: its cameras changed, or nobody was there."""
+    at = _at(pair, _cameras(pair, other))
+    if not pair.is_comparable[at].all():
+        return Reason("redesign.calibrated_there")
+    return None if len(at) else Reason("redesign.nobody_there")
 
 
 def _effect(
@@ -386,10 +399,7 @@ def _ring(data: FloorHours, area: Area) -> Place:
         "where floor_id = $floor group by all",
         {"cx": cx[inside].astype(int).tolist(), "cy": cy[inside].astype(int).tolist(), "floor": data.floor.floor_id},
     )
-    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
-    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
-    n, exposure_h = np.zeros_like(data.everyone.n), np.zeros_like(data.everyone.n)
-    n[camera, hour], exposure_h[camera, hour] = rows["n"].to_numpy(), rows["exposure_h"].to_numpy()
+    n, exposure_h = data.by_hour(rows, "n", "exposure_h")
     return Place(n, exposure_h, np.asarray((n + exposure_h).any(axis=1)))
 
 

@@ -85,11 +85,12 @@ def place_of(grid: Grid, inside: Flags, *, weights: Floats, areas: Sequence[Area
         nearest_id=None if near is None else near.area_id,
         nearest_name=None if near is None else near.name,
         nearest_m=nearest_m,
-        polygons=tuple(map(_rings, grid.polygons(inside))),
+        polygons=tuple(map(as_rings, grid.polygons(inside))),
         area_m2=len(rows) * grid.cell_m**2,
     )
 
 
-def _rings(shape: shapely.Polygon) -> Polygon:
+def as_rings(shape: shapely.Polygon) -> Polygon:
+    """Return the outer ring of a polygon and its holes, each corner once."""
     rings = [shape.exterior, *shape.interiors]
     return tuple(tuple((float(x), float(y)) for x, y in list(ring.coords)[:-1]) for ring in rings)

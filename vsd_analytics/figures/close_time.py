@@ -14,16 +14,10 @@ import numpy as np
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.panels import Array, Flags, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.figures.rates import (
-    NOT_RECORDED,
-    encounter_rate_change,
-    history,
-    not_measured,
-    violation_rate_change,
-)
+from vsd_analytics.figures.rates import NOT_RECORDED, encounter_rate_change, history, violation_rate_change
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
-from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
+from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate, no_rate
 from vsd_analytics.stats.rates import encounter_rate, violation_rate
 
 SECONDS: Final = 3600.0
@@ -56,18 +50,17 @@ def close_share(period: Period, place: Place, *, has_history: bool = True) -> Ra
     """
     data, settings = period.data, period.data.site.settings
     if (why := period.why_no_exposure) is not None:
-        return not_measured(why)
+        return no_rate(why)
     if not place.cameras.any():
-        return not_measured(NO_FLOOR)
+        return no_rate(NO_FLOOR)
     if not period.knows(place):
         return NOT_RECORDED
     now, past = (data.panel(place, days) for days in (period.days, period.history_days if has_history else []))
     found = encounter_rate(
         now.n.sum(axis=0),
         now.exposure_h.sum(axis=0),
-        confidence=settings.confidence,
-        min_days=settings.min_days,
         min_exposure_h=0.0,
+        **settings.for_intervals,
         **history(period, past.n.sum(axis=0), history_exposure_h=past.exposure_h.sum(axis=0)),
     )
     if found.rate is None:
@@ -76,8 +69,7 @@ def close_share(period: Period, place: Place, *, has_history: bool = True) -> Ra
     if found.lo is not None and found.exposure_h < settings.min_exposure_h:
         reason = Reason("level.interval_person_hours", least=settings.min_exposure_h, has=found.exposure_h)
         found = replace(found, lo=None, hi=None, state="not_enough_data", reason=reason)
-    assert found.rate is not None
-    return replace(found, rate=min(1.0, found.rate), hi=None if found.hi is None else min(1.0, found.hi))
+    return at_most_one(found)
 
 
 def close_share_by_hour(period: Period) -> Array:
@@ -95,19 +87,14 @@ def close_share_by_hour(period: Period) -> Array:
 
 def burden(period: Period, place: Place) -> RateEstimate:
     """Return person-minutes in violation per recorded open hour, sum over cameras, with the interval of M0."""
-    data, settings = period.data, period.data.site.settings
+    data = period.data
     if not place.cameras.any():
-        return not_measured(NO_FLOOR)
+        return no_rate(NO_FLOOR)
     if not period.knows(place):
         return NOT_RECORDED
     now, past = (data.panel(place, days) for days in (period.days, period.history_days))
-    found = violation_rate(
-        now.n,
-        now.x_h,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-        **history(period, past.n, history_x_h=past.x_h),
-    )
+    rules = data.site.settings.for_intervals
+    found = violation_rate(now.n, now.x_h, **rules, **history(period, past.n, history_x_h=past.x_h))
     return in_units(found, MINUTES, Reason("nobody.close"))
 
 
@@ -142,6 +129,13 @@ def in_units(found: RateEstimate, per_unit: float, nothing: Reason) -> RateEstim
         return replace(found, lo=None, hi=None, state="ok", reason=nothing)
     lo, hi = (None if v is None else v / per_unit for v in (found.lo, found.hi))
     return replace(found, rate=found.rate / per_unit, lo=lo, hi=hi, n_events=None)
+
+
+def at_most_one(found: RateEstimate) -> RateEstimate:
+    """Return a share that its interval puts at no more than 1."""
+    if found.rate is None:
+        return found
+    return replace(found, rate=min(1.0, found.rate), hi=None if found.hi is None else min(1.0, found.hi))
 
 
 def _change_in_units(found: ChangeEstimate, per_unit: float) -> ChangeEstimate:

@@ -128,12 +128,7 @@ def _why(sums: dict[str, Any], *, needs_ids: bool) -> tuple[State, Reason] | Non
 
 def _durations(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any], seed: int) -> Durations:
     settings = warehouse.site.settings
-    rules: dict[str, Any] = {
-        "seed": seed,
-        "confidence": settings.confidence,
-        "min_days": settings.min_days,
-        "sustained_s": settings.sustained_s,
-    }
+    rules: dict[str, Any] = {"seed": seed, "sustained_s": settings.sustained_s, **settings.for_intervals}
     if (why := _why(sums, needs_ids=True)) is not None:
         none = durations([], [], None, **rules)
         share = replace(none.long_share, state=why[0], reason=why[1])

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from vsd_analytics.config.plans import Plan
-from vsd_analytics.figures.before_after import BeforeAfterFigure
+from vsd_analytics.figures.before_after import BeforeAfterFigure, comparison_areas
 from vsd_analytics.figures.change_verdicts import history_of, log_rates
 from vsd_analytics.figures.change_weeks import REFERENCE_WEEKS, changed_areas
 from vsd_analytics.figures.panels import WEEK, FloorHours
@@ -141,7 +141,11 @@ def plan_experiment(
         why = Reason("redesign.week_before", days=(warehouse.last - warehouse.first).days + 1)
         return replace(unknown, reason=why if n_weeks == 0 else Reason("engine.no_positions"))
     known = (warehouse.last - n_weeks * WEEK + timedelta(days=1), warehouse.last)
-    chosen, left_out = _comparison(data, area, known)
+
+    def why_not(other: Area) -> Reason | None:
+        return None if data.violation_in(other.area_id).any() else Reason("redesign.nobody_there")
+
+    chosen, left_out = comparison_areas(data, area, known, why_not=why_not)
     changed = changed_areas(site, *known)
     if area.area_id in changed:  # its own weeks before an earlier change are those of another area
         days = (warehouse.last - changed[area.area_id]).days
@@ -199,26 +203,6 @@ def score(found: BeforeAfterFigure, plans: tuple[Plan, ...], *, zone_day: date) 
         is_due=plan.weeks_after is not None and so_far.n_weeks >= plan.weeks_after,
         is_clear=so_far.verdict == direction,
     )
-
-
-def _comparison(data: FloorHours, area: Area, known: Days) -> tuple[list[Area], dict[str, Reason]]:
-    """Return the areas that serve for comparison, and why the others do not."""
-    changed, shape = changed_areas(data.site, *known), shapely.Polygon(area.polygon)
-    least_m = data.site.settings.change_apart_m
-    chosen, left_out = [], dict[str, Reason]()
-    for other in data.areas:
-        apart_m = float(shape.distance(shapely.Polygon(other.polygon)))
-        if other.area_id == area.area_id:
-            continue
-        if apart_m < least_m:
-            left_out[other.area_id] = Reason("redesign.near", apart_m=apart_m, least_m=least_m)
-        elif other.area_id in changed:
-            left_out[other.area_id] = Reason("redesign.changed_too", day=str(changed[other.area_id]))
-        elif not data.violation_in(other.area_id).any():
-            left_out[other.area_id] = Reason("redesign.nobody_there")
-        else:
-            chosen.append(other)
-    return chosen, left_out
 
 
 def _served(data: FloorHours, area: Area, other: Area, known: Days) -> ComparisonArea:

@@ -18,7 +18,7 @@ import pyarrow as pa
 from vsd_analytics.figures.links import Links, links
 from vsd_analytics.figures.panels import Array, Flags, Ints, Place, positions
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.visits import NO_TRACK_IDS, NOBODY, per_open_hour, sends_ids
+from vsd_analytics.figures.visits import people_counted, per_open_hour, sends_ids
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.estimates import RateEstimate
@@ -281,13 +281,8 @@ def _leaving(moves: _Moves, area: int) -> Leaving:
 
 
 def _often(period: Period, moves: _Moves, at: Flags, place: Place, able: Flags) -> RateEstimate:
-    n = np.zeros_like(place.exposure_h)
-    np.add.at(n, (moves.camera[at], moves.left_hour[at]), 1.0)
-    seen_by = np.asarray((n + place.exposure_h).any(axis=1))
-    counted = Place(n, place.exposure_h, seen_by & able, place.is_there)
-    panel = period.data.panel(counted, period.days)
-    why = NO_TRACK_IDS if seen_by.any() else NOBODY
-    return per_open_hour(period, counted, panel.n, panel.x_h, what="flow", why_none=why)
+    counted, why_none = people_counted(place, moves.camera[at], moves.left_hour[at], able)
+    return per_open_hour(period, counted, what="flow", why_none=why_none)
 
 
 def pooled_kinds(kind: Ints, *, n_kinds: int, below: int, most: int | None = None) -> Ints:
@@ -347,8 +342,7 @@ def _routes(period: Period, moves: _Moves, asked: Sequence[Area]) -> DoorRoutes:
     following = next_areas(
         Leaving(moves.since_began_s[starts], _renamed(kind, pooled), moves.day[starts]),
         n_kinds=int(pooled.max(initial=-1)) + 1,
-        confidence=settings.confidence,
-        min_days=int(settings.min_days),
+        **settings.for_intervals,
     )
     following = replace(
         following,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import Final
@@ -10,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vsd_analytics.figures.slots import Floats, Slots, iso_week, load_slots, open_hours
+from vsd_analytics.figures.slots import Floats, Slots, iso_week, known, load_slots, open_hours
 from vsd_analytics.result import Reason, State
 from vsd_analytics.stats.forecast import (
     Chances,
@@ -225,16 +224,15 @@ def _rows(monday: date, open_h: Floats, made: WeekForecast | Chances) -> tuple[H
         value, lo, hi, n_weeks = made.mean, made.lo, made.hi, made.n_weeks
     else:
         value, lo, hi, n_weeks = made.chance, nothing, nothing, made.n_weeks
-    number: Callable[[float], float | None] = lambda v: None if np.isnan(v) else float(v)  # noqa: E731
     return tuple(
         HourForecast(
             day=monday + timedelta(days=7 + int(s) // 24),
             weekday=int(s) // 24,
             hour=int(s) % 24,
             open_h=float(open_h[s]),
-            value=number(value[s]),
-            lo=number(lo[s]),
-            hi=number(hi[s]),
+            value=known(value[s]),
+            lo=known(lo[s]),
+            hi=known(hi[s]),
             n_weeks=int(n_weeks[s]),
         )
         for s in np.flatnonzero(open_h > 0)

@@ -24,13 +24,13 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.groups import NOTHING
 from vsd_analytics.figures.operator_counts import local_instant
-from vsd_analytics.figures.panels import FloorHours, Place, positions
+from vsd_analytics.figures.panels import FloorHours, Place
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.rates import not_measured, violation_rate_level
+from vsd_analytics.figures.rates import violation_rate_level
 from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Floor
 from vsd_analytics.stats import gatherings as stats
-from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.gatherings import SizeDistribution
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -151,13 +151,10 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
     if (why := _why_unknown(period)) is not None:
         state: State = "not_enough_data" if why == NOTHING else "not_measurable"
         unknown = replace(stats.size_distribution([], [], min_cluster_s=np.inf), state=state, reason=why)
-        return FloorGatherings(floor.floor_id, unknown, replace(not_measured(why), state=state), None, (), ())
-    n = np.zeros_like(period.whole.n)
+        return FloorGatherings(floor.floor_id, unknown, no_rate(why, state), None, (), ())
     rows = warehouse.table(_GATHERINGS, {"floor": floor.floor_id})
-    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
-    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
-    enters = rows["is_open"].to_numpy() & period.whole.cameras[camera]
-    np.add.at(n, (camera[enters], hour[enters]), 1)
+    [n] = data.by_hour(rows, "is_open")
+    n *= period.whole.cameras[:, None]
     day = rows["local_date"].to_numpy()
     inside = rows.filter(pa.array((day >= np.datetime64(period.first)) & (day <= np.datetime64(period.last))))
     found = [_gathering(warehouse, row) for row in inside.to_pylist()]

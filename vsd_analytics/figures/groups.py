@@ -248,16 +248,13 @@ def between_groups(period: Period, able: set[str] | None = None) -> Place:
     if able is None:
         able = {c.camera_id for c in camera_lives(data.warehouse, data.cameras) if c.lives.state == "ok"}
     whole = _of_cameras(period, able)
-    rows = data.warehouse.rows(
+    rows = data.warehouse.table(
         "select camera_id, hour_start_ms, count(*)::double as n from violations "
         "where is_open and is_together and floor_id = $floor group by camera_id, hour_start_ms",
         {"floor": data.floor.floor_id},
     )
-    n = whole.n.copy()
-    for row in rows:
-        if row["camera_id"] in able:
-            hour = int(np.searchsorted(data.hours.start_ms, row["hour_start_ms"]))
-            n[data.ids.index(row["camera_id"]), hour] -= row["n"]
+    [within] = data.by_hour(rows, "n")
+    n = whole.n - within * whole.cameras[:, None]
     return Place(np.maximum(n, 0.0), whole.exposure_h, whole.cameras)
 
 
@@ -306,12 +303,7 @@ def _between(warehouse: Warehouse, able: set[str], days: _Days) -> tuple[ShareEs
         {"cameras": sorted(able), "first": days.first, "last": days.last},
     )
     settings = warehouse.site.settings
-    share = share_by_days(
-        [r["n"] for r in rows],
-        [r["of"] for r in rows],
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-    )
+    share = share_by_days([r["n"] for r in rows], [r["of"] for r in rows], **settings.for_intervals)
     return share, sum(r["n_unknown"] for r in rows)
 
 

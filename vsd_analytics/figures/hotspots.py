@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import date, timedelta
 from typing import Final, Literal
 
@@ -20,6 +20,7 @@ from vsd_analytics.figures.cell_places import CellPlace, place_of
 from vsd_analytics.figures.floor_days import Flags, FloorDays, Grid
 from vsd_analytics.figures.hotspot_history import Found, Identity, PastSpot, follow
 from vsd_analytics.figures.hotspot_windows import CELL_M, State, Window, floor_windows, untested_by_change, window_of
+from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Site
 from vsd_analytics.stats import hotspots as test
@@ -235,21 +236,14 @@ def _spot(
     rate, cells = spot.rate, now.found.cells
     per_week = 60 * open_days_per_week / rate.n_days
     by_week = _by_week(now, cells.label == spot.label, reach_m=reach_m)
-    return FloorSpot(
+    return same_fields(
+        FloorSpot,
+        rate,
+        **asdict(identity),
         number=spot.number,
-        spot_id=identity.spot_id,
-        state=identity.state,
-        since=identity.since,
-        is_since_first=identity.is_since_first,
         place=place_of(grid, cells.label == spot.label, weights=cells.observed - cells.expected, areas=areas),
-        ratio=rate.ratio,
-        lo=rate.lo,
-        hi=rate.hi,
         n=sum(by_week),
         by_week=by_week,
-        violation_h=rate.violation_h,
-        expected_h=rate.expected_h,
-        exposure_h=rate.exposure_h,
         excess_min_per_week=(rate.violation_h - rate.expected_h) * per_week,
         excess_min_lo=None if rate.lo is None else (rate.lo - 1) * rate.expected_h * per_week,
         excess_min_hi=None if rate.hi is None else (rate.hi - 1) * rate.expected_h * per_week,

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.slots import Floats, Slots, iso_week, load_slots
+from vsd_analytics.figures.slots import Floats, Slots, iso_week, known, load_slots
 from vsd_analytics.result import Reason, State
 from vsd_analytics.stats.hour_of_week import MIN_PROFILE_WEEKS, PeakHours, SlotRates, peaks, slot_rates
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -136,12 +136,12 @@ def _rows(slots: Slots, burden: SlotRates, risk: SlotRates) -> tuple[HourProfile
             HourProfile(
                 weekday=s // 24,
                 hour=s % 24,
-                risk=_number(risk.rate[s]),
-                risk_lo=_number(risk.lo[s]),
-                risk_hi=_number(risk.hi[s]),
-                burden=_number(burden.rate[s]),
-                burden_lo=_number(burden.lo[s]),
-                burden_hi=_number(burden.hi[s]),
+                risk=known(risk.rate[s]),
+                risk_lo=known(risk.lo[s]),
+                risk_hi=known(risk.hi[s]),
+                burden=known(burden.rate[s]),
+                burden_lo=known(burden.lo[s]),
+                burden_hi=known(burden.hi[s]),
                 people=float(person_h[s] / people_h[s]) if is_estimated and people_h[s] > 0 else None,
                 violations=float(violations.n[:, s].sum()) if knows_n and n_weeks[s] else None,
                 person_h=float(person_h[s]) if knows_p and people_h[s] > 0 else None,
@@ -158,7 +158,3 @@ def _peaks(rates: SlotRates, why: Reason | None) -> PeakHours:
         return PeakHours((), (), "not_measurable", why)
     found = peaks(rates)
     return found if "ok" in (found.state, rates.state) else replace(found, reason=_reason(rates))
-
-
-def _number(value: float) -> float | None:
-    return None if np.isnan(value) else float(value)

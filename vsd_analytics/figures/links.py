@@ -120,7 +120,7 @@ def links(period: Period) -> Links:
         for b, to in enumerate(asked):
             share = linked_share(
                 counts, a, b, left[a],
-                confidence=settings.confidence, min_days=int(settings.min_days),
+                **settings.for_intervals,
             )  # fmt: skip
             is_enough = share.n_links - share.n_chance >= int(settings.mask_below)
             is_in_waves = share.reason is not None and share.reason.code == IN_WAVES

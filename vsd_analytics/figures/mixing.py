@@ -37,8 +37,7 @@ def mixing_of(period: Period) -> Mixing:
         maps,
         cell_m=FLOOR_CELL_M,
         distance_m=settings.distance_m,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
+        **settings.for_intervals,
         min_person_h=settings.min_exposure_h,
     )
 
@@ -59,8 +58,7 @@ def mixing_change(pair: TwoPeriods) -> MixingChange:
         (maps[0], maps[1]),
         cell_m=FLOOR_CELL_M,
         distance_m=settings.distance_m,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
+        **settings.for_intervals,
         min_person_h=settings.min_exposure_h,
     )
 
@@ -72,10 +70,7 @@ def pair_time(data: FloorHours) -> Place:
         "copresent_pair_s::double / 3600 as exposure_h from crowding_hours where floor_id = $floor",
         {"floor": data.floor.floor_id},
     )
-    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
-    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
-    n, exposure_h = np.zeros_like(data.everyone.n), np.zeros_like(data.everyone.n)
-    n[camera, hour], exposure_h[camera, hour] = rows["n"].to_numpy(), rows["exposure_h"].to_numpy()
+    n, exposure_h = data.by_hour(rows, "n", "exposure_h")
     return Place(n, exposure_h, np.ones(len(n), dtype=np.bool_))
 
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import pyarrow as pa
 
 from vsd_analytics.figures.close_time import SECONDS, close_share, knows_distances
 from vsd_analytics.figures.groups import PURGED
-from vsd_analytics.figures.panels import Array, Place, positions
+from vsd_analytics.figures.panels import Array, Place
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.rates import not_measured
 from vsd_analytics.result import Reason
-from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.estimates import RateEstimate, no_rate
 
 THREE: Final = 3
 SQUARE_FOOT_M2: Final = 0.3048**2
@@ -43,10 +43,10 @@ class RoomLevel:
 def three_or_more(period: Period) -> RateEstimate:
     """Return the share of person-time with three or more others closer than the legal distance (M32)."""
     if (why := period.why_no_exposure) is not None:
-        return not_measured(why)
+        return no_rate(why)
     by_number = _by_number(period)
     if by_number is None:
-        return not_measured(PURGED)
+        return no_rate(PURGED)
     crowded = sum((hours for n, hours in by_number.items() if n >= THREE), start=np.zeros_like(period.data.everyone.n))
     return _share(period, crowded)
 
@@ -75,7 +75,7 @@ def room_around(period: Period) -> tuple[RoomLevel, ...]:
         RoomLevel(
             level,
             *density_edges()[k],
-            not_measured(why) if hours is None and why is not None else _share(period, (hours or [])[k]),
+            no_rate(why) if hours is None and why is not None else _share(period, (hours or [])[k]),
         )
         for k, level in enumerate(LEVELS)
     )
@@ -107,13 +107,8 @@ def _by_number(period: Period) -> dict[int, Array] | None:
         "order by hour_start_ms, camera_id, n_others",
         {"cameras": data.ids, "first": period.first, "last": period.last},
     )
-    n, hours = rows["n_others"].to_numpy(), rows["hours"].to_numpy()
-    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
-    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
-    found: dict[int, Array] = {}
-    for number in np.unique(n).tolist():
-        found[number] = np.zeros_like(data.everyone.n)
-        found[number][camera[n == number], hour[n == number]] = hours[n == number]
+    n = rows["n_others"].to_numpy()
+    found = {k: data.by_hour(rows.filter(pa.array(n == k)), "hours")[0] for k in np.unique(n).tolist()}
     stored = sum(found.values(), start=np.zeros_like(data.everyone.n))
     if (data.violation_h * period.is_inside).sum() > 1.001 * (stored * period.is_inside).sum() + 1e-6:
         return None  # sealed by a version that did not count others

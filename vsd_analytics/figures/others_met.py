@@ -49,15 +49,8 @@ def others_met(warehouse: Warehouse, cameras: Collection[str], *, first: date, l
     )
     day = rows["site_day"].to_numpy().astype("datetime64[D]").astype(np.int64)
     is_long = rows["longest_s"].to_numpy() >= settings.contact_s
-    days, code = np.unique(day, return_inverse=True)
+    _, code = np.unique(day, return_inverse=True)
     return OthersMet(
-        met=count_quantiles(
-            rows["n_met"].to_numpy(), day, seed=SEED, confidence=settings.confidence, min_days=settings.min_days
-        ),
-        long_share=share_by_days(
-            np.bincount(code, weights=is_long, minlength=len(days)),
-            np.bincount(code, minlength=len(days)),
-            confidence=settings.confidence,
-            min_days=settings.min_days,
-        ),
+        met=count_quantiles(rows["n_met"].to_numpy(), day, seed=SEED, **settings.for_intervals),
+        long_share=share_by_days(np.bincount(code, weights=is_long), np.bincount(code), **settings.for_intervals),
     )

@@ -185,12 +185,11 @@ class FloorHours:
             {"floor": self.floor.floor_id},
         )
         area = positions(rows["area_id"], [a.area_id for a in self.areas], otherwise=len(self.areas))
-        camera = positions(rows["camera_id"], self.ids, otherwise=-1)
-        hour = np.searchsorted(self.hours.start_ms, rows["hour_start_ms"].to_numpy())
+        at = area, *self._at(rows)
 
         def cube(name: str) -> Array:
             made = np.zeros((len(self.areas) + 1, *self.everyone.n.shape))
-            np.add.at(made, (area, camera, hour), rows[name].to_numpy())  # areas of other weeks are part of the rest
+            np.add.at(made, at, rows[name].to_numpy())  # areas of other weeks are part of the rest
             return made
 
         return cube("n"), cube("exposure_h"), cube("violation_h")
@@ -228,6 +227,19 @@ class FloorHours:
         day = rows["local_date"].to_numpy().astype("datetime64[D]").astype(np.int64) + date(1970, 1, 1).toordinal()
         counts = [rows[name].to_numpy() for name in ("n_persons", "n_unlocated", "n_records", "n_joined")]
         return positions(rows["camera_id"], self.ids, otherwise=-1), day, np.stack(counts, axis=1)
+
+    def by_hour(self, rows: pa.Table, *names: str) -> tuple[Array, ...]:
+        """Return columns of rows by camera and hour as arrays of shape (n_cameras, n_hours), 0 where no row is."""
+        made = tuple(np.zeros_like(self.everyone.n) for _ in names)
+        at = self._at(rows)
+        for sums, name in zip(made, names, strict=True):
+            np.add.at(sums, at, rows[name].to_numpy())
+        return made
+
+    def _at(self, rows: pa.Table) -> tuple[Ints, Ints]:
+        """Return the camera and the hour of each row."""
+        hour = np.searchsorted(self.hours.start_ms, rows["hour_start_ms"].to_numpy())
+        return positions(rows["camera_id"], self.ids, otherwise=-1), hour
 
     def camera_weights(self, place: Place) -> Array:
         """Return how much of a place each camera counts, shape (n_cameras,): person-time per recorded hour, sum 1.

@@ -14,13 +14,13 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.figures.close_time import SECONDS, in_units
+from vsd_analytics.figures.close_time import SECONDS, at_most_one, in_units
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Array, Flags, Place
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.rates import NOT_RECORDED, history, not_measured
+from vsd_analytics.figures.rates import NOT_RECORDED, history
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
-from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.rates import violation_rate
 from vsd_analytics.stats.recorded_hours import RecordedHours, recorded_hours
 
@@ -121,7 +121,7 @@ class Presence:
     def person_time_share(self, chosen: Flags) -> RateEstimate:
         """Return the share of person-time spent while the number of people is one of those chosen, as `numbers`."""
         part, every = self.seconds @ (self.numbers * chosen), self.seconds @ self.numbers
-        return _at_most_one(self._level(part, None, NEVER, per=every))
+        return at_most_one(self._level(part, None, NEVER, per=every))
 
     def quantile(self, q: float, *, hour: int | None = None) -> PeopleQuantile:
         """Return the least number of people that is not exceeded for a share of the time.
@@ -160,14 +160,14 @@ class Presence:
         return self.recorded.unknown_hours
 
     def _share(self, chosen: Flags, hour: int | None) -> RateEstimate:
-        return _at_most_one(self._level(self.seconds @ chosen.astype(np.float64), hour, NEVER))
+        return at_most_one(self._level(self.seconds @ chosen.astype(np.float64), hour, NEVER))
 
     def _level(self, amount: Array, hour: int | None, nothing: Reason, *, per: Array | None = None) -> RateEstimate:
         """Return an amount of seconds by hour, per second of recorded time (or of `per`), days as clusters."""
         if (why := self.period.why_no_exposure) is not None:
-            return not_measured(why)
+            return no_rate(why)
         if not self.cameras.any():
-            return not_measured(NOBODY)
+            return no_rate(NOBODY)
         hours, settings = self.data.hours, self.data.site.settings
         chosen = self.is_known if hour is None else self.is_known & (hours.hour == hour)
         time_s = self.seconds.sum(axis=1) if per is None else per
@@ -184,8 +184,7 @@ class Presence:
         found = violation_rate(
             by_day(amount, now),
             x_h,
-            confidence=settings.confidence,
-            min_days=settings.min_days,
+            **settings.for_intervals,
             **history(self.period, by_day(amount, past), history_x_h=by_day(time_s, past) / 3600),
         )
         found = in_units(found, SECONDS, nothing)
@@ -208,9 +207,3 @@ def _of_other_hours(found: RateEstimate, recorded: RecordedHours) -> RateEstimat
     if found.rate is None:
         return found
     return replace(found, lo=None, hi=None, state="not_enough_data", reason=why_not_all(recorded))
-
-
-def _at_most_one(found: RateEstimate) -> RateEstimate:
-    if found.rate is None:
-        return found
-    return replace(found, rate=min(1.0, found.rate), hi=None if found.hi is None else min(1.0, found.hi))

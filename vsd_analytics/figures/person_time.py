@@ -5,7 +5,7 @@ Levels with the interval of M0 and M7: days are the clusters (`vsd_analytics.sta
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
@@ -15,10 +15,10 @@ from vsd_analytics.figures.close_time import SECONDS, close_share, close_time, i
 from vsd_analytics.figures.groups import PURGED, camera_lives
 from vsd_analytics.figures.panels import Place
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.rates import history, not_measured
+from vsd_analytics.figures.rates import history
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.result import Reason
-from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.rates import violation_rate
 from vsd_analytics.warehouse.dimensions import QUARTER_MS
 
@@ -76,11 +76,11 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
     """
     data = period.data
     if (why := period.why_no_exposure) is not None:
-        none = not_measured(why)
+        none = no_rate(why)
         return PersonTime(none, None, None, none, none)
     panel = data.panel(data.everyone, period.days)
     if not panel.x_h.any():
-        none = replace(not_measured(NOTHING_OPEN), state="not_enough_data")
+        none = no_rate(NOTHING_OPEN, "not_enough_data")
         return PersonTime(none, None, None, none, none)
     return PersonTime(
         people=_people(period),
@@ -93,15 +93,10 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
 
 def _people(period: Period) -> RateEstimate:
     """Return the mean number of people. Person-seconds are used as events, so rules for small counts do not apply."""
-    data, settings = period.data, period.data.site.settings
+    data = period.data
     now, past = (data.panel(data.everyone, days) for days in (period.days, period.history_days))
-    found = violation_rate(
-        now.exposure_h * 3600,
-        now.x_h,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-        **history(period, past.exposure_h * 3600, history_x_h=past.x_h),
-    )
+    weeks_before = history(period, past.exposure_h * 3600, history_x_h=past.x_h)
+    found = violation_rate(now.exposure_h * 3600, now.x_h, **data.site.settings.for_intervals, **weeks_before)
     return in_units(found, SECONDS, Reason("nobody.seen"))
 
 
@@ -113,17 +108,13 @@ def _close_between(period: Period, known: set[str] | None) -> RateEstimate:
         known = {c.camera_id for c in lives if c.lives.state == "ok"}
     able = np.array([c in known for c in data.ids], dtype=np.bool_)
     if not able.any():
-        return not_measured(NO_GROUPS)
+        return no_rate(NO_GROUPS)
     cameras = [c for c, ok in zip(data.ids, able.tolist(), strict=True) if ok]
     rows = data.warehouse.table(_BETWEEN, {"cameras": cameras, "first": period.first, "last": period.last})
-    violation_h, all_pairs_h = np.zeros_like(data.everyone.n), np.zeros_like(data.everyone.n)
-    camera = np.array([data.ids.index(c) for c in rows["camera_id"].to_pylist()], dtype=np.int64)
-    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
-    violation_h[camera, hour] = rows["between_h"].to_numpy()
-    all_pairs_h[camera, hour] = rows["all_h"].to_numpy()
+    violation_h, all_pairs_h = data.by_hour(rows, "between_h", "all_h")
     counted = data.hours.is_counted & period.is_inside
     if (data.violation_h * counted)[able].sum() > 1.001 * (all_pairs_h * counted)[able].sum() + 1e-6:
-        return not_measured(PURGED)
+        return no_rate(PURGED)
     between = Place(violation_h * SECONDS, data.everyone.exposure_h, able & knows_distances(period))
     return close_share(period, between, has_history=False)
 

@@ -21,11 +21,11 @@ from vsd_analytics.figures.people_present import (
     why_not_all,
 )
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids, person_s_by_day
+from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids, dwell_of
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.durations import QuantileEstimate
-from vsd_analytics.stats.dwell import Dwell, dwell
+from vsd_analytics.stats.dwell import Dwell
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.recorded_hours import RecordedHours
 from vsd_analytics.stats.waiting import CUT, LEFT, SERVED, WaitTimes, waiting
@@ -187,8 +187,7 @@ def _waiting(period: Period, seen: _Waits, recorded: Sequence[RecordedHours]) ->
         waited.outcome,
         period.data.hours.day[waited.hour],
         weight=np.array([r.weight for r in recorded])[waited.camera, waited.hour] if recorded else None,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
+        **settings.for_intervals,
     )
 
 
@@ -205,16 +204,6 @@ def _of_open_hours(found: WaitTimes, recorded: Sequence[RecordedHours]) -> WaitT
 
 def _stays(period: Period, area: Area, seen: _Waits) -> Dwell:
     """Return how long people are in the queue, whoever they are: all of its person-time beside all entries."""
-    data, settings = period.data, period.data.site.settings
-    place = period.area(area.area_id)
-    days = np.array([d.toordinal() for d in period.days], dtype=np.int64)
-    used = data.hours.is_counted & period.is_inside
-    return dwell(
-        np.maximum(seen.dwell_s, 0.0),
-        seen.outcome == CUT,
-        np.searchsorted(days, data.hours.day[seen.hour]),
-        person_s=person_s_by_day(period, place, used),
-        long_s=settings.long_visit_s,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-    )
+    place, used = period.area(area.area_id), period.data.hours.is_counted & period.is_inside
+    long_s = period.data.site.settings.long_visit_s
+    return dwell_of(period, place, used, seen.dwell_s, seen.outcome == CUT, seen.hour, long_s=long_s)

@@ -10,18 +10,14 @@ from vsd_analytics.figures.panels import WEEK, Array, Panel, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.result import Reason
 from vsd_analytics.stats.changes import compare_encounter_rates, compare_exposure, compare_violation_rates
-from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
+from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate, no_change, no_rate
 from vsd_analytics.stats.rates import encounter_rate, violation_rate
 from vsd_analytics.stats.weekly_steps import MAX_STEPS
 
 _NOTHING: Final = Reason("recorded.nothing")
-NOT_RECORDED: Final = RateEstimate(None, None, None, None, 0.0, 0, None, None, "not_enough_data", _NOTHING, False)
+NOT_RECORDED: Final = no_rate(_NOTHING, "not_enough_data")
 """The rate of a place whose cameras recorded nothing: that nothing was counted there is no zero."""
-NOT_COMPARED: Final = ChangeEstimate(
-    theta=None, lo=None, hi=None, rate_a=None, rate_b=None, n_a=None, n_b=None, exposure_a_h=0.0, exposure_b_h=0.0,
-    n_days=0, df=None, log_se=None, verdict="too_little_data", state="not_enough_data", reason=_NOTHING,
-    is_conservative=False,
-)  # fmt: skip
+NOT_COMPARED: Final = no_change(_NOTHING, "not_enough_data")
 """Its change."""
 
 
@@ -37,18 +33,12 @@ def violation_rate_level(
         until: Only hours that start before it.
     """
     if (why := period.why_no_violations) is not None:
-        return not_measured(why)
+        return no_rate(why)
     if not period.knows(place):
         return NOT_RECORDED
     panel, past = _panels(period, place, since, until)
-    settings = period.data.site.settings
-    return violation_rate(
-        panel.n,
-        panel.x_h,
-        **history(period, past.n, history_x_h=past.x_h),
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-    )
+    rules = period.data.site.settings.for_intervals
+    return violation_rate(panel.n, panel.x_h, **history(period, past.n, history_x_h=past.x_h), **rules)
 
 
 def encounter_rate_level(
@@ -56,7 +46,7 @@ def encounter_rate_level(
 ) -> RateEstimate:
     """Return encounters per person-hour of a place (M7); arguments as for `violation_rate_level`."""
     if (why := period.why_no_violations or period.why_no_exposure) is not None:
-        return not_measured(why)
+        return no_rate(why)
     if not period.knows(place):
         return NOT_RECORDED
     panel, past = _panels(period, place, since, until)
@@ -65,9 +55,8 @@ def encounter_rate_level(
         panel.n.sum(axis=0),
         panel.exposure_h.sum(axis=0),
         **history(period, past.n.sum(axis=0), history_exposure_h=past.exposure_h.sum(axis=0)),
-        confidence=settings.confidence,
-        min_days=settings.min_days,
         min_exposure_h=settings.min_exposure_h,
+        **settings.for_intervals,
     )
 
 
@@ -87,9 +76,8 @@ def violation_rate_change(pair: TwoPeriods, place: Place, *, since: int | None =
         now.x_h,
         history_n=[week.n for week in past],
         history_x_h=[week.x_h for week in past],
-        confidence=settings.confidence,
-        min_days=settings.min_days,
         about_same_share=settings.about_same_share,
+        **settings.for_intervals,
     )
 
 
@@ -109,10 +97,9 @@ def encounter_rate_change(pair: TwoPeriods, place: Place, *, since: int | None =
         now.exposure_h.sum(axis=0),
         history_n=[week.n.sum(axis=0) for week in past],
         history_exposure_h=[week.exposure_h.sum(axis=0) for week in past],
-        confidence=settings.confidence,
-        min_days=settings.min_days,
         min_exposure_h=settings.min_exposure_h,
         about_same_share=settings.about_same_share,
+        **settings.for_intervals,
     )
 
 
@@ -127,9 +114,8 @@ def change_people(pair: TwoPeriods, place: Place) -> ChangeEstimate:
         now.x_h,
         history_h=[week.exposure_h for week in past],
         history_x_h=[week.x_h for week in past],
-        confidence=settings.confidence,
-        min_days=settings.min_days,
         about_same_share=settings.about_same_share,
+        **settings.for_intervals,
     )
 
 
@@ -139,11 +125,6 @@ def mean_people(period: Period, place: Place) -> float | None:
     recorded = panel.x_h.sum(axis=1)
     seen = recorded > 0
     return float((panel.exposure_h.sum(axis=1)[seen] / recorded[seen]).sum()) if seen.any() else None
-
-
-def not_measured(why: Reason) -> RateEstimate:
-    """Return the estimate of a rate that cannot be known."""
-    return RateEstimate(None, None, None, None, 0.0, 0, None, None, "not_measurable", why, False)
 
 
 def _panels(period: Period, place: Place, since: int | None, until: int | None) -> tuple[Panel, Panel]:

@@ -97,7 +97,7 @@ def self_check(data: FloorHours, *, until: date) -> FloorSelfCheck:
     panels = [data.panel(last.whole, week.days) for week in weeks]
     often = risky = None
     if len(weeks) >= MIN_WEEKS:
-        rate = partial(false_alarm_rate, confidence=settings.confidence, min_days=settings.min_days)
+        rate = partial(false_alarm_rate, **settings.for_intervals)
         n, x_h = (_stacked(panels, name) for name in ("n", "x_h"))
         often = rate(n, x_h)
         if all(week.why_no_exposure is None for week in weeks):

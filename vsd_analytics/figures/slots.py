@@ -139,6 +139,11 @@ def open_hours(site: Site, monday: date) -> Floats:
     return np.bincount(slot, weights=is_open, minlength=SLOTS) / 4
 
 
+def known(value: float) -> float | None:
+    """Return a number; None for NaN."""
+    return None if np.isnan(value) else float(value)
+
+
 def iso_week(monday: date) -> str:
     """Return the name of a week: 2026-W46."""
     return f"{monday:%G-W%V}"

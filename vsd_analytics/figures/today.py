@@ -5,7 +5,7 @@ Days are compared over the same hours: 150 violations by noon are compared with 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date, datetime, timedelta
 from typing import Final
@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
-from vsd_analytics.figures.slots import Floats, Slots, load_slots, open_hours
+from vsd_analytics.figures.slots import Floats, Slots, known, load_slots, open_hours
 from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.unusual import unusual_in_last_week
 from vsd_analytics.result import Reason, State
 from vsd_analytics.stats.forecast import WeekForecast, forecast_week
 from vsd_analytics.stats.hour_of_week import SLOTS, Weeks
-from vsd_analytics.stats.unusual import UnusualSlots, unusual_hours
+from vsd_analytics.stats.unusual import UnusualSlots
 from vsd_analytics.stats.usual import MIN_WEEKS, UsualRange, usual_range
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -200,21 +201,7 @@ def today(warehouse: Warehouse, at: datetime, *, floor_id: str | None = None) ->
         )
         for w in (violations, people)
     )
-    unusual = (
-        UnusualSlots((), 0, 0, 0, "not_measurable", why)
-        if why is not None
-        else unusual_hours(
-            violations.n[-1],
-            violations.x_h[-1],
-            monday=yesterday,
-            before_n=violations.n[:-1],
-            before_x_h=violations.x_h[:-1],
-            q_max=settings.unusual_false_share,
-            min_change=settings.unusual_min_change,
-            min_difference=settings.unusual_min_violations,
-            share=settings.forecast_share,
-        )
-    )
+    unusual = unusual_in_last_week(slots, settings)
     return Today(
         at=at,
         floor_id=floor_id,
@@ -312,21 +299,20 @@ def _level(
 def _hours(
     slots: Slots, violations: Weeks, people: Weeks, *, n_over: int, counted: WeekForecast, seen: WeekForecast
 ) -> tuple[TodayHour, ...]:
-    number: Callable[[float], float | None] = lambda v: None if np.isnan(v) else float(v)  # noqa: E731
     is_known = slots.why_no_violations is None
     return tuple(
         TodayHour(
             day=slots.monday + timedelta(days=int(s) // HOURS),
             hour=int(s) % HOURS,
             is_over=bool(s < n_over),
-            violations=number(violations.rate[-1, s]) if is_known and s < n_over else None,
-            usual=number(counted.mean[s]) if is_known else None,
-            lo=number(counted.lo[s]) if is_known else None,
-            hi=number(counted.hi[s]) if is_known else None,
-            seen=number(people.rate[-1, s]) if slots.why_no_people is None and s < n_over else None,
-            people=number(seen.mean[s]),
-            people_lo=number(seen.lo[s]),
-            people_hi=number(seen.hi[s]),
+            violations=known(violations.rate[-1, s]) if is_known and s < n_over else None,
+            usual=known(counted.mean[s]) if is_known else None,
+            lo=known(counted.lo[s]) if is_known else None,
+            hi=known(counted.hi[s]) if is_known else None,
+            seen=known(people.rate[-1, s]) if slots.why_no_people is None and s < n_over else None,
+            people=known(seen.mean[s]),
+            people_lo=known(seen.lo[s]),
+            people_hi=known(seen.hi[s]),
         )
         for s in np.flatnonzero(slots.open_h[-1, : SHOWN_DAYS * HOURS] > 0)
     )

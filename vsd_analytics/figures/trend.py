@@ -86,8 +86,7 @@ def trend(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) ->
         coverage=_coverage(slots),
         mondays=mondays,
         min_coverage=float(settings.min_coverage),
-        confidence=float(settings.confidence),
-        min_days=int(settings.min_days),
+        **settings.for_intervals,
         min_exposure_h=float(settings.min_exposure_h),
     )
     marks = _marks(warehouse, mondays[0], monday, floor_id) if mondays else ()

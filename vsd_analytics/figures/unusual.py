@@ -7,9 +7,10 @@ from datetime import date
 from typing import Final
 
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
-from vsd_analytics.figures.slots import iso_week, load_slots
+from vsd_analytics.figures.slots import Slots, iso_week, load_slots
 from vsd_analytics.result import Reason, State
-from vsd_analytics.stats.unusual import Unusual, unusual_hours
+from vsd_analytics.settings import Settings
+from vsd_analytics.stats.unusual import Unusual, UnusualSlots, unusual_hours
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 UNIT: Final = "violations"
@@ -56,15 +57,20 @@ def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) 
         'not_enough_data'
     """
     slots = load_slots(warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id)
-    week = iso_week(monday)
+    found = unusual_in_last_week(slots, warehouse.site.settings)
+    counts = found.n_unusual, found.n_tested
+    return UnusualWeek(iso_week(monday), floor_id, UNIT, found.rows, *counts, found.state, found.reason)
+
+
+def unusual_in_last_week(slots: Slots, settings: Settings) -> UnusualSlots:
+    """Return the hours of the last of some weeks that are far from what the weeks before it make usual."""
     if (why := slots.why_no_violations) is not None:
-        return UnusualWeek(week, floor_id, UNIT, (), 0, 0, "not_measurable", why)
+        return UnusualSlots((), 0, 0, 0, "not_measurable", why)
     n, x_h = slots.violations.n, slots.violations.x_h
-    settings = warehouse.site.settings
-    found = unusual_hours(
+    return unusual_hours(
         n[-1],
         x_h[-1],
-        monday=monday,
+        monday=slots.monday,
         before_n=n[:-1],
         before_x_h=x_h[:-1],
         q_max=settings.unusual_false_share,
@@ -72,4 +78,3 @@ def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) 
         min_difference=settings.unusual_min_violations,
         share=settings.forecast_share,
     )
-    return UnusualWeek(week, floor_id, UNIT, found.rows, found.n_unusual, found.n_tested, found.state, found.reason)

@@ -14,11 +14,11 @@ import numpy as np
 
 from vsd_analytics.figures.panels import Array, Flags, FloorHours, Ints, Place, positions
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.rates import NOT_RECORDED, not_measured
+from vsd_analytics.figures.rates import NOT_RECORDED
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.dwell import Dwell, dwell
-from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.rates import violation_rate
 
 NO_TRACK_IDS: Final = Reason("engine.no_track_ids")
@@ -134,30 +134,16 @@ def _of_area(period: Period, area: Area, seen: _Stays, able: Flags) -> AreaVisit
     data, settings = period.data, period.data.site.settings
     place = period.area(area.area_id)
     entered = seen.has_entry.astype(np.bool_)
-    n = np.zeros_like(data.everyone.n)
-    np.add.at(n, (seen.camera[entered], seen.hour[entered]), 1.0)
-    seen_by = np.asarray((n + place.exposure_h).any(axis=1))
-    counted = Place(n, place.exposure_h, seen_by & able, place.is_there)
-    panel = data.panel(counted, period.days)
+    counted, why_none = people_counted(place, seen.camera[entered], seen.hour[entered], able)
     used = data.hours.is_counted & period.is_inside & counted.cameras[:, None]
-    days = np.array([d.toordinal() for d in period.days], dtype=np.int64)
     long_s = area.long_visit_s or settings.long_visit_s
-    found = dwell(
-        np.maximum(seen.dwell_s[entered], 0.0),
-        ~seen.has_exit[entered].astype(np.bool_),
-        np.searchsorted(days, data.hours.day[seen.hour[entered]]),
-        person_s=person_s_by_day(period, place, used),
-        long_s=long_s,
-        confidence=settings.confidence,
-        min_days=settings.min_days,
-    )
+    is_cut = ~seen.has_exit[entered].astype(np.bool_)
+    found = dwell_of(period, place, used, seen.dwell_s[entered], is_cut, seen.hour[entered], long_s=long_s)
     open_h = float(data.hours.open_s[period.is_inside].sum()) / 3600 * int(counted.cameras.sum())
     recorded = data.hours.recorded_s[:, period.is_inside].sum(axis=1) / 3600
     return AreaVisits(
         area,
-        per_open_hour(
-            period, counted, panel.n, panel.x_h, what="visits", why_none=NO_TRACK_IDS if seen_by.any() else NOBODY
-        ),
+        per_open_hour(period, counted, what="visits", why_none=why_none),
         found,
         long_s,
         int((~entered).sum()),
@@ -166,34 +152,61 @@ def _of_area(period: Period, area: Area, seen: _Stays, able: Flags) -> AreaVisit
     )
 
 
-def person_s_by_day(period: Period, place: Place, used: Flags) -> Array:
-    """Return the person-seconds of a place in each day of a period, over camera-hours `used`."""
-    days = np.array([d.toordinal() for d in period.days], dtype=np.int64)
-    found = np.zeros(len(days))
+def dwell_of(
+    period: Period, place: Place, used: Flags, dwell_s: Array, is_cut: Flags, hour: Ints, *, long_s: float
+) -> Dwell:
+    """Return the dwell times of stays in a place.
+
+    Args:
+        period: The days.
+        place: The place.
+        used: Camera-hours whose person-time counts, shape (n_cameras, n_hours).
+        dwell_s: Seconds of each stay.
+        is_cut: Whether its end was not seen.
+        hour: Hour in which it began, as an index.
+        long_s: A stay from so many seconds on is long.
+    """
+    data, days = period.data, np.array([d.toordinal() for d in period.days], dtype=np.int64)
+    person_s, day = np.zeros(len(days)), np.searchsorted(days, data.hours.day)
     seconds = (place.exposure_h * used).sum(axis=0)[period.is_inside] * 3600
-    np.add.at(found, np.searchsorted(days, period.data.hours.day[period.is_inside]), seconds)
-    return found
+    np.add.at(person_s, day[period.is_inside], seconds)
+    rules = data.site.settings.for_intervals
+    return dwell(np.maximum(dwell_s, 0.0), is_cut, day[hour], person_s=person_s, long_s=long_s, **rules)
 
 
-def per_open_hour(period: Period, place: Place, n: Array, x_h: Array, *, what: str, why_none: Reason) -> RateEstimate:
+def people_counted(place: Place, camera: Ints, hour: Ints, able: Flags) -> tuple[Place, Reason]:
+    """Return people counted in a place, and why no camera can count there where none can.
+
+    Args:
+        place: The place.
+        camera: Camera of each of the people, as an index.
+        hour: Hour of each, as an index.
+        able: Cameras that send ids.
+    """
+    n = np.zeros_like(place.exposure_h)
+    np.add.at(n, (camera, hour), 1.0)
+    seen_by = np.asarray((n + place.exposure_h).any(axis=1))
+    counted = Place(n, place.exposure_h, seen_by & able, place.is_there)
+    return counted, NO_TRACK_IDS if seen_by.any() else NOBODY
+
+
+def per_open_hour(period: Period, place: Place, *, what: str, why_none: Reason) -> RateEstimate:
     """Return how many people an open hour a place has, with the interval of M0.
 
     Args:
         period: The days.
         place: What was counted there.
-        n: People, shape (n_cameras, n_days).
-        x_h: Recorded open hours, same shape.
         what: Family of the reasons that name what is counted.
         why_none: Reason where no camera can count there.
     """
     if period.why_no_exposure is not None:
-        return not_measured(period.why_no_exposure)
+        return no_rate(period.why_no_exposure)
     if not place.cameras.any():
-        return not_measured(why_none)
+        return no_rate(why_none)
     if not period.knows(place):
         return NOT_RECORDED
-    settings = period.data.site.settings
-    found = violation_rate(n, x_h, confidence=settings.confidence, min_days=settings.min_days)
+    data, panel = period.data, period.data.panel(place, period.days)
+    found = violation_rate(panel.n, panel.x_h, **data.site.settings.for_intervals)
     if found.reason is None or found.reason.code not in _OWN_WORDS:
         return found
     return replace(found, reason=Reason(found.reason.code.replace("level", what), **found.reason.values))

@@ -12,6 +12,8 @@ import numpy as np
 from vsd_analytics.figures.panels import Array, Flags, Ints, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.model_map import Extent
+from vsd_analytics.planner.cell_counts import CellsAsked, grid_of
 from vsd_analytics.planner.rounding import merge_small_counts
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
@@ -69,6 +71,48 @@ class HourPanel:
     close_ms: Ints
 
 
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Counted:
+    """What is counted where.
+
+    Attributes:
+        places: The whole floor, its areas, the rest.
+        areas: The places after the first: areas, and None for the rest.
+        close_h: Person-hours in violation of each place, shape (n_cameras, n_hours).
+        extent: The floor shown; None without a map.
+    """
+
+    places: Sequence[Place]
+    areas: Sequence[Area | None]
+    close_h: Sequence[Array]
+    extent: Extent | None
+
+    def cells_asked(
+        self, data: WeekData, slots: Ints, *, used: Flags, shared: Flags, hidden: Collection[int]
+    ) -> CellsAsked | None:
+        """Return what of a week's cells is asked for; None without a map of at most so many squares.
+
+        Args:
+            data: The floor.
+            slots: As for `CellsAsked`, as `used` and `shared`.
+            used: Camera-hours that take part.
+            shared: Those that are compared.
+            hidden: Places whose counts are not given.
+        """
+        grid = None if self.extent is None else grid_of(self.extent)
+        if self.extent is None or grid is None:
+            return None
+        return CellsAsked(
+            slots=slots,
+            used=used,
+            shared=shared,
+            extent=self.extent,
+            grid=grid,
+            below=int(data.site.settings.mask_below),
+            hidden=None if 0 in hidden else [a for k, a in enumerate(self.areas, 1) if k in hidden],
+        )
+
+
 def open_slots(data: TwoWeeks, days: Sequence[date]) -> Ints:
     """Return which hours of the floor are open, in some days; hours that are not over yet are none of them."""
     ordinals = [d.toordinal() for d in days]
@@ -81,12 +125,10 @@ def open_slots(data: TwoWeeks, days: Sequence[date]) -> Ints:
 def panel_of(
     data: TwoWeeks,
     days: Sequence[date],
-    places: Sequence[Place],
+    asked: Counted,
+    mondays: Sequence[date],
     *,
-    first: date,
-    close_h: Sequence[Array],
-    hidden: Collection[int] = (),
-    held: Sequence[Collection[int]] = (),
+    hidden: Collection[int],
     shared: Flags | None = None,
 ) -> HourPanel:
     """Return the open hours of some days; hours that a week's report holds back are given as one sum, in one of them.
@@ -96,27 +138,26 @@ def panel_of(
     Args:
         data: The floor.
         days: The days.
-        places: What is counted.
-        first: Day 0 of the panel.
-        close_h: Person-hours in violation of each place, shape (n_cameras, n_hours).
+        asked: What is counted where.
+        mondays: First days of the weeks, whose timetables hold back the counts of hours; the earliest is day 0.
         hidden: Places whose counts are not given.
-        held: Hours whose counts the timetables hold back, week by week.
         shared: Camera-hours that are compared with another week; small counts stay on their side.
     """
     slots, hours = open_slots(data, days), data.hours
     counted = hours.is_counted[:, slots]
-    day = hours.day[slots] - first.toordinal()
+    day = hours.day[slots] - min(mondays).toordinal()
     below = int(data.site.settings.mask_below)
-    shape = (len(places), len(data.ids), len(slots))
+    shape = (len(asked.places), len(data.ids), len(slots))
     n, exposure_ms, close_ms = (np.zeros(shape, dtype=np.int64) for _ in range(3))
-    for k, place in enumerate(places):
+    held = _held_hours(data, mondays)
+    for k, (place, close_h) in enumerate(zip(asked.places, asked.close_h, strict=True)):
         used = counted & place.cameras[:, None]
         if data.why_no_exposure is None:
             exposure_ms[k] = np.where(used, np.rint(place.exposure_h[:, slots] * 3_600_000), 0)
         if k in hidden:
             continue
         counts = np.where(used, place.n[:, slots], 0).astype(np.int64)
-        close = np.where(used, np.rint(np.nan_to_num(close_h[k][:, slots]) * 3_600_000), 0).astype(np.int64)
+        close = np.where(used, np.rint(np.nan_to_num(close_h[:, slots]) * 3_600_000), 0).astype(np.int64)
         for of_week in held if k == 0 else ():
             together = np.isin(slots, list(of_week))
             if not together.any():
@@ -151,29 +192,26 @@ def panel_of(
     )
 
 
-def hidden_places(
-    data: TwoWeeks, mondays: Sequence[date], areas: Sequence[Area | None], *, below: int
-) -> Mapping[int, Reason]:
+def hidden_places(data: TwoWeeks, mondays: Sequence[date], areas: Sequence[Area | None]) -> Mapping[int, Reason]:
     """Return why places are not given: what the report of one of some weeks holds back (`report.hidden`).
 
     Args:
         data: The floor.
         mondays: First days of the weeks.
         areas: The places after the whole floor, which is the first: areas, and None for the rest.
-        below: Counts from 1 to just under this are small.
     """
     found: dict[int, Reason] = {}
     for week in map(data.hidden_in, mondays):
         if week.why_floor is not None:
             found.setdefault(0, week.why_floor)
         for k, area in enumerate(areas, 1):
-            why = week.places.why(None if area is None else area.area_id, below=below)
+            why = week.places.why(None if area is None else area.area_id, below=int(data.site.settings.mask_below))
             if why is not None:
                 found.setdefault(k, why)
     return dict(sorted(found.items()))
 
 
-def held_hours(data: TwoWeeks, mondays: Sequence[date]) -> list[Collection[int]]:
+def _held_hours(data: TwoWeeks, mondays: Sequence[date]) -> list[Collection[int]]:
     """Return the hours whose counts the timetables of some weeks hold back, week by week."""
     weeks = (data.hidden_in(monday).hours for monday in mondays)
     return [week.small | week.others for week in weeks if week.small or week.others]

@@ -18,13 +18,12 @@ from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.before_after import before_after
 from vsd_analytics.figures.change_weeks import WEEKS, local_day, windows_of
 from vsd_analytics.figures.compare import Days
-from vsd_analytics.figures.panels import WEEK, Array, Flags, Ints, Place
+from vsd_analytics.figures.panels import WEEK, Flags, Ints
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.figures.week.model_map import Extent
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.figures.week.redesigns import redesigns
 from vsd_analytics.planner import cell_counts
-from vsd_analytics.planner.hour_counts import HourPanel, TwoWeeks, held_hours, hidden_places, open_slots, panel_of
+from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, hidden_places, open_slots, panel_of
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, LogEntry, Site
 
@@ -93,23 +92,6 @@ class PlannerChange:
     before: ChangeSide | None
     after: ChangeSide | None
     hidden: Mapping[int, Reason]
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Counted:
-    """What is counted where.
-
-    Attributes:
-        places: The whole floor, its areas, the rest.
-        areas: The places after the first: areas, and None for the rest.
-        close_h: Person-hours in violation of each place, shape (n_cameras, n_hours).
-        extent: The floor shown; None without a map.
-    """
-
-    places: Sequence[Place]
-    areas: Sequence[Area | None]
-    close_h: Sequence[Array]
-    extent: Extent | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -231,31 +213,12 @@ class _Weeks:
 
     def _make(self, monday: date) -> _Week:
         data, counted = self._data, self._counted
-        below, days = int(data.site.settings.mask_below), data.warehouse.days(monday, monday + timedelta(days=6))
-        hidden = hidden_places(data, [monday], counted.areas, below=below)
-        panel = panel_of(
-            data,
-            days,
-            counted.places,
-            close_h=counted.close_h,
-            first=monday,
-            hidden=hidden,
-            held=held_hours(data, [monday]),
-        )
-        slots = open_slots(data, days)
-        grid = None if counted.extent is None else cell_counts.grid_of(counted.extent)
-        cells = None
-        if grid is not None and counted.extent is not None and slots.size:
-            asked = cell_counts.CellsAsked(
-                slots=slots,
-                used=panel.is_counted,
-                shared=np.zeros_like(panel.is_counted),
-                extent=counted.extent,
-                grid=grid,
-                below=below,
-                hidden=None if 0 in hidden else [a for k, a in enumerate(counted.areas, 1) if k in hidden],
-            )
-            cells = cell_counts.counts_by_cell(data, asked)
+        days = data.warehouse.days(monday, monday + timedelta(days=6))
+        hidden = hidden_places(data, [monday], counted.areas)
+        panel, slots = panel_of(data, days, counted, [monday], hidden=hidden), open_slots(data, days)
+        nowhere = np.zeros_like(panel.is_counted)
+        asked = counted.cells_asked(data, slots, used=panel.is_counted, shared=nowhere, hidden=hidden)
+        cells = None if asked is None or not slots.size else cell_counts.counts_by_cell(data, asked)
         return _Week(slots, panel, cells, hidden)
 
 

@@ -80,15 +80,15 @@ class PlannerFigureRow:
     """The report's figures of a place, as texts."""
 
     name: str
-    often: str
-    often_likely: str
-    close: str
-    close_likely: str
-    risky: str
-    risky_likely: str
-    previous: str
-    change: str
-    change_likely: str
+    often: str = fmt.MISSING
+    often_likely: str = ""
+    close: str = fmt.MISSING
+    close_likely: str = ""
+    risky: str = fmt.MISSING
+    risky_likely: str = ""
+    previous: str = fmt.MISSING
+    change: str = ""
+    change_likely: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,13 +284,9 @@ def _grid_meta(data: PlannerData, grid: cell_counts.CellGrid) -> dict[str, Any]:
 def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
     hidden = [w.hidden.get(index) if w is not None else None for w in (data.week, data.before)]
     changes: dict[str, Any] = {}
-    close = row.close_share
     if data.before is not None and data.why_not_compared is None and not any(hidden):
-        changes = {
-            "often": _change_meta(row.often),
-            "close": _change_meta(close),
-            "risky": _change_meta(row.risky),
-        }
+        measured = {"often": row.often, "close": row.close_share, "risky": row.risky}
+        changes = {name: _change_meta(estimate) for name, estimate in measured.items()}
     return {
         "id": row.place_id,
         "name": row.name,
@@ -342,11 +338,7 @@ def _figures(data: PlannerData, index: int, row: PlaceRow) -> PlannerFigureRow:
     hidden_before = data.before.hidden.get(index) if data.before is not None else None
     often, risky, close = row.often, row.risky, row.close_share
     if hidden is not None:
-        why = reason_text(hidden)
-        return PlannerFigureRow(
-            name=row.name, often=fmt.MISSING, often_likely=why, close=fmt.MISSING, close_likely="", risky=fmt.MISSING,
-            risky_likely="", previous=fmt.MISSING, change="", change_likely="",
-        )  # fmt: skip
+        return PlannerFigureRow(name=row.name, often_likely=reason_text(hidden))
     changes = hidden_before is None and often.verdict is not None and often.previous is not None
     clear = often.verdict in ("clear_fall", "clear_rise")
     said = verdict_words(often) if changes else ""

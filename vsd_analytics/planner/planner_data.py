@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import date, datetime, timedelta
 from typing import Final
 
@@ -20,11 +20,12 @@ from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_time import change_close_share, close_time
 from vsd_analytics.figures.compare import why_not
 from vsd_analytics.figures.hotspot_export import without_small
-from vsd_analytics.figures.panels import WEEK, Array, Flags, Place
+from vsd_analytics.figures.panels import WEEK, Flags, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import findings, recording, timetable
 from vsd_analytics.figures.week.density import FloorGrid
+from vsd_analytics.figures.week.estimates import with_change
 from vsd_analytics.figures.week.floor_maps import floor_maps
 from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
 from vsd_analytics.figures.week.model_estimate import Estimate
@@ -32,9 +33,9 @@ from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.figures.week.results import AreaRow, Figure, WeekRef
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.cell_counts import WeekCells
-from vsd_analytics.planner.hour_counts import HourPanel, TwoWeeks, held_hours, hidden_places, open_slots, panel_of
+from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, hidden_places, open_slots, panel_of
 from vsd_analytics.planner.layouts import Layout, layouts
-from vsd_analytics.planner.logged_changes import MOST_WEEKS, Counted, PlannerChange, entries_of, logged_changes
+from vsd_analytics.planner.logged_changes import MOST_WEEKS, PlannerChange, entries_of, logged_changes
 from vsd_analytics.planner.seen_cells import seen_cells
 from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level, with_row_texts
 from vsd_analytics.report.words.catalogue import say
@@ -254,32 +255,26 @@ def planner_data(
     )
     shown = next((m for m in maps if m.kind != "picture"), None)
     found = spots.hotspots(warehouse, floor_id=floor.floor_id, until=data.sunday)
-    made = {
-        day: _week(data, Period(data, day, day + timedelta(days=6)), places=places, shown=shown)
-        for day in ([monday, before] if has_before else [monday])
-    }
+    ids = [None if p.area is None else p.area.area_id for p in places[1:]]
     counted = Counted(
-        places=[_place(data, p) for p in places],
+        places=[data.whole, *(data.area(area_id) for area_id in ids)],
         areas=[p.area for p in places[1:]],
-        close_h=_close_h(data, places),
+        close_h=[data.violation_h, *(data.violation_in(area_id) for area_id in ids)],
         extent=None if shown is None else shown.extent,
     )
+    made = {
+        day: _week(data, Period(data, day, day + timedelta(days=6)), counted)
+        for day in ([monday, before] if has_before else [monday])
+    }
     changes = logged_changes(data, counted, weeks=weeks)
+    no_history = {k for k, p in enumerate(places) if not p.has_history}
     return PlannerData(
         site=data.site,
         floor=floor,
         cameras=tuple(data.cameras),
         week=made[monday],
         before=made.get(before),
-        history=panel_of(
-            data,
-            data.this.history_days,
-            [_place(data, p) for p in places],
-            close_h=_close_h(data, places),
-            first=monday - HISTORY,
-            hidden={k for k, p in enumerate(places) if not p.has_history},
-            held=held_hours(data, past),
-        ),
+        history=panel_of(data, data.this.history_days, counted, past, hidden=no_history),
         places=places,
         comparable=tuple(bool(c) for c in data.pair.is_comparable[: len(data.ids)]),
         why_not_compared=why,
@@ -341,8 +336,7 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
     level = floor_level(data, is_compared=is_compared, areas=found)
     rows: dict[str | None, AreaRow] = {row.area_id: row for row in found.rows}
     areas: list[Area | None] = [*data.areas, None] if rows else []
-    below = int(data.site.settings.mask_below)
-    unknown = hidden_places(data, past, areas, below=below)
+    unknown = hidden_places(data, past, areas)
     names = [say("planner.whole_floor"), *(say("words.rest") if a is None else a.name for a in areas)]
     ids = ["floor", *("rest" if a is None else f"area:{a.area_id}" for a in areas)]
     of_areas = [rows[None if a is None else a.area_id] for a in areas]
@@ -374,65 +368,23 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
 def _with_change(data: TwoWeeks, share: Estimate, of_time: Place) -> Estimate:
     """Return a share of time too close with its change from the other week, as `vsd compare` gives it."""
     found = change_close_share(data.pair, of_time)
-    if found.theta is None or share.value is None:
-        return share
-    return replace(
-        share,
-        previous=found.rate_a,
-        change=found.theta - 1,
-        change_lo=None if found.lo is None else found.lo - 1,
-        change_hi=None if found.hi is None else found.hi - 1,
-        verdict=found.verdict,
-    )
+    return share if found.theta is None or share.value is None else with_change(share, found)
 
 
-def _place(data: TwoWeeks, row: PlaceRow) -> Place:
-    if row.place_id == "floor":
-        return data.whole
-    return data.area(None if row.area is None else row.area.area_id)
-
-
-def _close_h(data: TwoWeeks, places: Sequence[PlaceRow]) -> list[Array]:
-    """Return person-hours in violation of each place by camera and hour of the floor's data."""
-    where = [None if p.area is None else p.area.area_id for p in places[1:]]
-    return [data.violation_h, *(data.violation_in(area_id) for area_id in where)]
-
-
-def _week(data: TwoWeeks, period: Period, *, places: tuple[PlaceRow, ...], shown: FloorMap | None) -> PlannerWeek:
+def _week(data: TwoWeeks, period: Period, counted: Counted) -> PlannerWeek:
     """Return one of the weeks; what may not be printed of it is hidden and empty."""
-    below = int(data.site.settings.mask_below)
     shared = data.pair.used(0 if period.first == data.pair.before.first else 1)
-    rows = [_place(data, p) for p in places]
-    hidden = hidden_places(data, [period.first], [p.area for p in places[1:]], below=below)
-    held = held_hours(data, [period.first])
-    panel = panel_of(
-        data,
-        period.days,
-        rows,
-        close_h=_close_h(data, places),
+    hidden = hidden_places(data, [period.first], counted.areas)
+    slots, is_ranked = open_slots(data, period.days), _share(period) >= data.site.settings.min_coverage
+    used = data.hours.is_counted if is_ranked else data.hours.recorded_s > 0
+    asked = counted.cells_asked(data, slots, used=used[:, slots], shared=shared[:, slots], hidden=hidden)
+    return PlannerWeek(
+        ref=WeekRef.of(period.first, zone=data.site.timezone),
+        panel=panel_of(data, period.days, counted, [period.first], hidden=hidden, shared=shared),
+        cells=None if asked is None else cell_counts.week_cells(data, period, asked),
+        is_ranked=is_ranked,
         hidden=hidden,
-        first=period.first,
-        held=held,
-        shared=shared,
     )
-    grid = None if shown is None else cell_counts.grid_of(shown.extent)
-    cells = None
-    is_ranked = _share(period) >= data.site.settings.min_coverage
-    if shown is not None and grid is not None:
-        slots = open_slots(data, period.days)
-        used = data.hours.is_counted if is_ranked else data.hours.recorded_s > 0
-        asked = cell_counts.CellsAsked(
-            slots=slots,
-            used=used[:, slots],
-            shared=shared[:, slots],
-            extent=shown.extent,
-            grid=grid,
-            below=below,
-            hidden=None if 0 in hidden else [p.area for k, p in enumerate(places) if k in hidden],
-        )
-        cells = cell_counts.week_cells(data, period, asked)
-    ref = WeekRef.of(period.first, zone=data.site.timezone)
-    return PlannerWeek(ref=ref, panel=panel, cells=cells, is_ranked=is_ranked, hidden=hidden)
 
 
 def _share(period: Period) -> float:

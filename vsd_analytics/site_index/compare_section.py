@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,7 +16,7 @@ from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.report.words.terms import capital
 from vsd_analytics.site_index.site_comparison import CONFIDENCE, ComparedFloor, FloorStatus, SiteComparison
-from vsd_analytics.site_index.summary import NAMED, in_words
+from vsd_analytics.site_index.summary import in_words, some
 from vsd_analytics.stats.quantiles import z_quantile
 
 GROUPS: Final[tuple[FloorStatus, ...]] = ("gaps", "absent", "older", "distance", "few", "nobody", "alone", "reason")
@@ -99,9 +99,7 @@ def _sentence(found: SiteComparison) -> str:
     named = [f for f in found.floors if f.differs]
     if not named:
         return say("index.compare.none")
-    said = "; ".join(_named(f) for f in named[:NAMED])
-    if len(named) > NAMED:
-        said = say("index.and_more", text=said, n=in_words(len(named) - NAMED))
+    said = some([_named(f) for f in named])
     return capital(say("index.compare.differ", plural=len(named), n=in_words(len(named)), named=said))
 
 
@@ -126,17 +124,11 @@ def _notes(found: SiteComparison) -> Iterable[str]:
     for status in GROUPS:
         floors = [f for f in found.floors if f.status == status]
         if floors:
-            yield say(f"index.compare.left_out.{status}", floors=_some(floors))
-
-
-def _some(floors: Sequence[ComparedFloor]) -> str:
-    """Return the names, with what was not recorded or why; those beyond the first three counted."""
-    text = "; ".join(_with_reason(f) for f in floors[:NAMED])
-    n_more = len(floors) - NAMED
-    return say("index.and_more", text=text, n=in_words(n_more)) if n_more > 0 else text
+            yield say(f"index.compare.left_out.{status}", floors=some([_with_reason(f) for f in floors]))
 
 
 def _with_reason(floor: ComparedFloor) -> str:
+    """Return the name of a floor, with what was not recorded or why."""
     if floor.status == "gaps":
         return say("index.compare.with_reason", floor=floor.name, reason=_unrecorded(floor))
     if floor.reason is not None:

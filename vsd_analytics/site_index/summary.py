@@ -92,8 +92,7 @@ def week_line(floors: Sequence[FloorWeeks], monday: date) -> str:
     ]
     named += [f"{f.full_name}: {short_reason(t)}" for f, t, s in there if s in ("no_data", "incomplete")]
     if named:
-        rest = len(named) - NAMED
-        return _and_more("; ".join(named[:NAMED]), rest)
+        return some(named)
     if there and all(s == "none" for _, _, s in there):
         return say("index.headline.none")
     if any(s in _UNCHANGED for _, _, s in there):
@@ -150,15 +149,12 @@ def _lacking(said: Iterable[tuple[FloorWeeks, Standing]]) -> list[str]:
     for floor, found in said:
         by_kind.setdefault(found, []).append(floor.full_name)
     kinds: tuple[Standing, ...] = ("no_data", "incomplete", "absent")
-    return [say(f"index.lacking.{kind}", floors=_some(by_kind[kind])) for kind in kinds if kind in by_kind]
+    return [say(f"index.lacking.{kind}", floors=some(by_kind[kind])) for kind in kinds if kind in by_kind]
 
 
-def _some(names: list[str]) -> str:
-    """Return the names, those beyond the first three counted."""
-    return _and_more("; ".join(names[:NAMED]), len(names) - NAMED)
-
-
-def _and_more(text: str, n_more: int) -> str:
+def some(names: list[str]) -> str:
+    """Return names as one text, those beyond the first three counted."""
+    text, n_more = "; ".join(names[:NAMED]), len(names) - NAMED
     return say("index.and_more", text=text, n=in_words(n_more)) if n_more > 0 else text
 
 

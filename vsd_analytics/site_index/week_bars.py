@@ -14,7 +14,7 @@ from typing import Final, Literal
 
 from markupsafe import Markup
 
-from vsd_analytics.report.draw.svg import HATCH, INK, MUTED, el
+from vsd_analytics.report.draw.svg import HATCH, INK, MUTED, drawing, el
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.site_index.read_reports import IndexedReport
@@ -69,14 +69,7 @@ def bars(window: Sequence[tuple[date, IndexedReport | None]], *, label: str) -> 
             parts.append(el("line", class_="wkc", stroke=INK, x1=x - 2, x2=x - 2, y1=0, y2=HEIGHT))
         parts.append(_bar(report, x=x, largest=largest, is_now=is_now))
     ground = el("line", class_="wkg", stroke=MUTED, x1=0, x2=len(window) * STEP - 4, y1=HEIGHT + 0.5, y2=HEIGHT + 0.5)
-    return el(
-        "svg",
-        Markup("").join([ground, *parts]),
-        class_="ix-bars",
-        viewBox=f"0 0 {len(window) * STEP - 4} {HEIGHT + 1}",
-        role="img",
-        aria_label=label,
-    )
+    return drawing([ground, *parts], (len(window) * STEP - 4, HEIGHT + 1), class_="ix-bars", label=label)
 
 
 def _bar(report: IndexedReport | None, *, x: float, largest: float, is_now: bool) -> Markup:

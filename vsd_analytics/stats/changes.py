@@ -15,15 +15,15 @@ Callers pass camera-hours recorded in both periods. Coverage and power by simula
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason, State, Verdict
+from vsd_analytics.result import Reason
 from vsd_analytics.settings import DEFAULTS
-from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, verdict_of
+from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, no_change, verdict_of
 from vsd_analytics.stats.influence import (
     DayCounts,
     Floats,
@@ -128,11 +128,7 @@ def compare_encounter_rates(
         ValueError: Shapes do not fit, or a number is negative or infinite.
     """
     if exposure_a_h is None or exposure_b_h is None:
-        return ChangeEstimate(
-            theta=None, lo=None, hi=None, rate_a=None, rate_b=None, n_a=None, n_b=None, exposure_a_h=0.0,
-            exposure_b_h=0.0, n_days=0, df=None, log_se=None, verdict="too_little_data", state="not_measurable",
-            reason=Reason("engine.no_positions"), is_conservative=False,
-        )  # fmt: skip
+        return no_change(Reason("engine.no_positions"))
     history = _history(history_n, history_exposure_h)
     return _compare(
         n_a, exposure_a_h, n_b, exposure_b_h, kind="violations",
@@ -234,16 +230,14 @@ def _compare(
     steps = NO_STEPS if history is None or not a.kept else weekly_steps(*history, of=a)
     has_days = a.n_days >= min_days
     if not has_days and (a.n_days == 0 or len(steps) < FULL_STEPS):
-        return _too_little(a, b, Reason("change.pairs", least=min_days, has=a.n_days))
+        return _without_interval(a, b, Reason("change.pairs", least=min_days, has=a.n_days))
     if least_h < min_exposure_h:
-        reason = Reason("change.person_hours", least=min_exposure_h, has=least_h)
-        return _too_little(a, b, reason)
+        return _without_interval(a, b, Reason("change.person_hours", least=min_exposure_h, has=least_h))
     if kind == "person-hours":
         if min(events_a, events_b) == 0:
-            return _too_little(a, b, Reason("change.nobody"))
+            return _without_interval(a, b, Reason("change.nobody"))
     elif max(events_a, events_b) < MIN_EVENTS:
-        reason = Reason("change.events", least=MIN_EVENTS, before=events_a, after=events_b)
-        return _too_little(a, b, reason)
+        return _without_interval(a, b, Reason("change.events", least=MIN_EVENTS, before=events_a, after=events_b))
     elif min(events_a, events_b) < MIN_EVENTS:
         return _one_small_side(a, b, confidence=confidence, min_days=min_days, about_same_share=about_same_share)
 
@@ -251,7 +245,7 @@ def _compare(
     if has_days:
         width = _width(a, before, after, history=history, steps=steps, confidence=confidence)
         if width is None:
-            return _too_little(a, b, Reason("change.camera"))
+            return _without_interval(a, b, Reason("change.camera"))
     else:
         width = _by_weeks(steps, day_variance=0.0, noise=0.0, n_days=a.n_days, confidence=confidence)
     half = width.half
@@ -261,7 +255,8 @@ def _compare(
     theta = after.rate / before.rate
     lo, hi = theta * math.exp(-half), theta * math.exp(half)
     verdict = verdict_of(lo, hi, about_same_share=about_same_share)
-    return _change(a, b, lo=lo, hi=hi, verdict=verdict, state="ok", df=width.df, log_se=width.log_se)
+    found = _without_interval(a, b, None)
+    return replace(found, lo=lo, hi=hi, verdict=verdict, state="ok", df=width.df, log_se=width.log_se)
 
 
 def _width(
@@ -317,9 +312,9 @@ def _one_small_side(
     verdict = verdict_of(lo, hi, about_same_share=about_same_share)
     small = int(min(a.n.sum(), b.n.sum()))
     if verdict not in {"clear_fall", "clear_rise"}:
-        return _too_little(a, b, Reason("change.small", n=small))
-    reason = Reason("change.poisson", n=small)
-    return _change(a, b, lo=lo, hi=hi, verdict=verdict, state="ok", reason=reason, is_conservative=True)
+        return _without_interval(a, b, Reason("change.small", n=small))
+    found = _without_interval(a, b, Reason("change.poisson", n=small))
+    return replace(found, lo=lo, hi=hi, verdict=verdict, state="ok", is_conservative=True)
 
 
 def _limits(counts: DayCounts, *, confidence: float, min_days: int) -> tuple[float, float]:
@@ -333,29 +328,13 @@ def _limits(counts: DayCounts, *, confidence: float, min_days: int) -> tuple[flo
     return lo * rate_per_event, hi * rate_per_event
 
 
-def _too_little(a: DayCounts, b: DayCounts, reason: Reason) -> ChangeEstimate:
-    return _change(a, b, lo=None, hi=None, verdict="too_little_data", state="not_enough_data", reason=reason)
-
-
-def _change(
-    a: DayCounts,
-    b: DayCounts,
-    *,
-    lo: float | None,
-    hi: float | None,
-    verdict: Verdict,
-    state: State,
-    reason: Reason | None = None,
-    df: float | None = None,
-    log_se: float | None = None,
-    is_conservative: bool = False,
-) -> ChangeEstimate:
+def _without_interval(a: DayCounts, b: DayCounts, reason: Reason | None) -> ChangeEstimate:
     rate_a, rate_b = (
         float((counts.n.sum(axis=1) / counts.x.sum(axis=1)).sum()) if counts.kept else None for counts in (a, b)
     )
     return ChangeEstimate(
-        theta=rate_b / rate_a if rate_a and rate_b is not None else None, lo=lo, hi=hi, rate_a=rate_a, rate_b=rate_b,
-        n_a=float(a.n.sum()), n_b=float(b.n.sum()), exposure_a_h=float(a.x.sum()), exposure_b_h=float(b.x.sum()),
-        n_days=a.n_days, df=df, log_se=log_se, verdict=verdict, state=state, reason=reason,
-        is_conservative=is_conservative, left_out=a.left_out,
+        theta=rate_b / rate_a if rate_a and rate_b is not None else None, lo=None, hi=None, rate_a=rate_a,
+        rate_b=rate_b, n_a=float(a.n.sum()), n_b=float(b.n.sum()), exposure_a_h=float(a.x.sum()),
+        exposure_b_h=float(b.x.sum()), n_days=a.n_days, df=None, log_se=None, verdict="too_little_data",
+        state="not_enough_data", reason=reason, is_conservative=False, left_out=a.left_out,
     )  # fmt: skip

@@ -125,6 +125,19 @@ class ChangeSplit:
     people_share: float | None
 
 
+def no_rate(reason: Reason, state: State = "not_measurable") -> RateEstimate:
+    """Return the estimate of a rate that cannot be given."""
+    return RateEstimate(None, None, None, None, 0.0, 0, None, None, state, reason, False)
+
+
+def no_change(reason: Reason, state: State = "not_measurable") -> ChangeEstimate:
+    """Return the estimate of a change that cannot be given."""
+    return ChangeEstimate(
+        theta=None, lo=None, hi=None, rate_a=None, rate_b=None, n_a=None, n_b=None, exposure_a_h=0.0, exposure_b_h=0.0,
+        n_days=0, df=None, log_se=None, verdict="too_little_data", state=state, reason=reason, is_conservative=False,
+    )  # fmt: skip
+
+
 def verdict_of(lo: float | None, hi: float | None, *, about_same_share: float = DEFAULTS.about_same_share) -> Verdict:
     """Return the verdict an interval of a ratio allows.
 

@@ -298,27 +298,24 @@ def slot_rates(
     return SlotRates(rate, lo, hi, raw, counted, exposure, n_weeks, "ok", None)
 
 
-def peaks(rates: SlotRates, *, n_peaks: int = N_PEAKS, min_events: float = SPARSE) -> PeakHours:
+def peaks(rates: SlotRates) -> PeakHours:
     """Return the highest hours of the week, and the hours that may be as high as the first (M14).
 
     Args:
         rates: Shrunk rates: a raw rate puts the hour with least data on top.
-        n_peaks: How many hours to name.
-        min_events: Events all hours together need.
     """
     if rates.state != "ok":
         return PeakHours((), (), rates.state, rates.reason)
     known = np.flatnonzero(~np.isnan(rates.rate))
-    if (total := float(rates.n[known].sum())) < min_events:
-        reason = Reason("violations.few", least=min_events, has=total)
-        return PeakHours((), (), "not_enough_data", reason)
+    if (total := float(rates.n[known].sum())) < SPARSE:
+        return PeakHours((), (), "not_enough_data", Reason("violations.few", least=SPARSE, has=total))
     order = known[np.lexsort((known, -rates.rate[known]))]
     top = tuple(
         PeakHour(
             int(s) // 24, int(s) % 24, float(rates.rate[s]), float(rates.lo[s]), float(rates.hi[s]),
             float(rates.n[s]), int(rates.n_weeks[s]),
         )
-        for s in order[:n_peaks]
+        for s in order[:N_PEAKS]
     )  # fmt: skip
     tied = tuple((int(s) // 24, int(s) % 24) for s in order[1:] if rates.hi[s] >= top[0].lo)
     return PeakHours(top, tied, "ok", None)

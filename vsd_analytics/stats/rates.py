@@ -9,16 +9,16 @@ docs/statistics.md. Changes between periods: `vsd_analytics.stats.changes`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason, State
+from vsd_analytics.result import Reason
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.day_correlation import PRIOR_CORRELATION, day_correlation, inflation
-from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.influence import (
     DayCounts,
     Profile,
@@ -50,7 +50,6 @@ def violation_rate(
     history_weekday: npt.ArrayLike | None = None,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
-    min_history_weeks: int = MIN_HISTORY_WEEKS,
 ) -> RateEstimate:
     """Return how often violations happen: M0, violations per open hour of a place, with its interval.
 
@@ -71,7 +70,6 @@ def violation_rate(
             was closed in the period: a weekday the history knows and the period lacks counts as missed.
         confidence: Confidence level.
         min_days: Recorded days an interval needs.
-        min_history_weeks: Weeks of history a weekday profile needs.
 
     Returns:
         The rate in violations per open hour, and its interval. Without violations: 0, lo 0 and hi by the rule of
@@ -88,8 +86,8 @@ def violation_rate(
     """
     counts = as_counts(n, x_h)
     if not counts.kept:
-        return _without_interval(counts, reason=Reason("level.unrecorded"), rate=None)
-    past = _past(counts, weekday, history_n, history_x_h, history_weekday, min_history_weeks)
+        return _without_interval(counts, None, Reason("level.unrecorded"))
+    past = _past(counts, weekday, history_n, history_x_h, history_weekday)
     return level(counts, past=past, confidence=confidence, min_days=min_days, kind="often")
 
 
@@ -104,7 +102,6 @@ def encounter_rate(
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
     min_exposure_h: float = DEFAULTS.min_exposure_h,
-    min_history_weeks: int = MIN_HISTORY_WEEKS,
 ) -> RateEstimate:
     """Return encounters per person-hour (M7): violations per person-hour of exposure, with its interval.
 
@@ -122,7 +119,6 @@ def encounter_rate(
         confidence: Confidence level.
         min_days: Days with exposure an interval needs.
         min_exposure_h: Person-hours the rate needs.
-        min_history_weeks: Weeks of history a weekday profile needs.
 
     Returns:
         The rate in violations per person-hour and its interval; `rate` is None below `min_exposure_h`.
@@ -131,16 +127,12 @@ def encounter_rate(
         ValueError: Shapes do not fit, or a number is negative or infinite.
     """
     if exposure_h is None:
-        return RateEstimate(
-            rate=None, lo=None, hi=None, n_events=None, exposure_h=0.0, n_days=0, df=None, log_se=None,
-            state="not_measurable", reason=Reason("engine.no_positions"), is_conservative=False,
-        )  # fmt: skip
+        return no_rate(Reason("engine.no_positions"))
     counts = as_counts(n, exposure_h)
     total_h = float(counts.x.sum())
     if not counts.kept or total_h < min_exposure_h:
-        reason = Reason("level.person_hours", least=min_exposure_h, has=total_h)
-        return _without_interval(counts, reason=reason, rate=None)
-    past = _past(counts, weekday, history_n, history_exposure_h, history_weekday, min_history_weeks)
+        return _without_interval(counts, None, Reason("level.person_hours", least=min_exposure_h, has=total_h))
+    past = _past(counts, weekday, history_n, history_exposure_h, history_weekday)
     return level(counts, past=past, confidence=confidence, min_days=min_days, kind="risky")
 
 
@@ -177,16 +169,14 @@ def level(
     n_events, n_days = float(counts.n.sum()), counts.n_days
     rate = float((counts.n.sum(axis=1) / counts.x.sum(axis=1)).sum())
     if n_days < min_days:
-        reason = Reason("level.days", least=min_days, has=n_days)
-        return _without_interval(counts, reason=reason, rate=rate)
+        return _without_interval(counts, rate, Reason("level.days", least=min_days, has=n_days))
     if n_events == 0:
         least_h = float(counts.x.sum(axis=1).min())
         hi = zero_events_limit(confidence=confidence) / least_h
         reason = Reason("level.none_often" if kind == "often" else "level.none_risky", hours=least_h)
-        return _estimate(counts, rate=0.0, lo=0.0, hi=hi, state="ok", reason=reason)
+        return replace(_without_interval(counts, 0.0, reason), lo=0.0, hi=hi, state="ok")
     if n_events < MIN_EVENTS:
-        reason = Reason("level.events", least=MIN_EVENTS, has=n_events)
-        return _without_interval(counts, reason=reason, rate=rate)
+        return _without_interval(counts, rate, Reason("level.events", least=MIN_EVENTS, has=n_events))
 
     weights, missed, profile = equal_weights(counts), 0.0, None
     if past is None:
@@ -198,16 +188,17 @@ def level(
         missed = math.log1p(float(days.shares @ (profile.gap - 1)))
     factor, df = small_sample(weights, shares=days.shares, noise=days.noise)
     if not math.isfinite(factor):
-        return _without_interval(counts, reason=Reason("level.camera"), rate=rate)
+        return _without_interval(counts, rate, Reason("level.camera"))
     factor *= inflation(correlation, n_days=n_days)
     log_se = math.sqrt(factor * float(days.by_day @ days.by_day))
     half = t_quantile(df, confidence=confidence) * log_se
     if n_events < SMALL_COUNT:
         half = max(half, z_quantile(confidence=confidence) * math.sqrt(float(days.noise.sum())))
     is_plain = profile is None or not bool(profile.is_known[days.totals > 0].all())
-    return _estimate(
-        counts, rate=rate, lo=rate * math.exp(min(missed, 0.0) - half), hi=rate * math.exp(max(missed, 0.0) + half),
-        state="ok", reason=None, df=df, log_se=log_se, is_conservative=is_plain or missed != 0,
+    return replace(
+        _without_interval(counts, rate, None), lo=rate * math.exp(min(missed, 0.0) - half),
+        hi=rate * math.exp(max(missed, 0.0) + half), state="ok", df=df, log_se=log_se,
+        is_conservative=is_plain or missed != 0,
     )  # fmt: skip
 
 
@@ -217,7 +208,6 @@ def _past(
     history_n: npt.ArrayLike | None,
     history_x_h: npt.ArrayLike | None,
     history_weekday: npt.ArrayLike | None,
-    min_weeks: int,
 ) -> Past | None:
     if history_n is None or history_x_h is None:
         return None
@@ -227,28 +217,13 @@ def _past(
     now, then = np.asarray(weekday, dtype=np.int64), np.asarray(history_weekday, dtype=np.int64)
     if now.shape != counts.n.shape[1:] or then.shape != history.n.shape[1:]:
         raise ValueError("every day needs a weekday")
-    profile = weekday_profile(counts, history, weekday=now, history_weekday=then, min_weeks=min_weeks)
+    profile = weekday_profile(counts, history, weekday=now, history_weekday=then, min_weeks=MIN_HISTORY_WEEKS)
     return Past(profile, day_correlation(history, then))
 
 
-def _without_interval(counts: DayCounts, *, reason: Reason, rate: float | None) -> RateEstimate:
-    return _estimate(counts, rate=rate, lo=None, hi=None, state="not_enough_data", reason=reason)
-
-
-def _estimate(
-    counts: DayCounts,
-    *,
-    rate: float | None,
-    lo: float | None,
-    hi: float | None,
-    state: State,
-    reason: Reason | None,
-    df: float | None = None,
-    log_se: float | None = None,
-    is_conservative: bool = False,
-) -> RateEstimate:
+def _without_interval(counts: DayCounts, rate: float | None, reason: Reason | None) -> RateEstimate:
     return RateEstimate(
-        rate=rate, lo=lo, hi=hi, n_events=float(counts.n.sum()), exposure_h=float(counts.x.sum()),
-        n_days=counts.n_days, df=df, log_se=log_se, state=state, reason=reason, is_conservative=is_conservative,
+        rate=rate, lo=None, hi=None, n_events=float(counts.n.sum()), exposure_h=float(counts.x.sum()),
+        n_days=counts.n_days, df=None, log_se=None, state="not_enough_data", reason=reason, is_conservative=False,
         left_out=counts.left_out,
     )  # fmt: skip

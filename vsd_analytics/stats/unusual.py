@@ -78,8 +78,6 @@ def unusual_hours(
     monday: date,
     before_n: npt.ArrayLike,
     before_x_h: npt.ArrayLike,
-    min_weeks: int = MIN_WEEKS,
-    max_weeks: int = MAX_WEEKS,
     q_max: float = DEFAULTS.unusual_false_share,
     min_change: float = DEFAULTS.unusual_min_change,
     min_difference: float = DEFAULTS.unusual_min_violations,
@@ -88,7 +86,7 @@ def unusual_hours(
 ) -> UnusualSlots:
     """Return the hours of a week whose count is hard to believe beside the same hour of the weeks before.
 
-    Usual = median of the last `max_weeks` recorded weeks; p two-sided from a negative binomial with that mean and
+    Usual = median of the last `MAX_WEEKS` recorded weeks; p two-sided from a negative binomial with that mean and
     var = (mean + dispersion mean^2) (1 + pi / (2 k)), dispersion pooled over hours, the last factor because the median
     of k weeks is itself uncertain; q by Benjamini and Hochberg over the hours of the week. Unusual: q <= `q_max`, at
     least `min_change` of the usual and `min_difference` violations away from it. An hour without data is never unusual.
@@ -99,8 +97,6 @@ def unusual_hours(
         monday: First day of the week.
         before_n: Violations of the weeks before, shape (n_weeks, 168), oldest first.
         before_x_h: Recorded open hours of the weeks before, same shape.
-        min_weeks: Recorded weeks an hour's usual count needs.
-        max_weeks: Recorded weeks of an hour that are used at most.
         q_max: Expected share of false ones among the unusual hours of weeks that have true ones, and chance that a week
             without true ones has any.
         min_change: Difference needed, as a share of the usual.
@@ -112,20 +108,20 @@ def unusual_hours(
         ValueError: Shapes do not fit, or a number is negative or infinite.
     """
     week, before = as_weeks(np.atleast_2d(n), np.atleast_2d(x_h)), as_weeks(before_n, before_x_h)
-    late = before.latest(max_weeks)
+    late = before.latest(MAX_WEEKS)
     k = (late.x_h > 0).sum(axis=0)
     counted, hours = week.n[0], week.x_h[0]
-    tested = (k >= min_weeks) & (hours > 0)
+    tested = (k >= MIN_WEEKS) & (hours > 0)
     reason = None
-    if before.n_recorded < min_weeks:
-        reason = Reason("unusual.weeks", least=min_weeks, has=before.n_recorded)
+    if before.n_recorded < MIN_WEEKS:
+        reason = Reason("unusual.weeks", least=MIN_WEEKS, has=before.n_recorded)
     elif not tested.any():
-        reason = Reason("unusual.hours", least=min_weeks)
+        reason = Reason("unusual.hours", least=MIN_WEEKS)
     if reason is not None:
         return UnusualSlots((), 0, 0, before.n_recorded, "not_enough_data", reason)
     expected = np.where(tested, usual(late, is_count=True) * hours, np.nan)
     more = 1 + np.pi / 2 / np.maximum(k, 1)
-    varies = spread(late, is_count=True, min_weeks=min_weeks)
+    varies = spread(late, is_count=True, min_weeks=MIN_WEEKS)
     # nothing was ever seen in the weeks before: half a violation in all of them is as much as that can rule out
     least = 0.5 * hours / np.maximum(late.x_h.sum(axis=0), 1e-9)
     mean = np.maximum(expected, np.where(tested, least, np.nan))

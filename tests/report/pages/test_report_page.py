@@ -12,6 +12,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
+from forbidden_words import forbidden_in
 from jinja2 import Environment, meta
 from report import sample_sections as sections
 from report import sample_weeks as weeks
@@ -19,7 +20,6 @@ from report import sample_weeks as weeks
 from vsd_analytics.figures.week import results
 from vsd_analytics.report.model import week
 from vsd_analytics.report.pages.week import Page, css_string, make_page, render_html
-from vsd_analytics.report.words import terms
 from vsd_analytics.resources import shipped
 
 OF_THE_WEEK = (
@@ -216,7 +216,7 @@ def test_templates_use_exactly_the_documented_variables() -> None:
 def test_templates_use_no_forbidden_word() -> None:
     for path in TEMPLATES:
         text = re.sub(r"{[{%].*?[%}]}|<[^>]*>", " ", path.read_text(), flags=re.DOTALL)
-        assert terms.forbidden_in(text) == [], path.name
+        assert forbidden_in(text) == [], path.name
 
 
 def test_every_field_of_the_model_is_documented() -> None:

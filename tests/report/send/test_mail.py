@@ -12,6 +12,7 @@ from html.parser import HTMLParser
 from typing import Any, cast
 
 import pytest
+from forbidden_words import forbidden_in
 from PIL import Image
 from report import sample_sections as sections
 from report import sample_weeks as weeks
@@ -20,7 +21,6 @@ from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.mail import PICTURE_MAX_BYTES, Attachment, as_bytes, make_mail, map_picture
 from vsd_analytics.report.pages.week import make_page
 from vsd_analytics.report.words import catalogue
-from vsd_analytics.report.words.terms import forbidden_in
 
 ALL = {**weeks.ALL, **sections.MORE}
 PARTIES: dict[str, Any] = {"sender": "reports@example.org", "to": ("manager@example.org",)}

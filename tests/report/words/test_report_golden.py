@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from forbidden_words import forbidden_in
 from report.words.golden_cases import CASES, FOLDER, text_of
 
 from vsd_analytics.report.words import terms
@@ -22,7 +23,7 @@ def test_no_fragment_is_left_of_a_case_that_is_gone() -> None:
 def test_a_headline_has_at_most_fifteen_words_and_no_unfilled_place(name: str) -> None:
     text = text_of(CASES[name]())
     assert terms.n_words(story_of(CASES[name]()).headline) <= MAX_WORDS
-    assert terms.forbidden_in(text) == []
+    assert forbidden_in(text) == []
     for slip in ("{", "}", "  ", " .", " ,", "..", "None", "()", "–"):
         assert slip not in text, slip
 

@@ -9,6 +9,7 @@ from itertools import product
 from typing import get_args
 
 import pytest
+from forbidden_words import forbidden_in
 from report import sample_weeks as weeks
 from report.sample_sections import redesigns, trend
 from report.words.golden_cases import CASES, CLOSE, OFTEN, after_a_gap, beside_usual, silent, unusual_hour
@@ -459,13 +460,13 @@ def test_every_week_that_is_over_asks_one_question_and_uses_no_forbidden_word(na
     assert story.question.endswith("?") is is_over
     assert story.question.count("?") == is_over
     if name != "hostile":
-        assert terms.forbidden_in(all_words(story)) == []
+        assert forbidden_in(all_words(story)) == []
     assert finish(finish(report)) == finish(report)
 
 
 def test_forbidden_words_are_found_as_whole_words_only() -> None:
-    assert terms.forbidden_in("An incident happened, and NaN.") == ["incident", "NaN"]
-    assert terms.forbidden_in("coincidental annulled proven familiar") == []
+    assert forbidden_in("An incident happened, and NaN.") == ["incident", "NaN"]
+    assert forbidden_in("coincidental annulled proven familiar") == []
 
 
 @pytest.mark.parametrize(

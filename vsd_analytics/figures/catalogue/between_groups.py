@@ -22,10 +22,7 @@ def close_minutes(inputs: FigureInputs) -> Figure:
     n_tracks = sum(c.lives.n_tracks for c in lives)
     stay_min = 60 * sum(c.exposure_h for c in lives) / n_tracks if n_tracks and not inputs.small(n_tracks) else None
     rows: list[Row] = []
-    for what, per_share in (
-        ("in_all", 60 * found.exposure_h),
-        ("per_stay", stay_min),
-    ):
+    for what, per_share in (("in_all", 60 * found.exposure_h), ("per_stay", stay_min)):
         scaled = [None if v is None or per_share is None else v * per_share for v in (share.value, share.lo, share.hi)]
         rows.append({"what": Reason(f"row.{what}"), "value": scaled[0], "lo": scaled[1], "hi": scaled[2]})
     total = rows[0]

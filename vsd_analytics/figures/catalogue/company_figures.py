@@ -7,6 +7,7 @@ from vsd_analytics.figures.neighbours import room_around, three_or_more
 from vsd_analytics.figures.others_met import OthersMet, others_met
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason, State
 
@@ -44,15 +45,8 @@ def long_contacts(inputs: FigureInputs) -> Figure:
         return inputs.held_back()
     if share.value is None:
         return inputs.missing(share.state, share.reason)
-    return Figure(
-        unit=inputs.unit,
-        value=share.value,
-        lo=share.lo,
-        hi=share.hi,
-        denominator=share.of,
-        reason=share.reason,
-        note=Reason("note.contacts"),
-    )
+    note = Reason("note.contacts")
+    return same_fields(Figure, share, unit=inputs.unit, denominator=share.of, state="ok", note=note)
 
 
 @figure("M32")

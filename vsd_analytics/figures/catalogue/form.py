@@ -13,7 +13,7 @@ from vsd_analytics.figures.suppression import is_small, too_few
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.findings import Findings
-from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_estimate import Estimate, same_fields
 from vsd_analytics.figures.week.model_recording import Coverage
 from vsd_analytics.figures.week.results import AreaRow, Figure, Level, When
 from vsd_analytics.result import Reason, State
@@ -126,16 +126,8 @@ class FigureInputs:
         """Return an estimate as a figure."""
         if estimate.value is None:
             return self.missing(estimate.state, estimate.reason)
-        return Figure(
-            unit=self.unit,
-            value=estimate.value,
-            lo=estimate.lo,
-            hi=estimate.hi,
-            verdict=estimate.verdict,
-            denominator=denominator,
-            rows=None if rows is None else tuple(rows),
-            reason=estimate.reason,
-        )
+        of_rows = None if rows is None else tuple(rows)
+        return same_fields(Figure, estimate, unit=self.unit, denominator=denominator, rows=of_rows)
 
 
 Maker = Callable[[FigureInputs], Figure]

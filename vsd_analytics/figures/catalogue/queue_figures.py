@@ -6,15 +6,16 @@ from collections.abc import Iterator
 
 from vsd_analytics.figures.capacities import CapacityUse
 from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, mean_name
-from vsd_analytics.figures.people_present import PeopleQuantile
 from vsd_analytics.figures.queues import AreaQueue
 from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
-from vsd_analytics.stats.durations import QuantileEstimate
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.waiting import WaitTimes
+
+_Found = tuple[float | None, float | None, float | None, Reason | None]
+"""A value, its interval, and why there is none."""
 
 
 @figure("M39")
@@ -25,9 +26,11 @@ def people_waiting(inputs: FigureInputs) -> Figure:
     for of in found:
         more = _recorded(of)
         hidden = _hidden(inputs, None if of.waiting is None else of.waiting.waits)
-        rows.append({**_of_rate(of, None, of.people, hidden), **more})
-        rows.append(_of_people(of, of.busy, hidden))
-        rows += [_of_rate(of, h.hour, h.people, hidden or _hidden(inputs, h.waits)) for h in of.by_hour if not hidden]
+        rows.append({**_row(of.area, "mean", None, _of_rate(of.people), hidden), **more})
+        rows.append(_row(of.area, "p90_people", None, (of.busy.value, of.busy.lo, of.busy.hi, None), hidden))
+        if hidden is None:
+            of_hours = [(h.hour, _of_rate(h.people), _hidden(inputs, h.waits)) for h in of.by_hour]
+            rows += [_row(of.area, "mean", *of_hour) for of_hour in of_hours]
     return inputs.of_rows(rows, inputs.recorded_h, Reason("note.queues"))
 
 
@@ -42,7 +45,7 @@ def waiting_time(inputs: FigureInputs) -> Figure:
     n_entered = 0
     for of in found:
         if of.waiting is None:
-            rows.append(_row(of.area, "median", None, None, None, None, of.why_no_waits))
+            rows.append(_row(of.area, "median", None, (None, None, None, of.why_no_waits)))
             continue
         whole = of.waiting.waits
         hidden = _hidden(inputs, whole)
@@ -105,39 +108,23 @@ def _limits(rate: RateEstimate) -> Row:
 
 
 def _row(
-    area: Area,
-    key: str,
-    hour: int | None,
-    value: float | None,
-    lo: float | None,
-    hi: float | None,
-    reason: Reason | None,
-    **more: str | bool | None,
+    area: Area, key: str, hour: int | None, found: _Found, hidden: Reason | None = None, **more: str | bool | None
 ) -> Row:
-    value, lo, hi = (value, lo, hi) if value is not None else (None, None, None)
+    """Return a row of a queue; nothing but the reason where it is hidden."""
+    value, lo, hi, reason = found if hidden is None else (None, None, None, hidden)
+    if value is None:
+        lo = hi = None
     where: Row = {"area": area.area_id, "place": area.name, "key": key, "what": Reason(f"row.{key}"), "hour": hour}
     return {**where, "value": value, "lo": lo, "hi": hi, "reason": reason, **more}
 
 
-def _of_rate(of: AreaQueue, hour: int | None, rate: RateEstimate, hidden: Reason | None) -> Row:
-    if hidden is not None:
-        return _row(of.area, "mean", hour, None, None, None, hidden)
-    return _row(of.area, "mean", hour, rate.rate, rate.lo, rate.hi, rate.reason)
-
-
-def _of_people(of: AreaQueue, found: PeopleQuantile, hidden: Reason | None) -> Row:
-    if hidden is not None:
-        return _row(of.area, "p90_people", None, None, None, None, hidden)
-    return _row(of.area, "p90_people", None, found.value, found.lo, found.hi, None)
+def _of_rate(rate: RateEstimate) -> _Found:
+    return rate.rate, rate.lo, rate.hi, rate.reason
 
 
 def _times(of: AreaQueue, hour: int | None, waits: WaitTimes, hidden: Reason | None) -> Iterator[Row]:
-    times: tuple[tuple[str, QuantileEstimate], ...] = (("median", waits.median), ("p90", waits.p90))
-    for key, q in times:
-        if hidden is not None:
-            yield _row(of.area, key, hour, None, None, None, hidden)
-        else:
-            yield _row(of.area, key, hour, q.value_s, q.lo_s, q.hi_s, waits.reason)
+    for key, q in (("median", waits.median), ("p90", waits.p90)):
+        yield _row(of.area, key, hour, (q.value_s, q.lo_s, q.hi_s, waits.reason), hidden)
 
 
 def _left(inputs: FigureInputs, of: AreaQueue, hour: int | None, waits: WaitTimes, hidden: Reason | None) -> Row:
@@ -145,9 +132,7 @@ def _left(inputs: FigureInputs, of: AreaQueue, hour: int | None, waits: WaitTime
     part = None if share.value is None else round(share.value * n)
     if hidden is None and part is not None and inputs.small(part, n - part):
         hidden = _few(inputs)
-    if hidden is not None:
-        return _row(of.area, "left", hour, None, None, None, hidden, unit="share")
-    return _row(of.area, "left", hour, share.value, share.lo, share.hi, share.reason, unit="share")
+    return _row(of.area, "left", hour, (share.value, share.lo, share.hi, share.reason), hidden, unit="share")
 
 
 def _means(of: AreaQueue, hidden: Reason | None) -> Iterator[Row]:
@@ -155,7 +140,8 @@ def _means(of: AreaQueue, hidden: Reason | None) -> Iterator[Row]:
         return
     little = of.waiting.stays.little
     for key, mean in (("mean_tracks", little.by_tracks), ("mean_little", little.by_little)):
-        row = _row(of.area, key, None, mean.value_s, mean.lo_s, mean.hi_s, mean.reason, agrees=little.agrees)
+        found = mean.value_s, mean.lo_s, mean.hi_s, mean.reason
+        row = _row(of.area, key, None, found, agrees=little.agrees)
         yield {**row, "what": mean_name(f"stay_{key}", agrees=little.agrees)}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from vsd_analytics.figures import close_time, rates
@@ -12,6 +13,8 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.result import Reason, Verdict
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
+
+_ChangeOf = Callable[..., ChangeEstimate]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,9 +47,10 @@ def measure(
         until: Only hours that start before it; not for comparisons.
     """
     panel = data.panel(place, data.week_days, since=since, until=until)
+    risky = rates.encounter_rate_level(data.this, place, since=since, until=until)
     return Measured(
         often=_often(data, place, is_compared=is_compared, since=since, until=until),
-        risky=_risky(data, place, is_compared=is_compared, since=since, until=until),
+        risky=_judged(data, place, risky, rates.encounter_rate_change if is_compared else None, since),
         n=int(panel.n.sum()),
         n_before=int(data.compared(place, since=since)[0].n.sum()) if is_compared else 0,
     )
@@ -108,20 +112,19 @@ def _often(data: WeekData, place: Place, *, is_compared: bool, since: int | None
     if level.rate is None and level.state != "not_measurable" and is_recorded:
         why = Reason("level.hour_share", share=data.site.settings.partial_hour_share)
         return Estimate(value=None, state="not_enough_data", reason=why)
-    if level.state == "not_measurable" or not is_compared:
-        return _estimate(level)
-    change = rates.violation_rate_change(data.pair, place, since=since)
-    below = data.site.settings.mask_below
-    return _without_small_counts(_estimate(level, change, _hours(data, place, since)), change, below=below)
+    return _judged(data, place, level, rates.violation_rate_change if is_compared else None, since)
 
 
-def _risky(data: WeekData, place: Place, *, is_compared: bool, since: int | None, until: int | None) -> Estimate:
-    level = rates.encounter_rate_level(data.this, place, since=since, until=until)
-    if level.state == "not_measurable" or not is_compared:
+def _judged(
+    data: WeekData, place: Place, level: RateEstimate, change_of: _ChangeOf | None, since: int | None
+) -> Estimate:
+    """Return a rate with its change; None = it is not compared. No reason names a small count."""
+    if level.state == "not_measurable" or change_of is None:
         return _estimate(level)
-    change = rates.encounter_rate_change(data.pair, place, since=since)
-    below = data.site.settings.mask_below
-    return _without_small_counts(_estimate(level, change, _hours(data, place, since)), change, below=below)
+    change = change_of(data.pair, place, since=since)
+    found = _estimate(level, change, _hours(data, place, since))
+    is_few = any(is_small(n or 0, below=data.site.settings.mask_below) for n in (change.n_a, change.n_b))
+    return replace(found, reason=Reason("change.few")) if found.reason is not None and is_few else found
 
 
 def _hours(data: WeekData, place: Place, since: int | None) -> float:
@@ -133,30 +136,16 @@ def _estimate(level: RateEstimate, change: ChangeEstimate | None = None, hours_c
     reason = level.reason if level.lo is None else None
     if reason is None and change is not None and change.state != "ok":
         reason = change.reason
-    plain = Estimate(
-        value=level.rate,
-        lo=level.lo,
-        hi=level.hi,
-        state=level.state if level.rate is None else "ok",
-        reason=reason,
-    )
+    state = level.state if level.rate is None else "ok"
+    plain = Estimate(value=level.rate, lo=level.lo, hi=level.hi, state=state, reason=reason)
     if change is None:
         return plain
     if level.rate is None:  # without a level there is no change either
         return replace(plain, verdict="too_little_data")
-    return replace(
-        plain,
-        previous=change.rate_a,
-        change=change.change,
-        change_lo=change.change_lo,
-        change_hi=change.change_hi,
-        verdict=change.verdict,
-        hours_compared=hours_compared,
-    )
+    return with_change(replace(plain, hours_compared=hours_compared), change)
 
 
-def _without_small_counts(estimate: Estimate, change: ChangeEstimate, *, below: int) -> Estimate:
-    """Return an estimate whose reason names no count under `below`."""
-    if estimate.reason is None or not any(is_small(n or 0, below=below) for n in (change.n_a, change.n_b)):
-        return estimate
-    return replace(estimate, reason=Reason("change.few"))
+def with_change(estimate: Estimate, change: ChangeEstimate) -> Estimate:
+    """Return an estimate with a change: the value before, its relative change with an interval, and the verdict."""
+    names = ("change", "change_lo", "change_hi", "verdict")
+    return replace(estimate, previous=change.rate_a, **{name: getattr(change, name) for name in names})

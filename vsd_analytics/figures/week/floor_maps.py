@@ -9,6 +9,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from vsd_analytics.figures.cell_places import as_rings
 from vsd_analytics.figures.panels import Array
 from vsd_analytics.figures.week import bands as heat
 from vsd_analytics.figures.week.data import WeekData
@@ -187,9 +188,3 @@ def _picture_map(data: WeekData, polygons: tuple[MapBand, ...], uncertain: tuple
 
 def _parts(shape: BaseGeometry) -> list[shapely.Polygon]:
     return [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon" and part.area > 0]
-
-
-def as_rings(shape: shapely.Polygon) -> Polygon:
-    """Return the outer ring of a polygon and its holes, each corner once."""
-    rings = [shape.exterior, *shape.interiors]
-    return tuple(tuple((float(x), float(y)) for x, y in list(ring.coords)[:-1]) for ring in rings)

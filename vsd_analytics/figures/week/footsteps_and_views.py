@@ -9,9 +9,9 @@ from typing import Final
 import shapely
 import shapely.ops
 
+from vsd_analytics.figures.cell_places import as_rings
 from vsd_analytics.figures.week.data import WeekData, in_force
 from vsd_analytics.figures.week.density import floor_fixtures
-from vsd_analytics.figures.week.floor_maps import as_rings
 from vsd_analytics.figures.week.model_map import Extent, Footsteps, MapView, MapViews, Point, Polygon
 from vsd_analytics.geometry import camera_views
 from vsd_analytics.settings import FLOOR_CELL_M

@@ -15,7 +15,12 @@ def described(meaning: str, unit: str | None = None, metric: str | None = None, 
     return field(metadata=metadata) if default is MISSING else field(default=default, metadata=metadata)
 
 
-_f = described
+def optional(meaning: str, unit: str | None = None, metric: str | None = None) -> Any:
+    """Return such a field that is None unless it is given."""
+    return described(meaning, unit, metric, default=None)
+
+
+_f, _o = described, optional
 _Section = TypeVar("_Section")
 
 
@@ -30,17 +35,13 @@ class Estimate:
     """A figure of this week with its interval, last week's value over the same hours, and the change between them."""
 
     value: float | None = _f("This week's value over all its recorded open hours; None when `state` is not ok.")
-    lo: float | None = _f("Lower end of the confidence interval of `value`.", default=None)
-    hi: float | None = _f(
-        "Upper end of the confidence interval of `value`; for 0 the rule-of-three bound.", default=None
-    )
-    previous: float | None = _f("The week before; None when it is not compared.", default=None)
-    change: float | None = _f(
-        "Relative change over the hours recorded in both weeks: -0.14 is 14 % fewer.", "share", default=None
-    )
-    change_lo: float | None = _f("Lower end of the interval of `change`.", "share", default=None)
-    change_hi: float | None = _f("Upper end of the interval of `change`.", "share", default=None)
-    verdict: Verdict | None = _f("Read from the interval of `change`; None when nothing is compared.", default=None)
-    hours_compared: float | None = _f("Camera-hours recorded in both weeks that `change` uses.", "h", default=None)
+    lo: float | None = _o("Lower end of the confidence interval of `value`.")
+    hi: float | None = _o("Upper end of the confidence interval of `value`; for 0 the rule-of-three bound.")
+    previous: float | None = _o("The week before; None when it is not compared.")
+    change: float | None = _o("Relative change over the hours recorded in both weeks: -0.14 is 14 % fewer.", "share")
+    change_lo: float | None = _o("Lower end of the interval of `change`.", "share")
+    change_hi: float | None = _o("Upper end of the interval of `change`.", "share")
+    verdict: Verdict | None = _o("Read from the interval of `change`; None when nothing is compared.")
+    hours_compared: float | None = _o("Camera-hours recorded in both weeks that `change` uses.", "h")
     state: State = _f("Whether the value can be given.", default="ok")
-    reason: Reason | None = _f("In words, why not.", default=None)
+    reason: Reason | None = _o("In words, why not.")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from vsd_analytics.figures.week.model_estimate import described as _f
+from vsd_analytics.figures.week.model_estimate import optional as _o
 
 Point = tuple[float, float]
 Ring = tuple[Point, ...]
@@ -68,7 +69,7 @@ class MapSpot:
     number: int = _f("Rank, 1 first.")
     name: str = _f("Name of the area it lies in; free text.")
     at: Point = _f("Its peak, in the map's unit.")
-    peak: float | None = _f("Density at the peak.", "violations per m2 per open hour", default=None)
+    peak: float | None = _o("Density at the peak.", "violations per m2 per open hour")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,8 +93,8 @@ class ChangeMaps:
     steps: tuple[float, float] = _f("Lower ends of the two bands of the difference.", "violations per m2 per open hour")
     hours_compared: float = _f("Camera-hours recorded in both weeks.", "h")
     places: tuple[ChangedPlace, ...] = _f("Areas with coloured floor, the greatest change first.", default=())
-    fixtures_before: tuple[MapFixture, ...] | None = _f(
-        "What stood on the floor at the end of the week before; None: what is there now.", default=None
+    fixtures_before: tuple[MapFixture, ...] | None = _o(
+        "What stood on the floor at the end of the week before; None: what is there now."
     )
 
 
@@ -138,11 +139,9 @@ class SpotPicture:
     """The surroundings of a numbered spot, with its bands: an empty scene, or that part of the floor."""
 
     number: int = _f("Number of the spot.")
-    camera_id: str | None = _f("The camera that shows it most finely; None for a part of the floor.", default=None)
-    camera_name: str | None = _f("Its display name; free text.", default=None)
-    px_per_m: float | None = _f(
-        "How finely it shows the spot: picture pixels per metre of floor.", "px/m", default=None
-    )
+    camera_id: str | None = _o("The camera that shows it most finely; None for a part of the floor.")
+    camera_name: str | None = _o("Its display name; free text.")
+    px_per_m: float | None = _o("How finely it shows the spot: picture pixels per metre of floor.", "px/m")
     across_m: float = _f("Floor from the left to the right edge of the picture, at the spot.", "m")
     shown: FloorMap = _f(
         "The picture or floor, cut to the spot, and its bands; in pixels of the camera's picture, or metres."
@@ -156,7 +155,7 @@ class FloorMap:
     kind: MapKind = _f("plan and floor are in metres with y up; picture is in pixels with y down.")
     title: str = _f("Floor or camera name; free text.")
     extent: Extent = _f("x0, y0, x1, y1 shown, in the map's unit.")
-    image: MapImage | None = _f("Plan or camera picture; None for bare floor.", default=None)
+    image: MapImage | None = _o("Plan or camera picture; None for bare floor.")
     bands: tuple[MapBand, ...] = _f(
         "Weakest first; see `bands.heat_bands`.", "violations per m2 per open hour", "M17", default=()
     )
@@ -168,4 +167,4 @@ class FloorMap:
     areas: tuple[MapArea, ...] = _f("Named areas.", default=())
     cameras: tuple[MapCamera, ...] = _f("Camera positions, if known.", default=())
     spots: tuple[MapSpot, ...] = _f("At most three.", "violations per m2 per open hour", "M20", default=())
-    scale_bar_m: float | None = _f("Length of the scale bar; None on pictures.", "m", default=None)
+    scale_bar_m: float | None = _o("Length of the scale bar; None on pictures.", "m")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import date, datetime
 
 from vsd_analytics.figures.week.model_estimate import described as _f
+from vsd_analytics.figures.week.model_estimate import optional as _o
 from vsd_analytics.result import Reason
 
 
@@ -38,12 +39,11 @@ class CameraRecord:
         "True: it recorded no hour of the week that enters rates, so the floor that only it sees is not known.",
         default=False,
     )
-    last_record: datetime | None = _f(
+    last_record: datetime | None = _o(
         "Instant of the last record up to this week, in the site's zone; None: none in the sixty days before.",
-        default=None,
     )
-    not_counted: Reason | None = _f("Why its violations cannot be counted, so that rates leave it out.", default=None)
-    not_compared: Reason | None = _f("Why the comparison with the week before leaves it out.", default=None)
+    not_counted: Reason | None = _o("Why its violations cannot be counted, so that rates leave it out.")
+    not_compared: Reason | None = _o("Why the comparison with the week before leaves it out.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,20 +65,18 @@ class Coverage:
     recorded_h: float = _f("Recorded open camera-hours.", "camera-hours", "M1")
     scheduled_h: float = _f("Open camera-hours; those that are over.", "camera-hours", "M1")
     open_h: float = _f("Open hours of the site in the week; those that are over.", "h")
-    seen_h: float | None = _f("Open clock hours in which at least one person was seen.", "h", default=None)
+    seen_h: float | None = _o("Open clock hours in which at least one person was seen.", "h")
     cameras: tuple[CameraRecord, ...] = _f("In the order of vsd.toml.", default=())
     outages: tuple[Outage, ...] = _f("In order of start.", metric="M2", default=())
     is_inferred: bool = _f(
         "True when any camera's engine sends no heartbeat: coverage is guessed from gaps.", default=False
     )
-    missing_messages: int | None = _f(
+    missing_messages: int | None = _o(
         "Messages that never arrived or are in quarantine, by the engine's running numbers; None: it numbers nothing.",
         "messages",
-        default=None,
     )
     message_gaps: int = _f("Gaps these are in.", default=0)
-    not_over_from: datetime | None = _f(
+    not_over_from: datetime | None = _o(
         "Start of the first hour that is not over, in the site's zone: from it on hours are neither recorded nor "
         "missing; None: the week's open hours are over.",
-        default=None,
     )

@@ -9,6 +9,7 @@ from typing import Literal
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_estimate import described as _f
+from vsd_analytics.figures.week.model_estimate import optional as _o
 from vsd_analytics.result import Design, Reason, State, Verdict
 
 SpotKind = Literal["tested", "busiest"]
@@ -21,7 +22,7 @@ Sureness = Literal["high", "medium", "low"]
 class UsualHours:
     """When a spot has most of its violations."""
 
-    weekday: int | None = _f("Weekday that stands out, 0 Monday to 6 Sunday; None: none does.", default=None)
+    weekday: int | None = _o("Weekday that stands out, 0 Monday to 6 Sunday; None: none does.")
     first_hour: int = _f("First local hour of the part of the day with most.")
     last_hour: int = _f("Last local hour of it, inclusive.")
     share: float = _f("Share of the spot's violations in that part of the day, all days.", "share")
@@ -32,11 +33,11 @@ class Evidence:
     """What decides how sure a spot is."""
 
     sureness: Sureness = _f("high: all three hold; medium: one is missed; low: two are, or the camera was down.")
-    recorded_share: float | None = _f("Open hours recorded by the cameras that see it.", "share", "M1", default=None)
+    recorded_share: float | None = _o("Open hours recorded by the cameras that see it.", "share", "M1")
     days_present: int = _f("Days of the week with a violation there.", "days")
-    error_m: float | None = _f("Position error of the camera that sees most of it; None: unknown.", "m", default=None)
-    camera_id: str | None = _f("The camera that counts most of it.", default=None)
-    camera_name: str | None = _f("Its display name; free text.", default=None)
+    error_m: float | None = _o("Position error of the camera that sees most of it; None: unknown.", "m")
+    camera_id: str | None = _o("The camera that counts most of it.")
+    camera_name: str | None = _o("Its display name; free text.")
     lost_h: float = _f("Open hours of its usual hours that this camera did not record.", "h", default=0.0)
     is_camera_down: bool = _f("True: it missed so many of them that nothing can be said of the spot.", default=False)
 
@@ -47,26 +48,22 @@ class SpotCard:
 
     number: int = _f("As on the map, 1 first.")
     name: str = _f("Area, or where it is; free text.")
-    at: tuple[float, float] | None = _f("Its middle, floor metres; None when it has no place on a map.", default=None)
-    area_id: str | None = _f("Area it lies in; None for none.", default=None)
-    often: Estimate | None = _f(
-        "Violations per open hour of that area, and its change.", "per open hour", "M0", default=None
+    at: tuple[float, float] | None = _o("Its middle, floor metres; None when it has no place on a map.")
+    area_id: str | None = _o("Area it lies in; None for none.")
+    often: Estimate | None = _o("Violations per open hour of that area, and its change.", "per open hour", "M0")
+    ratio: Estimate | None = _o("Tested spots: violations over those expected at the floor's rate.", "ratio", "M20")
+    excess_min_per_week: float | None = _o(
+        "Tested spots: time too close above what crowding explains.", "person-minutes a week", "M20"
     )
-    ratio: Estimate | None = _f(
-        "Tested spots: violations over those expected at the floor's rate.", "ratio", "M20", default=None
-    )
-    excess_min_per_week: float | None = _f(
-        "Tested spots: time too close above what crowding explains.", "person-minutes a week", "M20", default=None
-    )
-    here: Estimate | None = _f(
+    here: Estimate | None = _o(
         "Tested spots: violations at the spot itself per open hour, this week and the week before.",
-        "per open hour", "M0", default=None,
+        "per open hour", "M0",
     )  # fmt: skip
-    is_new: bool | None = _f("Tested spots: it did not stand out a week earlier; None: not known.", default=None)
-    since: date | None = _f("Tested spots: last day of the first window from which on it stood out.", default=None)
+    is_new: bool | None = _o("Tested spots: it did not stand out a week earlier; None: not known.")
+    since: date | None = _o("Tested spots: last day of the first window from which on it stood out.")
     is_since_first: bool = _f("True: that window is the first looked at, so it may be older.", default=False)
-    usual: UsualHours | None = _f("When; None where too few violations have a time.", default=None)
-    evidence: Evidence | None = _f("How sure; None where nothing is known.", default=None)
+    usual: UsualHours | None = _o("When; None where too few violations have a time.")
+    evidence: Evidence | None = _o("How sure; None where nothing is known.")
     ask: str = _f("What to ask about the room there.", default="")
     question: str = _f("The same, with the hours it is about; empty where nothing is to be asked.", default="")
 
@@ -76,8 +73,8 @@ class WatchedSpot:
     """A hotspot of an earlier window that a logged change made untestable until enough days have passed."""
 
     name: str = _f("Its area, or where it lies; free text.")
-    area_id: str | None = _f("Identifier of its area; None on the rest of the floor.", default=None)
-    changed_on: date | None = _f("Local day of the last change of the log in or near it.", default=None)
+    area_id: str | None = _o("Identifier of its area; None on the rest of the floor.")
+    changed_on: date | None = _o("Local day of the last change of the log in or near it.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,9 +84,9 @@ class Spots:
     kind: SpotKind = _f(
         "tested: more time too close than crowding explains (M20); busiest: areas with most violations."
     )
-    reason: Reason | None = _f("Why they are not tested ones; None when they are.", default=None)
-    first: date | None = _f("First day of the test's window.", default=None)
-    last: date | None = _f("Last day of it.", default=None)
+    reason: Reason | None = _o("Why they are not tested ones; None when they are.")
+    first: date | None = _o("First day of the test's window.")
+    last: date | None = _o("Last day of it.")
     cards: tuple[SpotCard, ...] = _f("At most three.", metric="M20", default=())
     n_more: int = _f("Tested spots without a card: all are in the planner.", metric="M20", default=0)
     watching: tuple[WatchedSpot, ...] = _f(
@@ -106,14 +103,14 @@ class TrendWeek:
     iso: str = _f("ISO week.")
     number: int = _f("Its number in the year.")
     monday: date = _f("First day.")
-    often: Estimate | None = _f("Violations per recorded open hour.", "per open hour", "M0", default=None)
-    close: Estimate | None = _f("Share of person-time too close.", "share", "M6", default=None)
-    risky: Estimate | None = _f("Violations per person-hour.", "per person-hour", "M7", default=None)
+    often: Estimate | None = _o("Violations per recorded open hour.", "per open hour", "M0")
+    close: Estimate | None = _o("Share of person-time too close.", "share", "M6")
+    risky: Estimate | None = _o("Violations per person-hour.", "per person-hour", "M7")
     missing: tuple[str, ...] = _f(
         "Names of cameras that recorded too little of it to compare it with this week; free text.", default=()
     )
-    coverage: float | None = _f("Recorded over open camera-hours.", "share", "M1", default=None)
-    reason: Reason | None = _f("Why it is a gap.", default=None)
+    coverage: float | None = _o("Recorded over open camera-hours.", "share", "M1")
+    reason: Reason | None = _o("Why it is a gap.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,7 +120,7 @@ class TrendMark:
     label: str = _f("Letter on the drawing, A first.")
     at: datetime = _f("Instant in the site's zone.")
     text: str = _f("Free text.")
-    area_name: str | None = _f("Area it concerns; None for the whole site.", default=None)
+    area_name: str | None = _o("Area it concerns; None for the whole site.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +138,7 @@ class Target:
     """What a floor wants to stay below, and where this week lies."""
 
     value: float = _f("The target.")
-    position: TargetPosition | None = _f("Where this week's interval lies; None without one.", default=None)
+    position: TargetPosition | None = _o("Where this week's interval lies; None without one.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,22 +147,17 @@ class Trend:
 
     weeks: tuple[TrendWeek, ...] = _f("At most ten, up to this one.", metric="M28", default=())
     marks: tuple[TrendMark, ...] = _f("Logged changes in these weeks.", default=())
-    usual_often: Usual | None = _f(
-        "Usual range of how often, from up to eleven weeks before; None with fewer than four.",
-        "per open hour",
-        "M28",
-        default=None,
+    usual_often: Usual | None = _o(
+        "Usual range of how often, from up to eleven weeks before; None with fewer than four.", "per open hour", "M28"
     )
-    usual_close: Usual | None = _f("The same of the share of time too close.", "share", "M28", default=None)
-    target_often: Target | None = _f(
-        "The target of the floor, `target_per_open_h` of vsd.toml.", "per open hour", default=None
-    )
+    usual_close: Usual | None = _o("The same of the share of time too close.", "share", "M28")
+    target_often: Target | None = _o("The target of the floor, `target_per_open_h` of vsd.toml.", "per open hour")
     left_out: tuple[str, ...] = _f(
         "Names of cameras that recorded nothing this week, so that no week counts them; free text.", default=()
     )
     state: State = _f("ok: enough weeks to call it a trend.", default="ok")
-    reason: Reason | None = _f("In words, why not.", default=None)
-    risky_reason: Reason | None = _f("Why there is no rate per person-hour.", default=None)
+    reason: Reason | None = _o("In words, why not.")
+    risky_reason: Reason | None = _o("Why there is no rate per person-hour.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,19 +180,19 @@ class AreaReading:
 class Readings:
     """Violations of all people, and those between groups of people who move together."""
 
-    all: Reading | None = _f("All violations, over the cameras that take part.", metric="M9", default=None)
-    between: Reading | None = _f("Only those between groups, over the same cameras.", metric="M9", default=None)
-    between_share: float | None = _f("Share of violations that are between groups.", "share", "M9", default=None)
-    between_lo: float | None = _f("Lower end of its interval.", "share", "M9", default=None)
-    between_hi: float | None = _f("Upper end of its interval.", "share", "M9", default=None)
+    all: Reading | None = _o("All violations, over the cameras that take part.", metric="M9")
+    between: Reading | None = _o("Only those between groups, over the same cameras.", metric="M9")
+    between_share: float | None = _o("Share of violations that are between groups.", "share", "M9")
+    between_lo: float | None = _o("Lower end of its interval.", "share", "M9")
+    between_hi: float | None = _o("Upper end of its interval.", "share", "M9")
     areas: tuple[AreaReading, ...] = _f("Areas whose cameras all take part.", metric="M9", default=())
     left_out: tuple[str, ...] = _f("Names of cameras that take no part; free text.", default=())
-    precision_lo: float | None = _f(
-        "Share of time called within groups that is so, in the poorest of the scenes checked.", "share", default=None
+    precision_lo: float | None = _o(
+        "Share of time called within groups that is so, in the poorest of the scenes checked.", "share"
     )
-    recall_lo: float | None = _f("Share of time within groups that is found, likewise.", "share", default=None)
+    recall_lo: float | None = _o("Share of time within groups that is found, likewise.", "share")
     state: State = _f("Whether the second reading can be given.", default="ok")
-    reason: Reason | None = _f("In words, why not.", default=None)
+    reason: Reason | None = _o("In words, why not.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,52 +205,46 @@ class Redesign:
     area_name: str = _f("Area looked at; free text.")
     design: Design = _f("Beside areas that were left alone, or the area by itself.")
     is_credible: bool = _f("False: something speaks against the comparison, see `doubts`.")
-    n_weeks: int | None = _f("Whole weeks on either side.", "weeks", default=None)
-    before: tuple[date, date] | None = _f("First and last day of the weeks before.", default=None)
-    after: tuple[date, date] | None = _f("First and last day of the weeks after.", default=None)
-    effect: Estimate | None = _f(
+    n_weeks: int | None = _o("Whole weeks on either side.", "weeks")
+    before: tuple[date, date] | None = _o("First and last day of the weeks before.")
+    after: tuple[date, date] | None = _o("First and last day of the weeks after.")
+    effect: Estimate | None = _o(
         "Change of violations per person-hour, beside the comparison areas where there are any.",
-        "per person-hour", "M27", default=None,
+        "per person-hour", "M27",
     )  # fmt: skip
-    often: Estimate | None = _f(
-        "The same of violations per open hour; None where the area is looked at by itself.",
-        "per open hour", "M27", default=None,
-    )  # fmt: skip
-    people: Estimate | None = _f("Change of people in the area.", metric="M27", default=None)
-    burden: Estimate | None = _f(
+    often: Estimate | None = _o(
+        "The same of violations per open hour; None where the area is looked at by itself.", "per open hour", "M27"
+    )
+    people: Estimate | None = _o("Change of people in the area.", metric="M27")
+    burden: Estimate | None = _o(
         "Change of person-time in violation per open hour, beside the comparison areas.", "per open hour", "M27",
-        default=None,
     )  # fmt: skip
-    close: Estimate | None = _f(
-        "Change of the share of person-time in violation, beside the comparison areas.", "share", "M27", default=None
+    close: Estimate | None = _o(
+        "Change of the share of person-time in violation, beside the comparison areas.", "share", "M27"
     )
-    through_people: float | None = _f(
-        "Part of `burden` that fewer or more people make; the change moved them.", "share", "M27", default=None
+    through_people: float | None = _o(
+        "Part of `burden` that fewer or more people make; the change moved them.", "share", "M27"
     )
-    through_closeness: float | None = _f(
+    through_closeness: float | None = _o(
         "Part of `burden` that another share of time too close makes; both parts add up to it.", "share", "M27",
-        default=None,
     )  # fmt: skip
-    running: Estimate | None = _f(
+    running: Estimate | None = _o(
         "The change over all weeks watched, with an interval and a verdict that hold however often they are read.",
-        "per open hour", "M27", default=None,
+        "per open hour", "M27",
     )  # fmt: skip
-    e_value: float | None = _f("Evidence of `running` against no change; clear from 20 on.", metric="M27", default=None)
-    n_watched: int | None = _f("Weeks since the change that `running` has read.", "weeks", "M27", default=None)
-    net: Estimate | None = _f(
+    e_value: float | None = _o("Evidence of `running` against no change; clear from 20 on.", metric="M27")
+    n_watched: int | None = _o("Weeks since the change that `running` has read.", "weeks", "M27")
+    net: Estimate | None = _o(
         "Change of person-time in violation per open hour on the whole floor, by itself.", "per open hour", "M27",
-        default=None,
     )  # fmt: skip
-    contribution: float | None = _f("Part of the area in `net`.", "share", "M27", default=None)
-    moved_elsewhere: float | None = _f(
-        "Share of the area's fall that the rest of the floor took up.", "share", "M27", default=None
-    )
+    contribution: float | None = _o("Part of the area in `net`.", "share", "M27")
+    moved_elsewhere: float | None = _o("Share of the area's fall that the rest of the floor took up.", "share", "M27")
     cautions: tuple[Reason, ...] = _f("What the data could not rule out.", default=())
     compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
     doubts: tuple[Reason, ...] = _f("What speaks against the comparison.", default=())
     assumptions: tuple[Reason, ...] = _f("What must hold for the change to be the redesign's.", default=())
     state: State = _f("Whether a change can be given.", default="ok")
-    reason: Reason | None = _f("In words, why not.", default=None)
+    reason: Reason | None = _o("In words, why not.")
 
 
 Outcome = Literal[
@@ -273,56 +259,53 @@ class LedgerLine:
     number: int = _f("Its place in the log, from 1.")
     at: datetime = _f("Instant in the site's zone.")
     text: str = _f("Free text.")
-    area_id: str | None = _f("Area it concerns; None for the whole site.", default=None)
-    area_name: str | None = _f("Its name; free text.", default=None)
+    area_id: str | None = _o("Area it concerns; None for the whole site.")
+    area_name: str | None = _o("Its name; free text.")
     outcome: Outcome = _f(
         "What may be said: works only beside areas that were left alone, by the running verdict, where the whole "
         "floor clearly fell too; moved: the rest of the floor clearly took up most of it; fell: a fall beside these "
         "areas, of which nobody can tell whether it moved; doubtful: a fall that something else may have made; "
         "about_same: its whole range lies near no change; alone: no area was left alone to compare with."
     )
-    usual_min: float | None = _f(
-        "Person-minutes too close in the area in a week before the change.",
-        "person-minutes a week",
-        "M27",
-        default=None,
+    usual_min: float | None = _o(
+        "Person-minutes too close in the area in a week before the change.", "person-minutes a week", "M27"
     )
-    avoided_min: float | None = _f(
+    avoided_min: float | None = _o(
         "Fewer of them a week since the change, beside the comparison areas; below 0 where there are more.",
-        "person-minutes a week", "M27", default=None,
+        "person-minutes a week", "M27",
     )  # fmt: skip
-    avoided_lo: float | None = _f("Lower end of its range.", "person-minutes a week", "M27", default=None)
-    avoided_hi: float | None = _f("Upper end of its range.", "person-minutes a week", "M27", default=None)
-    floor_verdict: Verdict | None = _f("What became of the whole floor, by itself.", metric="M27", default=None)
-    floor_avoided_min: float | None = _f("The same of the whole floor.", "person-minutes a week", "M27", default=None)
-    floor_avoided_lo: float | None = _f("Lower end of its range.", "person-minutes a week", "M27", default=None)
-    floor_avoided_hi: float | None = _f("Upper end of its range.", "person-minutes a week", "M27", default=None)
-    n_watched: int | None = _f("Weeks since the change that were read.", "weeks", "M27", default=None)
-    watched_until: date | None = _f("Last day it is watched; None: it is decided, or cannot be.", default=None)
+    avoided_lo: float | None = _o("Lower end of its range.", "person-minutes a week", "M27")
+    avoided_hi: float | None = _o("Upper end of its range.", "person-minutes a week", "M27")
+    floor_verdict: Verdict | None = _o("What became of the whole floor, by itself.", metric="M27")
+    floor_avoided_min: float | None = _o("The same of the whole floor.", "person-minutes a week", "M27")
+    floor_avoided_lo: float | None = _o("Lower end of its range.", "person-minutes a week", "M27")
+    floor_avoided_hi: float | None = _o("Upper end of its range.", "person-minutes a week", "M27")
+    n_watched: int | None = _o("Weeks since the change that were read.", "weeks", "M27")
+    watched_until: date | None = _o("Last day it is watched; None: it is decided, or cannot be.")
     compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
-    reason: Reason | None = _f("Why nothing can be said yet.", default=None)
+    reason: Reason | None = _o("Why nothing can be said yet.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Causes:
     """What moved the time that pairs spend close, from the week before to this one (M23)."""
 
-    close: float | None = _f("Change of the time pairs spend closer than the distance.", "share", "M23", default=None)
-    people: float | None = _f("Change that more or fewer people made by themselves.", "share", "M23", default=None)
-    layout: float | None = _f("Change that the use of the floor made by itself.", "share", "M23", default=None)
-    behaviour: float | None = _f("Change left over: queueing, walking together.", "share", "M23", default=None)
-    behaviour_lo: float | None = _f("Lower end of its interval.", "share", "M23", default=None)
-    behaviour_hi: float | None = _f("Upper end of its interval.", "share", "M23", default=None)
-    people_part: float | None = _f("Part of `close` that people make; the parts add up.", "share", "M23", default=None)
-    layout_part: float | None = _f("Part that the use of the floor makes.", "share", "M23", default=None)
-    behaviour_part: float | None = _f("Part left over.", "share", "M23", default=None)
+    close: float | None = _o("Change of the time pairs spend closer than the distance.", "share", "M23")
+    people: float | None = _o("Change that more or fewer people made by themselves.", "share", "M23")
+    layout: float | None = _o("Change that the use of the floor made by itself.", "share", "M23")
+    behaviour: float | None = _o("Change left over: queueing, walking together.", "share", "M23")
+    behaviour_lo: float | None = _o("Lower end of its interval.", "share", "M23")
+    behaviour_hi: float | None = _o("Upper end of its interval.", "share", "M23")
+    people_part: float | None = _o("Part of `close` that people make; the parts add up.", "share", "M23")
+    layout_part: float | None = _o("Part that the use of the floor makes.", "share", "M23")
+    behaviour_part: float | None = _o("Part left over.", "share", "M23")
     people_moved_by: tuple[int, ...] = _f(
         "Numbers of the logged changes that moved people out of their area in these two weeks: the part of people is "
         "theirs, and no rival to them.",
         metric="M23", default=(),
     )  # fmt: skip
     state: State = _f("Whether it can be given.", default="ok")
-    reason: Reason | None = _f("In words, why not.", default=None)
+    reason: Reason | None = _o("In words, why not.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -339,15 +322,15 @@ class SelfCheck:
     """How often the verdicts on the floor are false alarms, as its own weeks tell."""
 
     n_weeks: int = _f("Weeks it comes from.", "weeks")
-    both: FalseAlarmShare | None = _f("Of both verdicts on the floor.", default=None)
-    often: FalseAlarmShare | None = _f("Of verdicts on how often.", metric="M0", default=None)
-    risky: FalseAlarmShare | None = _f("Of verdicts on how risky.", metric="M7", default=None)
+    both: FalseAlarmShare | None = _o("Of both verdicts on the floor.")
+    often: FalseAlarmShare | None = _o("Of verdicts on how often.", metric="M0")
+    risky: FalseAlarmShare | None = _o("Of verdicts on how risky.", metric="M7")
     verdicts_a_year: int = _f("Verdicts on the floor in 52 weekly reports.", "verdicts", default=0)
-    false_a_year: float | None = _f("False ones to expect among them.", "verdicts", default=None)
-    false_a_year_lo: float | None = _f("Lower end of its interval.", "verdicts", default=None)
-    false_a_year_hi: float | None = _f("Upper end of its interval.", "verdicts", default=None)
+    false_a_year: float | None = _o("False ones to expect among them.", "verdicts")
+    false_a_year_lo: float | None = _o("Lower end of its interval.", "verdicts")
+    false_a_year_hi: float | None = _o("Upper end of its interval.", "verdicts")
     state: State = _f("Whether it can be given.", default="ok")
-    reason: Reason | None = _f("In words, why not.", default=None)
+    reason: Reason | None = _o("In words, why not.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -357,8 +340,8 @@ class OutlookHour:
     day: date = _f("Local date.")
     hour: int = _f("Local hour, 0 to 23.")
     value: float = _f("Expected violations per open hour.", "per open hour", "M25")
-    lo: float | None = _f("Lower end of its range.", "per open hour", "M25", default=None)
-    hi: float | None = _f("Upper end of its range.", "per open hour", "M25", default=None)
+    lo: float | None = _o("Lower end of its range.", "per open hour", "M25")
+    hi: float | None = _o("Upper end of its range.", "per open hour", "M25")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -367,7 +350,7 @@ class OutlookScore:
 
     error: float = _f("Sum of absolute errors over what happened.", "share", "M25")
     error_naive: float = _f("The same of the hours of the week before.", "share", "M25")
-    hit_rate: float | None = _f("Share of hours inside the range.", "share", "M25", default=None)
+    hit_rate: float | None = _o("Share of hours inside the range.", "share", "M25")
     n_hours: int = _f("Hours scored.", "hours")
 
 
@@ -378,13 +361,13 @@ class Outlook:
     iso: str = _f("ISO week forecast.")
     number: int = _f("Its number in the year.")
     monday: date = _f("Its first day.")
-    mean: float | None = _f("Mean of the hours forecast.", "per open hour", "M25", default=None)
+    mean: float | None = _o("Mean of the hours forecast.", "per open hour", "M25")
     highest: tuple[OutlookHour, ...] = _f("The three highest hours, highest first.", metric="M25", default=())
-    range_share: float | None = _f("Share of hours the ranges are to hold.", "share", default=None)
+    range_share: float | None = _o("Share of hours the ranges are to hold.", "share")
     n_weeks: int = _f("Recorded weeks it comes from.", "weeks", default=0)
-    score: OutlookScore | None = _f("Of the forecast for the week just over; None without one.", default=None)
+    score: OutlookScore | None = _o("Of the forecast for the week just over; None without one.")
     state: State = _f("Whether a forecast can be given.", default="ok")
-    reason: Reason | None = _f("In words, why not.", default=None)
+    reason: Reason | None = _o("In words, why not.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -393,7 +376,7 @@ class UnusualHour:
 
     day: date = _f("Local date.")
     hour: int = _f("Local hour, 0 to 23.")
-    violations: int | None = _f("Counted; None if held back.", "violations", "M24", default=None)
+    violations: int | None = _o("Counted; None if held back.", "violations", "M24")
     usual: float = _f("Expected in so many recorded hours.", "violations", "M24")
     lo: float = _f("Lower end of the usual range.", "violations", "M24")
     hi: float = _f("Upper end of the usual range.", "violations", "M24")
@@ -407,7 +390,7 @@ class UnusualHours:
     n_unusual: int = _f("How many there are.", "hours", "M24", default=0)
     n_tested: int = _f("Hours that were recorded and have a usual count.", "hours", default=0)
     state: State = _f("Whether any hour could be judged.", default="ok")
-    reason: Reason | None = _f("In words, why not.", default=None)
+    reason: Reason | None = _o("In words, why not.")
 
     @property
     def first(self) -> UnusualHour | None:

@@ -12,6 +12,7 @@ from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import AreaReading, Reading, Readings
 from vsd_analytics.figures.week.results import AreaRow, Level
+from vsd_analytics.stats.estimates import RateEstimate
 
 
 def readings(data: WeekData, found: Groups, *, level: Level, areas: tuple[AreaRow, ...]) -> Readings:
@@ -36,11 +37,12 @@ def readings(data: WeekData, found: Groups, *, level: Level, areas: tuple[AreaRo
         return Readings(state="not_measurable" if is_unknown else "not_enough_data", reason=why, left_out=left_out)
     if level.often.value is None or _would_reveal(own, below=below):
         return Readings(state="not_enough_data", reason=too_few(below), left_out=left_out)
-    share = found.between
+    share, whole = found.between, Reading(often=level.often, risky=level.risky)
     is_floor = len(data.site.floors) == 1
     return Readings(
-        all=_all(own, level, is_whole=not left_out, below=below),
-        between=_between(own, below=below),
+        # the first reading is the headline itself where all cameras take part
+        all=whole if not left_out else _reading(own.often, own.risky, below=below),
+        between=_reading(own.often_between, own.risky_between, below=below),
         between_share=share.value if is_floor else None,
         between_lo=share.lo if is_floor else None,
         between_hi=share.hi if is_floor else None,
@@ -57,17 +59,11 @@ def _would_reveal(own: Found, *, below: int) -> bool:
     return any(is_small(v, below=below) for v in (n, n_between, n - n_between))
 
 
-def _all(own: Found, level: Level, *, is_whole: bool, below: int) -> Reading:
-    """Return the first reading: the headline numbers themselves where all cameras take part."""
-    if is_whole:
-        return Reading(often=level.often, risky=level.risky)
-    often, risky = (page_estimates.level(r, below=below) or _none() for r in (own.often, own.risky))
-    return Reading(often=often, risky=risky)
-
-
-def _between(own: Found, *, below: int) -> Reading:
-    often, risky = (page_estimates.level(r, below=below) or _none() for r in (own.often_between, own.risky_between))
-    return Reading(often=often, risky=risky)
+def _reading(often: RateEstimate, risky: RateEstimate, *, below: int) -> Reading:
+    """Return both headline numbers, without what is too small to print."""
+    none = Estimate(value=None, state="not_enough_data")
+    printed = [page_estimates.level(rate, below=below) or none for rate in (often, risky)]
+    return Reading(often=printed[0], risky=printed[1])
 
 
 def _areas(data: WeekData, found: Groups, areas: tuple[AreaRow, ...], *, below: int) -> tuple[AreaReading, ...]:
@@ -91,7 +87,3 @@ def _areas(data: WeekData, found: Groups, areas: tuple[AreaRow, ...], *, below: 
         if often is not None and often.value is not None:
             rows.append(AreaReading(area_id=area.area_id, often=often))
     return tuple(rows)
-
-
-def _none() -> Estimate:
-    return Estimate(value=None, state="not_enough_data")

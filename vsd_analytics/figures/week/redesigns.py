@@ -9,9 +9,12 @@ from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.suppression import GIVES_AWAY, is_small, too_few
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_estimate import Estimate, same_fields
 from vsd_analytics.figures.week.model_sections import Causes, Redesign
+from vsd_analytics.stats.before_after import BeforeAfter
 from vsd_analytics.stats.decomposition import MixingChange
+from vsd_analytics.stats.estimates import ChangeEstimate
+from vsd_analytics.stats.running_verdict import RunningVerdict
 
 SHOWN_DAYS: Final = 63
 """A change is on the page for nine weeks: four after it are compared, and washout and holidays may move these."""
@@ -64,59 +67,45 @@ def causes(found: MixingChange, *, people_moved_by: tuple[int, ...] = ()) -> Cau
 
 def moved_people(data: WeekData, found: Sequence[BeforeAfterFigure]) -> tuple[int, ...]:
     """Return the numbers of the changes of the last two weeks that clearly left fewer people in their areas."""
-    return tuple(f.number for f in found if _moved_people(data, f))
-
-
-def _moved_people(data: WeekData, found: BeforeAfterFigure) -> bool:
-    """Tell whether a change of the last two weeks clearly left fewer people in its area."""
-    is_new = 0 <= (data.sunday - found.at.astimezone(data.site.zone).date()).days < NEW_DAYS
-    is_shown = found.state == "ok" and found.is_credible and not is_held_back(data, found)
-    return is_new and is_shown and found.people is not None and found.people.verdict == "clear_fall"
+    new = [f for f in found if 0 <= (data.sunday - f.at.astimezone(data.site.zone).date()).days < NEW_DAYS]
+    fewer = [f for f in new if f.people is not None and f.people.verdict == "clear_fall"]
+    return tuple(f.number for f in fewer if f.state == "ok" and f.is_credible and not is_held_back(data, f))
 
 
 def redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
     """Return what a logged change did, without what would tell a small count."""
-    names = {a.area_id: a.name for a in data.areas}
-    effect = page_estimates.change(found.effect) if found.effect is not None else None
-    if effect is None and found.alone is not None:
-        effect = page_estimates.change(found.alone)
-    often = page_estimates.change(found.often) if found.often is not None and found.often.theta is not None else None
-    below = int(data.site.settings.mask_below)
-    if is_held_back(data, found):
-        why = too_few(below) if _is_few(found, below=below) else GIVES_AWAY
-        effect = Estimate(value=None, verdict="too_little_data", state="not_enough_data", reason=why)
-        often = None
-    more = {} if found.state != "ok" or is_held_back(data, found) else _over_weeks(found)
-    windows = found.windows
-    return Redesign(
-        number=found.number,
+    names, windows = {a.area_id: a.name for a in data.areas}, found.windows
+    measured: dict[str, Any] = dict.fromkeys(("effect", "often", "people", "burden", "close", "running"))
+    if found.state == "ok":
+        measured |= {"effect": _change(found.effect or found.alone), "people": _change(found.people)}
+        if is_held_back(data, found):
+            below = int(data.site.settings.mask_below)
+            why = too_few(below) if _is_few(found, below=below) else GIVES_AWAY
+            hidden = Estimate(value=None, verdict="too_little_data", state="not_enough_data", reason=why)
+            measured |= {"effect": hidden}
+        else:
+            is_known = found.often is not None and found.often.theta is not None
+            measured |= {"often": _change(found.often) if is_known else None, **_over_weeks(found)}
+    return same_fields(
+        Redesign,
+        found,
         at=found.at.astimezone(data.site.zone),
-        text=found.text,
-        area_name=found.area_name,
-        design=found.design,
         is_credible=found.is_credible and found.state == "ok",
         n_weeks=None if windows is None else windows.n_weeks,
         before=None if windows is None else windows.before,
         after=None if windows is None else windows.after,
-        effect=effect if found.state == "ok" else None,
-        often=often if found.state == "ok" else None,
-        people=page_estimates.change(found.people) if found.people is not None and found.state == "ok" else None,
         compared_with=tuple(names.get(a, a) for a in found.comparison_areas),
-        doubts=found.doubts,
-        cautions=found.cautions,
-        **more,
-        assumptions=found.assumptions,
-        state=found.state,
-        reason=found.reason,
+        **measured,
     )
+
+
+def _change(found: ChangeEstimate | BeforeAfter | RunningVerdict | None) -> Estimate | None:
+    return None if found is None else page_estimates.change(found)
 
 
 def _over_weeks(found: BeforeAfterFigure) -> dict[str, Any]:
     """Return what is known of the time too close: in the area, over all weeks watched, and on the whole floor."""
-    known: dict[str, Any] = {}
-    for name, effect in (("burden", found.burden), ("close", found.close), ("running", found.running)):
-        if effect is not None:
-            known[name] = page_estimates.change(effect)
+    known: dict[str, Any] = {name: _change(getattr(found, name)) for name in ("burden", "close", "running")}
     if found.running is not None:
         known |= {"e_value": found.running.e_value, "n_watched": found.running.n_weeks}
     if found.routes is not None:

@@ -10,6 +10,7 @@ from typing import Any, Literal, Self
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_estimate import described as _f
+from vsd_analytics.figures.week.model_estimate import optional as _o
 from vsd_analytics.result import Reason, State, Verdict
 
 WeekState = Literal["normal", "no_data", "too_incomplete", "first_week", "empty", "settings_changed"]
@@ -23,15 +24,15 @@ class Figure:
     """One entry of `figures`, keyed by catalogue id."""
 
     unit: Reason = _f("Unit in words; empty for lists.")
-    value: float | None = _f("The figure; None with a `state` when missing.", default=None)
-    rows: tuple[Mapping[str, Any], ...] | None = _f("The rows of a figure that is a list.", default=None)
-    denominator: float | None = _f("What the figure was divided by.", default=None)
-    lo: float | None = _f("Lower end of its interval.", default=None)
-    hi: float | None = _f("Upper end of its interval.", default=None)
-    verdict: Verdict | None = _f("Verdict on its change, if it is compared.", default=None)
+    value: float | None = _o("The figure; None with a `state` when missing.")
+    rows: tuple[Mapping[str, Any], ...] | None = _o("The rows of a figure that is a list.")
+    denominator: float | None = _o("What the figure was divided by.")
+    lo: float | None = _o("Lower end of its interval.")
+    hi: float | None = _o("Upper end of its interval.")
+    verdict: Verdict | None = _o("Verdict on its change, if it is compared.")
     state: State = _f("Whether the figure can be given.", default="ok")
-    reason: Reason | None = _f("In words, why not.", default=None)
-    note: Reason | None = _f("What a reader must know beside it.", default=None)
+    reason: Reason | None = _o("In words, why not.")
+    note: Reason | None = _o("What a reader must know beside it.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +65,7 @@ class CloseByCrowding:
     days: tuple[CloseInDays, ...] = _f("Days with recorded hours, in order.", default=())
     classes: tuple[CloseInClasses, ...] = _f("Classes with person-time, in order.", default=())
     state: State = _f("Whether it can be given.", default="ok")
-    reason: Reason | None = _f("In words, why not.", default=None)
+    reason: Reason | None = _o("In words, why not.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,20 +158,13 @@ class Level:
 
     often: Estimate = _f("How often: violations per recorded open hour.", "per open hour", "M0")
     risky: Estimate = _f("How risky: violations per person-hour.", "per person-hour", "M7")
-    close_share: Estimate | None = _f(
-        "Share of person-time closer than the distance to somebody.", "share", "M6", default=None
-    )
+    close_share: Estimate | None = _o("Share of person-time closer than the distance to somebody.", "share", "M6")
     people: Estimate = _f(
         "People: person-hours seen per recorded open hour, and its change.", "person-hours per open hour", "M3"
     )
-    exposure_h: float | None = _f(
-        "Person-hours seen in the hours that enter rates.", "person-hours", "M3", default=None
-    )
-    violations: int | None = _f(
-        "Violations counted in the hours that enter rates; None if masked or unknown.",
-        "violations",
-        "M8",
-        default=None,
+    exposure_h: float | None = _o("Person-hours seen in the hours that enter rates.", "person-hours", "M3")
+    violations: int | None = _o(
+        "Violations counted in the hours that enter rates; None if masked or unknown.", "violations", "M8"
     )
 
 
@@ -181,7 +175,7 @@ class BusiestSpot:
     area_id: str | None = _f("Area, or None for the rest of the floor.")
     name: str = _f("Its display name; free text.")
     share: float = _f("Its rate over the sum of all areas' rates.", "share", "M15")
-    floor_share: float | None = _f("Share of the floor that cameras see.", "share", default=None)
+    floor_share: float | None = _o("Share of the floor that cameras see.", "share")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,7 +185,7 @@ class BusiestHour:
     start: datetime = _f("Local start.", metric="M14")
     violations: float | None = _f("Violations in that hour.", "violations", "M14")
     is_masked: bool = _f("True: fewer than `mask_below`, do not show the number.", default=False)
-    ratio_to_mean: float | None = _f("Over the mean of the week's full hours.", "ratio", "M14", default=None)
+    ratio_to_mean: float | None = _o("Over the mean of the week's full hours.", "ratio", "M14")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,35 +194,27 @@ class AreaRow:
 
     area_id: str | None = _f("Identifier; None for the rest of the floor.")
     name: str = _f("Display name; free text.")
-    counted: int | None = _f(
-        "Violations counted in the hours that enter rates; None if masked or unknown.",
-        "violations",
-        "M15",
-        default=None,
+    counted: int | None = _o(
+        "Violations counted in the hours that enter rates; None if masked or unknown.", "violations", "M15"
     )
     is_masked: bool = _f("True: 1 to `mask_below`-1 were counted; no figure of this area is shown.", default=False)
     is_held_back: bool = _f("True: its figures are held back, as they would tell a masked one.", default=False)
     often: Estimate = _f("Violations per recorded open hour, and its change.", "per open hour", "M0")
-    risky: Estimate | None = _f("Violations per person-hour spent in the area.", "per person-hour", "M7", default=None)
-    close_share: Estimate | None = _f(
+    risky: Estimate | None = _o("Violations per person-hour spent in the area.", "per person-hour", "M7")
+    close_share: Estimate | None = _o(
         "Share of the person-time spent in the area that is closer than the distance to somebody, and its change.",
         "share",
         "M6",
-        default=None,
     )
-    exposure_h: float | None = _f("Person-hours seen in the area.", "person-hours", "M15", default=None)
-    share: float | None = _f("Its rate over the sum of all areas' rates.", "share", "M15", default=None)
-    difference: float | None = _f(
+    exposure_h: float | None = _o("Person-hours seen in the area.", "person-hours", "M15")
+    share: float | None = _o("Its rate over the sum of all areas' rates.", "share", "M15")
+    difference: float | None = _o(
         "What it adds to the floor's change over the hours compared; areas and the rest add up to it.",
         "per open hour",
         "M15",
-        default=None,
     )
-    recorded_share: float | None = _f(
-        "Open hours recorded by its cameras, each weighted by how much of the area it counts.",
-        "share",
-        "M1",
-        default=None,
+    recorded_share: float | None = _o(
+        "Open hours recorded by its cameras, each weighted by how much of the area it counts.", "share", "M1"
     )
     cameras: tuple[str, ...] = _f(
         "Ids of the cameras that count at least 1 % of the area, the largest part first.", default=()
@@ -249,20 +235,17 @@ class HourCell:
     fold: int = _f("1 for the second of two equal local hours (clocks set back).", default=0)
     start: datetime = _f("Start with offset.")
     state: HourState = _f("See the house plan, section 7.6.")
-    violations: int | None = _f(
-        "Violations counted; None if masked, no data, closed or not over.", "violations", "M8", default=None
-    )
+    violations: int | None = _o("Violations counted; None if masked, no data, closed or not over.", "violations", "M8")
     is_masked: bool = _f("True: 1 to `mask_below`-1 were counted.", default=False)
     is_held_back: bool = _f("True: its count is held back, as it would tell a masked one.", default=False)
-    scaled: float | None = _f("Low-data hours: counted over recorded share, rough.", "violations", default=None)
-    close_share: float | None = _f(
+    scaled: float | None = _o("Low-data hours: counted over recorded share, rough.", "violations")
+    close_share: float | None = _o(
         "Share of the hour's person-time closer than the distance to somebody, where the hour enters rates and its "
         "count is given; one hour has no interval.",
         "share",
         "M6",
-        default=None,
     )
-    share: float | None = _f("Camera-hours recorded over open camera-hours.", "share", "M1", default=None)
+    share: float | None = _o("Camera-hours recorded over open camera-hours.", "share", "M1")
     cameras_down: int = _f("Cameras that recorded less than half of it: the true figure is higher.", default=0)
 
 
@@ -271,10 +254,9 @@ class DayMean:
     """Mean of a day's full hours."""
 
     day: date = _f("Local date.")
-    value: float | None = _f(
+    value: float | None = _o(
         "Mean violations per full hour, masked ones taken as `mask_below` / 2; None without a full hour.",
         "violations per hour",
-        default=None,
     )
     hours: int = _f("Full hours in it.", default=0)
 
@@ -284,10 +266,9 @@ class HourMean:
     """Mean of a local hour's full cells over the week."""
 
     hour: int = _f("Local hour, 0 to 23.")
-    value: float | None = _f(
+    value: float | None = _o(
         "Mean violations per full hour, masked ones taken as `mask_below` / 2; None without a full hour.",
         "violations per hour",
-        default=None,
     )
     hours: int = _f("Full hours in it.", default=0)
 
@@ -301,8 +282,8 @@ class When:
     )
     day_means: tuple[DayMean, ...] = _f("Monday to Sunday.", default=())
     hour_means: tuple[HourMean, ...] = _f("By local hour.", default=())
-    busiest_day: date | None = _f(
-        "The day with more violations than every other in the full hours that both have; None: none has.", default=None
+    busiest_day: date | None = _o(
+        "The day with more violations than every other in the full hours that both have; None: none has."
     )
 
 
@@ -313,16 +294,16 @@ class LogLine:
     at: datetime = _f("Instant in the site's zone.")
     text: str = _f("Free text.")
     kind: LogKind = _f("Written by a person, or detected.", default="logged")
-    area_id: str | None = _f("Area it concerns; None for the whole floor.", default=None)
-    area_name: str | None = _f("Its display name.", default=None)
-    since: Estimate | None = _f(
-        "The area since the entry, against the same hours of the week before.", "per open hour", "M27", default=None
+    area_id: str | None = _o("Area it concerns; None for the whole floor.")
+    area_name: str | None = _o("Its display name.")
+    since: Estimate | None = _o(
+        "The area since the entry, against the same hours of the week before.", "per open hour", "M27"
     )
-    moved_after: float | None = _f(
-        "Share of the area's change over the week that came after the entry, 0 to 1.", "share", default=None
+    moved_after: float | None = _o(
+        "Share of the area's change over the week that came after the entry, 0 to 1.", "share"
     )
-    floor_share: float | None = _f("Part of the floor's change that lies in the area.", "share", "M0", default=None)
-    rest_verdict: Verdict | None = _f("Verdict on how often on the floor without the area.", default=None)
+    floor_share: float | None = _o("Part of the floor's change that lies in the area.", "share", "M0")
+    rest_verdict: Verdict | None = _o("Verdict on how often on the floor without the area.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -332,13 +313,7 @@ class SettingsChange:
     name: str = _f("Setting, such as distance_m; or calibration, cameras, engine, rules (of purged hours).")
     before: str = _f("Value before, with unit.")
     after: str = _f("Value after, with unit.")
-    at: datetime | None = _f(
-        "Instant of the change in the site's zone; None: somewhere between the two weeks.", default=None
-    )
-    often_before: Estimate | None = _f(
-        "How often, in this week before the change.", "per open hour", "M0", default=None
-    )
-    often_after: Estimate | None = _f(
-        "How often, in this week from the change on.", "per open hour", "M0", default=None
-    )
-    command: str | None = _f("What recomputes the week with one setting.", default=None)
+    at: datetime | None = _o("Instant of the change in the site's zone; None: somewhere between the two weeks.")
+    often_before: Estimate | None = _o("How often, in this week before the change.", "per open hour", "M0")
+    often_after: Estimate | None = _o("How often, in this week from the change on.", "per open hour", "M0")
+    command: str | None = _o("What recomputes the week with one setting.")

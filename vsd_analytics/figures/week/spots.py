@@ -176,8 +176,6 @@ def _tested(
         here=_at_the_spot(data, spot, evidence),
         usual=usual,
         evidence=evidence,
-        ask="",
-        question="",
     )
 
 
@@ -189,15 +187,7 @@ def _without_figures(card: SpotCard) -> SpotCard:
 def _busiest(data: WeekData, number: int, row: AreaRow, at: tuple[float, float] | None, coverage: Coverage) -> SpotCard:
     evidence, usual = _evidence(data, _inside(data, str(row.area_id), data.monday), coverage, row)
     return SpotCard(
-        number=number,
-        name=row.name,
-        at=at,
-        area_id=row.area_id,
-        often=row.often,
-        usual=usual,
-        evidence=evidence,
-        ask="",
-        question="",
+        number=number, name=row.name, at=at, area_id=row.area_id, often=row.often, usual=usual, evidence=evidence
     )
 
 

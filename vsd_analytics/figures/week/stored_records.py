@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import date, timedelta
 
 from vsd_analytics.figures.week.model_estimate import described as _f
+from vsd_analytics.figures.week.model_estimate import optional as _o
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store
 from vsd_analytics.store.layout import date_of_hour
@@ -17,10 +18,10 @@ from vsd_analytics.store.seals import FOLDER, Seals
 class StoredRecords:
     """The raw records of a project: positions of people, second by second."""
 
-    first_day: date | None = _f("First UTC day with raw records; None: all were purged.", default=None)
+    first_day: date | None = _o("First UTC day with raw records; None: all were purged.")
     n_overdue_days: int = _f("UTC days with raw records that are older than `retention_days`.", "days", default=0)
-    purged_before: date | None = _f("Raw records before this UTC day were purged; None: none were.", default=None)
-    purged_on: date | None = _f("UTC date of the last purge by age; None: there was none.", default=None)
+    purged_before: date | None = _o("Raw records before this UTC day were purged; None: none were.")
+    purged_on: date | None = _o("UTC date of the last purge by age; None: there was none.")
     has_pseudonyms: bool = _f("True: track ids are replaced, by others every day.", default=True)
 
 

@@ -14,7 +14,7 @@ from vsd_analytics.figures.week.model_map import FloorMap, Ring
 from vsd_analytics.report.draw import floor_frame as draw
 from vsd_analytics.report.draw.area_names import area_names
 from vsd_analytics.report.draw.floor_frame import Frame
-from vsd_analytics.report.draw.svg import BAR, INK, MUTED, RAMP_LIGHT, WHITE, el, straight_path
+from vsd_analytics.report.draw.svg import BAR, INK, MUTED, RAMP_LIGHT, WHITE, Look, el, straight_path
 from vsd_analytics.report.words import format as fmt
 
 WIDTH, HEIGHT_MAX, LEGEND_HEIGHT = 720, 640, 54
@@ -91,11 +91,11 @@ def floor_ink(shown: FloorMap) -> Markup:
 def _things(shown: FloorMap, frame: Frame) -> list[Markup]:
     """Draw the fixtures, and the areas as dashed outlines; each is named where it has room."""
     things = draw.fixtures(shown.fixtures, frame)
-    look: dict[str, str | float | None] = {"fill": "none", "stroke": MUTED, "stroke_width": 1.4}
+    look: Look = {"fill": "none", "stroke": MUTED, "stroke_width": 1.4}
     for area in shown.areas:
         things.append(el("path", **look, stroke_dasharray="3 4", d=straight_path([frame.ring(area.ring)])))
     size = draw.FONT - 2
-    halo: dict[str, str | float | None] = {"stroke": WHITE, "stroke_width": 3, "paint_order": "stroke"}
+    halo: Look = {"stroke": WHITE, "stroke_width": 3, "paint_order": "stroke"}
     for name in area_names(shown.areas, shown.fixtures, frame, sizes={float(size): float(draw.FONT_FIXTURE)}):
         things.append(el("text", name.text, fill=INK, font_size=size, x=round(name.x), y=round(name.y), **halo))
     return things

@@ -11,7 +11,7 @@ from typing import Final
 from markupsafe import Markup
 
 from vsd_analytics.figures.today import TodayHour
-from vsd_analytics.report.draw.svg import BAND, HATCH, INK, MUTED, RECORDED, RULE, el
+from vsd_analytics.report.draw.svg import BAND, HATCH, INK, RECORDED, RULE, chart_text, drawing, el
 from vsd_analytics.report.words import format as fmt
 
 WIDTH: Final = 300
@@ -48,14 +48,12 @@ def day_hours(
         for hour in open_hours:
             parts += _hour(hour, x=x, width=width, top=top, is_unusual=(hour.day, hour.hour) in unusual)
             x += width
-        parts.append(_text(names[day], (start + x) / 2, 14, anchor="middle", class_="tv"))
+        parts.append(chart_text(names[day], (start + x) / 2, 14, anchor="middle", class_="tv"))
         first, last = open_hours[0].hour, open_hours[-1].hour + 1
-        parts.append(_text(f"{first:02d}", start, HEIGHT - 6, anchor="start"))
-        parts.append(_text(f"{last:02d}", x, HEIGHT - 6, anchor="end"))
+        parts.append(chart_text(f"{first:02d}", start, HEIGHT - 6, anchor="start"))
+        parts.append(chart_text(f"{last:02d}", x, HEIGHT - 6, anchor="end"))
         x += DAY_GAP
-    return el(
-        "svg", Markup("").join(parts), class_="dayh", viewBox=f"0 0 {WIDTH} {HEIGHT}", role="img", aria_label=label
-    )
+    return drawing(parts, (WIDTH, HEIGHT), class_="dayh", label=label)
 
 
 def _y(value: float, top: float) -> float:
@@ -73,7 +71,7 @@ def _grid(value: float, *, top: float) -> Markup:
     is_zero = value == 0
     ends = {"x1": LEFT, "x2": WIDTH, "y1": y, "y2": y}
     line = el("line", class_="zero" if is_zero else "ax", stroke=INK if is_zero else RULE, **ends)
-    return line + _text(fmt.number(value), LEFT - 6, y + 4, anchor="end")
+    return line + chart_text(fmt.number(value), LEFT - 6, y + 4, anchor="end")
 
 
 def _hour(hour: TodayHour, *, x: float, width: float, top: float, is_unusual: bool) -> list[Markup]:
@@ -84,17 +82,11 @@ def _hour(hour: TodayHour, *, x: float, width: float, top: float, is_unusual: bo
         parts.append(el("rect", class_="tg", fill="url(#hat)", stroke=HATCH, stroke_width=0.5, **inner, **size))
     elif hour.lo is not None and hour.hi is not None:
         high, low = _y(hour.hi, top), _y(hour.lo, top)
-        parts.append(
-            el("rect", class_="tu", fill=BAND, y=round(high, 1), height=round(max(1.0, low - high), 1), **inner)
-        )
+        tall = round(max(1.0, low - high), 1)
+        parts.append(el("rect", class_="tu", fill=BAND, y=round(high, 1), height=tall, **inner))
     if hour.violations is not None:
         y = _y(hour.violations, top)
         look = {"class_": "dhu", "fill": WARM} if is_unusual else {"class_": "dhc", "fill": RECORDED}
         bar = {"x": round(x + width * 0.22, 1), "width": round(width * 0.56, 1)}
         parts.append(el("rect", **look, **bar, y=round(y, 1), height=round(HEIGHT - BOTTOM - y, 1)))
     return parts
-
-
-def _text(text: str, x: float, y: float, *, anchor: str, class_: str = "axt") -> Markup:
-    fill = INK if class_ == "tv" else MUTED
-    return el("text", text, class_=class_, fill=fill, font_size=13, text_anchor=anchor, x=round(x), y=round(y))

@@ -17,7 +17,10 @@ from vsd_analytics.report.draw.svg import (
     RAMP_LIGHT,
     WALL,
     WHITE,
+    Look,
+    centred,
     el,
+    hatch_pattern,
     smooth_path,
     straight_path,
 )
@@ -84,16 +87,7 @@ def hatch_defs(frame: Frame, *, hatch: str, clip: str, step: float = 9) -> Marku
         clip: Id of the clip.
         step: From line to line, SVG units.
     """
-    line = el("line", class_="hl", stroke=HATCH, stroke_width=round(step * 0.155, 1), x1=0, y1=0, x2=0, y2=step)
-    pattern = el(
-        "pattern",
-        line,
-        id=hatch,
-        width=step,
-        height=step,
-        patternUnits="userSpaceOnUse",
-        patternTransform="rotate(45)",
-    )
+    pattern = hatch_pattern(hatch, step=step, stroke_width=round(step * 0.155, 1), class_="hl")
     return el("defs", pattern + el("clipPath", el("rect", **frame.whole), id=clip))
 
 
@@ -215,14 +209,14 @@ def fixtures(
 
 def places_left(gone: Sequence[MapFixture], frame: Frame) -> list[Markup]:
     """Draw where fixtures stood before they were moved: a dashed outline, nothing inside."""
-    dash: dict[str, str | float | None] = {"class_": "gn", "fill": "none", "stroke": INK, "stroke_width": 1.6}
+    dash: Look = {"class_": "gn", "fill": "none", "stroke": INK, "stroke_width": 1.6}
     dash["stroke_dasharray"] = "2 3"
     return [el("path", **dash, d=straight_path([frame.ring(f.ring)])) for f in gone]
 
 
 def area_outline(ring: Ring, frame: Frame) -> Markup:
     """Draw the border of an area."""
-    look: dict[str, str | float | None] = {"class_": "ar", "fill": "none", "stroke": MUTED, "stroke_width": 1.4}
+    look: Look = {"class_": "ar", "fill": "none", "stroke": MUTED, "stroke_width": 1.4}
     return el("path", **look, stroke_dasharray="3 4", d=straight_path([frame.ring(ring)]))
 
 
@@ -262,18 +256,7 @@ def _name(fixture: MapFixture, frame: Frame, size: int) -> Markup | None:
     if size == FONT_FIXTURE:  # a map of the page, whose names a phone sets larger
         style = "pt fn" if _turn(fixture, frame, FONT_PHONE) == turn else "pt x fn"
     x, y = _middle(fixture, frame)
-    return el(
-        "text",
-        fixture.name,
-        class_=style,
-        fill=MUTED,
-        font_size=size,
-        text_anchor="middle",
-        dominant_baseline="central",
-        x=round(x),
-        y=round(y),
-        transform=turn or None,
-    )
+    return centred(fixture.name, x, y, class_=style, fill=MUTED, size=size, turn=turn)
 
 
 def name_box(fixture: MapFixture, frame: Frame, size: float) -> tuple[float, float, float, float] | None:

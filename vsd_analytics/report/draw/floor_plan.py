@@ -13,7 +13,7 @@ from vsd_analytics.figures.week.results import Rules
 from vsd_analytics.report.draw import floor_frame as draw
 from vsd_analytics.report.draw.area_names import Box, area_names
 from vsd_analytics.report.draw.floor_frame import FONT, FONT_FIXTURE, FONT_PHONE, Frame
-from vsd_analytics.report.draw.svg import ACCENT, BAR, INK, MUTED, WHITE, el
+from vsd_analytics.report.draw.svg import ACCENT, BAR, INK, MUTED, WHITE, Look, centred, drawing, el
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import say
 
@@ -41,7 +41,6 @@ def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Marku
     frame = Frame(shown, width=MAP_WIDTH, height=MAP_MAX_HEIGHT)
     hatch, clip = f"hat{index}", f"clip{index}"
     foot = _foot_height(frame, rules) if frame.is_metric else PAD
-    box = f"{-PAD} {-PAD} {frame.width + 2 * PAD} {frame.height + PAD + foot}"
     parts = [draw.hatch_defs(frame, hatch=hatch, clip=clip), draw.ground(frame)]
     image = None if shown.image is None else draw.image(shown.image, frame, name=f"plan{index}")
     drawn = [] if image is None or frame.is_metric else [image]
@@ -67,7 +66,8 @@ def floor_map(shown: FloorMap, *, index: int, rules: Rules, label: str) -> Marku
     if frame.is_metric:
         parts += _scale(shown, frame, rules)
     kind = "map-pic" if shown.kind == "picture" else "map-floor"
-    return el("svg", Markup("").join(parts), class_=kind, viewBox=box, role="img", aria_label=label)
+    size = (frame.width + 2 * PAD, frame.height + PAD + foot)
+    return drawing(parts, size, class_=kind, label=label, corner=(-PAD, -PAD))
 
 
 def _text(
@@ -117,18 +117,7 @@ def _spots(shown: FloorMap, frame: Frame, boxes: Sequence[tuple[Box, float]]) ->
             el("circle", class_="mk mkr", fill=INK, stroke=WHITE, stroke_width=1.5, cx=round(x), cy=round(y), r=5),
             el("circle", class_="mkr mb", fill="none", stroke=WHITE, stroke_width=3, cx=a, cy=b, r=18),
             el("circle", class_="mk mb", fill=INK, cx=a, cy=b, r=17),
-            el(
-                "text",
-                str(spot.number),
-                class_="mkt",
-                fill=WHITE,
-                font_size=19,
-                font_weight=700,
-                text_anchor="middle",
-                dominant_baseline="central",
-                x=a,
-                y=b,
-            ),
+            centred(str(spot.number), a, b, class_="mkt", fill=WHITE, size=19, weight=700),
         ]
     return parts
 
@@ -169,7 +158,7 @@ def _scale(shown: FloorMap, frame: Frame, rules: Rules) -> list[Markup]:
     """Draw the scale bar and the circle of the legal distance; a large circle lies inside the map's corner."""
     y = frame.height + _foot_height(frame, rules) // 2
     radius = _circle_radius(frame, rules)
-    line: dict[str, str | float] = {"class_": "sc", "fill": "none", "stroke": INK, "stroke_width": 2}
+    line: Look = {"class_": "sc", "fill": "none", "stroke": INK, "stroke_width": 2}
     x, centre = radius + 3, float(y)
     if radius > MAX_FOOT_RADIUS:
         x, centre = frame.width - radius - 8, frame.height - radius - 8
@@ -186,14 +175,6 @@ def _scale(shown: FloorMap, frame: Frame, rules: Rules) -> list[Markup]:
         width = shown.scale_bar_m * frame.scale
         right = frame.width - 1
         parts.append(el("path", d=f"M{right - width:.1f} {y - 6}v8h{width:.1f}v-8", **line))
-        parts.append(
-            _text(
-                fmt.distance(shown.scale_bar_m, rules.distance_unit),
-                right - width - 10,
-                y + 5,
-                class_=words,
-                fill=INK,
-                anchor="end",
-            )
-        )
+        said = fmt.distance(shown.scale_bar_m, rules.distance_unit)
+        parts.append(_text(said, right - width - 10, y + 5, class_=words, fill=INK, anchor="end"))
     return parts

@@ -69,9 +69,7 @@ def width_steps(arrows: Sequence[Arrow]) -> tuple[float, ...]:
     return tuple(top / 2 ** (len(WIDTHS) - 1 - k) for k in range(len(WIDTHS)))
 
 
-def mini_directions(
-    floor: FloorMap, arrows: Sequence[Arrow], *, cell_m: float, name: str, label: str, is_alone: bool = False
-) -> Markup:
+def mini_directions(floor: FloorMap, arrows: Sequence[Arrow], *, cell_m: float, name: str, label: str) -> Markup:
     """Draw an arrow in each cell, as wide as many people walk there, two-headed for both ways, a dot for any.
 
     Args:
@@ -81,7 +79,6 @@ def mini_directions(
         cell_m: Their side.
         name: What the ids of the drawing start with.
         label: Text alternative.
-        is_alone: Carry the plan.
     """
     frame = mini_frame(floor)
     paths = direction_paths(floor, arrows, frame, cell_m=cell_m)
@@ -91,12 +88,10 @@ def mini_directions(
         for width, path in zip(WIDTHS, paths, strict=True)
         if path
     ]  # fmt: skip
-    return mini(floor, frame, drawn, name, label, is_alone)
+    return mini(floor, frame, drawn, name, label)
 
 
-def mini_desire_lines(
-    floor: FloorMap, lines: Sequence[DesireLine], *, name: str, label: str, is_alone: bool = False
-) -> Markup:
+def mini_desire_lines(floor: FloorMap, lines: Sequence[DesireLine], *, name: str, label: str) -> Markup:
     """Draw a line from area to area, as wide as many people go there; none over floor that no camera sees.
 
     Args:
@@ -104,7 +99,6 @@ def mini_desire_lines(
         lines: Who goes where; areas that the map lacks are left out.
         name: What the ids of the drawing start with.
         label: Text alternative.
-        is_alone: Carry the plan.
     """
     frame = mini_frame(floor)
     paths = line_paths(floor, lines, frame)
@@ -115,7 +109,7 @@ def mini_desire_lines(
         el("path", class_="vs", fill=ACCENT, fill_opacity=0.55, stroke="none", d=path) for _, path in paths if path
     ]
     drawn += [_name(a, frame) for a in named]
-    return mini(floor, frame, drawn, name, label, is_alone, is_over=True)
+    return mini(floor, frame, drawn, name, label, is_over=True)
 
 
 def direction_paths(

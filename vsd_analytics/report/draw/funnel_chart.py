@@ -13,7 +13,7 @@ from typing import Final, Literal
 
 from markupsafe import Markup
 
-from vsd_analytics.report.draw.svg import BAND, HATCH, INK, MUTED, RULE, el
+from vsd_analytics.report.draw.svg import BAND, HATCH, INK, MUTED, RULE, chart_text, drawing, el
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.stats.quantiles import z_quantile
 
@@ -95,15 +95,8 @@ def funnel_chart(points: Sequence[FunnelPoint], *, usual_sd: float, title: str, 
     parts = [_band(plane, usual_sd), *_grid(plane), *_limits(plane, usual_sd)]
     parts += [_dot(plane, p) for p in sorted(points, key=lambda p: p.kind == "differs")]
     parts += _labels(plane, points)
-    axis = _text(title, (LEFT + width - RIGHT) / 2, HEIGHT - 8)
-    return el(
-        "svg",
-        Markup("").join([*parts, axis]),
-        class_="tr fun wide" if width == WIDE else "tr fun nar",
-        viewBox=f"0 0 {width} {HEIGHT}",
-        role="img",
-        aria_label=label,
-    )
+    parts.append(chart_text(title, (LEFT + width - RIGHT) / 2, HEIGHT - 8))
+    return drawing(parts, (width, HEIGHT), class_="tr fun wide" if width == WIDE else "tr fun nar", label=label)
 
 
 def _curve(plane: _Plane, usual_sd: float, confidence: float) -> list[tuple[float, float]]:
@@ -140,14 +133,14 @@ def _grid(plane: _Plane) -> list[Markup]:
         y = round(plane.y(math.log(tick)))
         look = {"class_": "zero", "stroke": INK} if tick == 1 else {"class_": "ax", "stroke": RULE}
         parts.append(el("line", **look, x1=LEFT, x2=plane.width - RIGHT, y1=y, y2=y))
-        parts.append(_text(fmt.signed(tick - 1), LEFT - 8, y + 4, anchor="end"))
+        parts.append(chart_text(fmt.signed(tick - 1), LEFT - 8, y + 4, anchor="end"))
     for share in X_TICKS:
         log_reach = math.log1p(share)
         if plane.reach[1] <= log_reach <= plane.reach[0]:
             x = round(plane.x(log_reach))
             ends = {"x1": x, "x2": x, "y1": HEIGHT - BOTTOM, "y2": HEIGHT - BOTTOM + 5}
             parts.append(el("line", class_="tl", stroke=MUTED, **ends))
-            parts.append(_text(fmt.percent(share), x, HEIGHT - BOTTOM + 19))
+            parts.append(chart_text(fmt.percent(share), x, HEIGHT - BOTTOM + 19))
     return parts
 
 
@@ -178,13 +171,8 @@ def _labels(plane: _Plane, points: Iterable[FunnelPoint]) -> list[Markup]:
             y += LINE
         taken.append((start, end, y))
         class_ = "tv" if point.kind == "differs" else "axt"
-        parts.append(_text(text, beside, y, anchor="end" if is_right else "start", class_=class_))
+        parts.append(chart_text(text, beside, y, anchor="end" if is_right else "start", class_=class_))
     return parts
-
-
-def _text(text: str, x: float, y: float, *, anchor: str = "middle", class_: str = "axt") -> Markup:
-    fill = INK if class_ == "tv" else MUTED
-    return el("text", text, class_=class_, fill=fill, font_size=13, text_anchor=anchor, x=round(x), y=round(y))
 
 
 def _path(points: Iterable[tuple[float, float]]) -> str:

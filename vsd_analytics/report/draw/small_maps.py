@@ -1,13 +1,13 @@
 """Small drawings of a floor, as inline SVG: heat, difference, footsteps, views of cameras, and the scene of a spot.
 
 Each can be shown several times beside another, so none has labels to read; names are in titles, text alternatives and
-tables. With `is_alone` a drawing carries the plan itself and can be a file; without, it shows the plan of the page's
-map again, which costs no bytes.
+tables. It shows the plan of the page's map again, which costs no bytes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import cycle
 from typing import Final
 
 import shapely
@@ -28,7 +28,19 @@ from vsd_analytics.geometry.scale_bar import nice_length_m
 from vsd_analytics.report.draw import floor_frame as draw
 from vsd_analytics.report.draw.floor_frame import Frame
 from vsd_analytics.report.draw.floor_plan import MAP_MAX_HEIGHT, MAP_WIDTH
-from vsd_analytics.report.draw.svg import ACCENT, BAR, CHANGE_LIGHT, INK, RAMP_LIGHT, WHITE, el, straight_path
+from vsd_analytics.report.draw.svg import (
+    ACCENT,
+    BAR,
+    CHANGE_LIGHT,
+    INK,
+    RAMP_LIGHT,
+    WHITE,
+    Look,
+    centred,
+    drawing,
+    el,
+    straight_path,
+)
 from vsd_analytics.report.words import format as fmt
 
 MINI_WIDTH: Final = 480
@@ -49,7 +61,6 @@ def mini_heat(
     name: str,
     steps: Sequence[float],
     label: str,
-    is_alone: bool = False,
     gone: Sequence[MapFixture] = (),
 ) -> Markup:
     """Draw bands on the floor of a map.
@@ -60,12 +71,11 @@ def mini_heat(
         name: What the ids of the drawing start with.
         steps: Lower ends of all bands.
         label: Text alternative.
-        is_alone: Carry the plan.
         gone: Fixtures that were moved away; outlined.
     """
     frame = mini_frame(floor)
     drawn = [*draw.heat(bands, frame, steps=steps, edges=draw.edges_of(floor)), *draw.places_left(gone, frame)]
-    return mini(floor, frame, drawn, name, label, is_alone)
+    return mini(floor, frame, drawn, name, label)
 
 
 def moved_away(floor: FloorMap, shown: ChangeMaps) -> tuple[MapFixture, ...]:
@@ -74,13 +84,7 @@ def moved_away(floor: FloorMap, shown: ChangeMaps) -> tuple[MapFixture, ...]:
 
 
 def mini_change(
-    floor: FloorMap,
-    shown: ChangeMaps,
-    *,
-    name: str,
-    label: str,
-    is_alone: bool = False,
-    numbers: Mapping[str, str] | None = None,
+    floor: FloorMap, shown: ChangeMaps, *, name: str, label: str, numbers: Mapping[str, str] | None = None
 ) -> Markup:
     """Draw floor with fewer and with more violations, each patch with its sign, unless its area's number has it.
 
@@ -89,7 +93,6 @@ def mini_change(
         shown: The difference.
         name: What the ids of the drawing start with.
         label: Text alternative.
-        is_alone: Carry the plan.
         numbers: What is written on each area, by its id; the area is outlined.
     """
     frame, edges = mini_frame(floor), draw.edges_of(floor)
@@ -112,10 +115,10 @@ def mini_change(
     drawn += draw.places_left(gone, frame)
     taken += [shapely.Polygon(frame.ring(f.ring)) for f in (*gone, *floor.fixtures)]
     above = [draw.area_outline(a.ring, frame) for a in named] + _numbers(named, numbers or {}, taken, frame)
-    return mini(floor, frame, drawn, name, label, is_alone, above=above)
+    return mini(floor, frame, drawn, name, label, above=above)
 
 
-def mini_footsteps(floor: FloorMap, steps: Footsteps, *, name: str, label: str, is_alone: bool = False) -> Markup:
+def mini_footsteps(floor: FloorMap, steps: Footsteps, *, name: str, label: str) -> Markup:
     """Draw a dot in each cell people walked in; arguments as for `mini_heat`.
 
     One path of dashes with round ends: a cell of 0.25 m is about 5 units wide, and its dot 60 % of that.
@@ -137,54 +140,27 @@ def mini_footsteps(floor: FloorMap, steps: Footsteps, *, name: str, label: str, 
         stroke_dasharray=f"0 {side:.3f}",
         d="".join(moves),
     )
-    return mini(floor, frame, [dots], name, label, is_alone)
+    return mini(floor, frame, [dots], name, label)
 
 
-def mini_views(floor: FloorMap, views: MapViews, *, name: str, label: str, is_alone: bool = False) -> Markup:
+def mini_views(floor: FloorMap, views: MapViews, *, name: str, label: str) -> Markup:
     """Draw what each camera sees and, stronger, what several do; arguments as for `mini_heat`."""
     frame = mini_frame(floor)
     drawn = []
     if views.shared:
         path = straight_path(frame.rings(views.shared))
         drawn.append(el("path", class_="vs", fill=ACCENT, fill_opacity=0.2, fill_rule="evenodd", d=path))
-    dashes = (None, "7 3", "2 3", "9 3 2 3")
-    for k, view in enumerate(views.cameras):
+    look: Look = {"fill": ACCENT, "fill_opacity": 0.05, "stroke": ACCENT, "stroke_width": 1.6}
+    for view, dash in zip(views.cameras, cycle((None, "7 3", "2 3", "9 3 2 3")), strict=False):
         path = straight_path(frame.rings(view.polygons))
-        drawn.append(
-            el(
-                "path",
-                class_="vo",
-                fill=ACCENT,
-                fill_opacity=0.05,
-                stroke=ACCENT,
-                stroke_width=1.6,
-                stroke_dasharray=dashes[k % len(dashes)],
-                fill_rule="evenodd",
-                d=path,
-            )
-        )
+        drawn.append(el("path", class_="vo", **look, stroke_dasharray=dash, fill_rule="evenodd", d=path))
     for view in views.cameras:
         x, y = frame.at(view.at)
-        drawn.append(
-            el(
-                "text",
-                view.label,
-                class_="vl halo",
-                fill=ACCENT,
-                font_size=VIEW_FONT,
-                font_weight=700,
-                text_anchor="middle",
-                dominant_baseline="central",
-                x=round(x),
-                y=round(y),
-            )
-        )
-    return mini(floor, frame, drawn, name, label, is_alone, is_over=True)
+        drawn.append(centred(view.label, x, y, class_="vl halo", fill=ACCENT, size=VIEW_FONT, weight=700))
+    return mini(floor, frame, drawn, name, label, is_over=True)
 
 
-def scene(
-    picture: SpotPicture, floor: FloorMap, *, rules: Rules, name: str, label: str, is_alone: bool = False
-) -> Markup:
+def scene(picture: SpotPicture, floor: FloorMap, *, rules: Rules, name: str, label: str) -> Markup:
     """Draw the surroundings of a spot, with its bands and a scale bar.
 
     In a camera's picture the bar holds at the spot, as far from the camera as that.
@@ -195,56 +171,35 @@ def scene(
         rules: For the steps and the unit of distances.
         name: What the ids of the drawing start with.
         label: Text alternative.
-        is_alone: Carry the plan.
     """
     shown = picture.shown
     frame = Frame(shown, width=SCENE_WIDTH, height=SCENE_WIDTH)
-    body = (
-        _scene_picture(shown, frame, rules)
-        if shown.kind == "picture"
-        else _scene_floor(shown, floor, frame, rules, name, is_alone)
-    )
-    bar = _bar(picture.across_m, frame, rules)
-    box = f"0 0 {frame.width} {frame.height}"
-    return el(
-        "svg",
-        body + bar,
-        class_="map-pic" if shown.kind == "picture" else "map-spot",
-        viewBox=box,
-        role="img",
-        aria_label=label,
-    )
+    is_picture = shown.kind == "picture"
+    body = _scene_picture(shown, frame, rules) if is_picture else _scene_floor(shown, floor, frame, rules, name)
+    parts = [body, _bar(picture.across_m, frame, rules)]
+    return drawing(parts, (frame.width, frame.height), class_="map-pic" if is_picture else "map-spot", label=label)
 
 
 def _scene_picture(shown: FloorMap, frame: Frame, rules: Rules) -> Markup:
     image = [] if shown.image is None else [draw.image(shown.image, frame)]
     colour = {lower: min(i, 4) for i, lower in enumerate(rules.heat_steps)}
-    bands = [
-        el(
-            "path",
-            class_=f"c{colour.get(b.lower, 4) + 1}",
-            fill=RAMP_LIGHT[colour.get(b.lower, 4)],
-            fill_opacity=0.66,
-            stroke=WHITE,
-            stroke_width=1.4,
-            fill_rule="evenodd",
-            d=straight_path(frame.rings(b.polygons)),
-        )
-        for b in shown.bands
-    ]
+    look: Look = {"fill_opacity": 0.66, "stroke": WHITE, "stroke_width": 1.4, "fill_rule": "evenodd"}
+    bands = []
+    for band in shown.bands:
+        step, path = colour.get(band.lower, 4), straight_path(frame.rings(band.polygons))
+        bands.append(el("path", class_=f"c{step + 1}", fill=RAMP_LIGHT[step], **look, d=path))
     return Markup("").join([*image, *bands])
 
 
-def _scene_floor(shown: FloorMap, floor: FloorMap, frame: Frame, rules: Rules, name: str, is_alone: bool) -> Markup:
+def _scene_floor(shown: FloorMap, floor: FloorMap, frame: Frame, rules: Rules, name: str) -> Markup:
     hatch, clip = f"{name}-hat", f"{name}-clip"
     heat = draw.heat(shown.bands, frame, steps=rules.heat_steps, edges=draw.edges_of(floor))
     below = [draw.unseen(floor.unseen, frame, hatch=hatch)] if floor.unseen else []
-    plan = _plan(floor, frame, is_alone=is_alone)
+    plan = _plan(floor, frame)
     fixtures = draw.fixtures(floor.fixtures, frame, size=SCENE_FONT)
     layers = Markup("").join([*heat, *below, *plan, *fixtures]) or Markup("<g/>")
-    return (
-        draw.hatch_defs(frame, hatch=hatch, clip=clip) + draw.ground(frame) + el("g", layers, clip_path=f"url(#{clip})")
-    )
+    inside = el("g", layers, clip_path=f"url(#{clip})")
+    return draw.hatch_defs(frame, hatch=hatch, clip=clip) + draw.ground(frame) + inside
 
 
 def _bar(across_m: float, frame: Frame, rules: Rules) -> Markup:
@@ -256,26 +211,12 @@ def _bar(across_m: float, frame: Frame, rules: Rules) -> Markup:
     wide = long + text + 34
     x, y = frame.width - wide, frame.height - high
     end, line = frame.width - 12, frame.height - 0.44 * high
+    path = f"M{end - long:.1f} {line - 8:.1f}v8h{long:.1f}v-8"
     return Markup("").join(
         [
             el("rect", class_="bg", fill=WHITE, x=round(x), y=round(y), width=round(wide) + 1, height=round(high) + 1),
-            el(
-                "path",
-                class_="sc",
-                fill="none",
-                stroke=INK,
-                stroke_width=3,
-                d=f"M{end - long:.1f} {line - 8:.1f}v8h{long:.1f}v-8",
-            ),
-            el(
-                "text",
-                said,
-                class_="bt",
-                fill=INK,
-                font_size=SCENE_FONT,
-                x=round(x + 10),
-                y=round(line + 4),
-            ),
+            el("path", class_="sc", fill="none", stroke=INK, stroke_width=3, d=path),
+            el("text", said, class_="bt", fill=INK, font_size=SCENE_FONT, x=round(x + 10), y=round(line + 4)),
         ]
     )
 
@@ -291,7 +232,6 @@ def mini(
     drawn: Iterable[Markup],
     name: str,
     label: str,
-    is_alone: bool,
     *,
     is_over: bool = False,
     above: Iterable[Markup] = (),
@@ -299,7 +239,7 @@ def mini(
     """Put a drawing between the floor and the fixtures on it; `is_over` and `above` put one over the fixtures."""
     hatch, clip = f"{name}-hat", f"{name}-clip"
     below = [draw.unseen(floor.unseen, frame, hatch=hatch)] if floor.unseen else []
-    fixed = [*_plan(floor, frame, is_alone=is_alone), *draw.fixtures(floor.fixtures, frame, is_named=False)]
+    fixed = [*_plan(floor, frame), *draw.fixtures(floor.fixtures, frame, is_named=False)]
     layers = [*below, *fixed, *drawn] if is_over else [*drawn, *below, *fixed]
     layers += above
     body = (
@@ -308,16 +248,13 @@ def mini(
         + el("g", Markup("").join(layers) or Markup("<g/>"), clip_path=f"url(#{clip})")
         + el("rect", class_="fr", fill="none", stroke=BAR, stroke_width=1, **frame.whole)
     )
-    box = f"-1 -1 {frame.width + 2} {frame.height + 2}"
-    return el("svg", body, class_="mini", viewBox=box, role="img", aria_label=label)
+    return drawing([body], (frame.width + 2, frame.height + 2), class_="mini", label=label, corner=(-1, -1))
 
 
-def _plan(floor: FloorMap, frame: Frame, *, is_alone: bool) -> list[Markup]:
+def _plan(floor: FloorMap, frame: Frame) -> list[Markup]:
     """Return the plan, or the page's own drawing of it again."""
     if floor.image is None:
         return []
-    if is_alone:
-        return [draw.image(floor.image, frame)]
     page = Frame(floor, width=MAP_WIDTH, height=MAP_MAX_HEIGHT)
     scale = frame.scale / page.scale
     x, y = frame.at((page.x0, page.y1))
@@ -343,20 +280,8 @@ def _numbers(
         free = [b for b in boxes if whole.contains(b) and not any(b.intersects(t) for t in taken)]
         box = next(iter(free), boxes[0])
         taken.append(box)
-        drawn.append(
-            el(
-                "text",
-                said,
-                class_="cn halo",
-                fill=INK,
-                font_size=NUMBER_FONT,
-                font_weight=700,
-                text_anchor="middle",
-                dominant_baseline="central",
-                x=round(box.centroid.x),
-                y=round(box.centroid.y),
-            )
-        )
+        x, y = box.centroid.x, box.centroid.y
+        drawn.append(centred(said, x, y, class_="cn halo", fill=INK, size=NUMBER_FONT, weight=700))
     return drawn
 
 
@@ -384,18 +309,8 @@ def _signs(
         path = f"M{x - half:.1f} {y:.1f}h{2 * half:.1f}"
         if is_plus:
             path += f"M{x:.1f} {y - half:.1f}v{2 * half:.1f}"
-        is_strong = bands[step].lower >= strong
-        width = 3.4 if half > 6 else 2.4
-        drawn.append(
-            el(
-                "path",
-                class_="sg on2" if is_strong else "sg",
-                fill="none",
-                stroke=WHITE if is_strong else INK,
-                stroke_width=width,
-                d=path,
-            )
-        )
+        style, ink = ("sg on2", WHITE) if bands[step].lower >= strong else ("sg", INK)
+        drawn.append(el("path", class_=style, fill="none", stroke=ink, stroke_width=3.4 if half > 6 else 2.4, d=path))
     return drawn, places
 
 

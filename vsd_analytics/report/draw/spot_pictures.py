@@ -14,10 +14,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from vsd_analytics.figures.cell_places import as_rings
 from vsd_analytics.figures.week import bands as heat
 from vsd_analytics.figures.week.data import WeekData, in_force
 from vsd_analytics.figures.week.density import floor_fixtures
-from vsd_analytics.figures.week.floor_maps import as_rings
 from vsd_analytics.figures.week.model_map import FloorMap, MapBand, MapFixture, MapImage, Point, Polygon, SpotPicture
 from vsd_analytics.geometry.camera_views import view_polygon
 from vsd_analytics.geometry.embedded_pictures import scene_image

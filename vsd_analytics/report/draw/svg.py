@@ -22,6 +22,8 @@ RAMP_LIGHT: Final = ("#fff4cf", "#ffd58e", "#ffa656", "#e76f3f", "#934444")
 INK, MUTED, RULE, WHITE, HATCH, ACCENT = "#1b2430", "#525d68", "#ddd7ca", "#fff", "#8b8577", "#0f4c81"
 FIXTURE, FIXTURE_EDGE, WALL = "#dcd7cc", "#a39d90", "#4a4f57"
 CHANGE_LIGHT: Final = {"fewer": ("#b7d6ea", "#1f6f9f"), "more": ("#f3bd93", "#b8553f")}
+Look = dict[str, str | float | None]
+"""Attributes that several elements share."""
 FEWER, MORE, BAR, RECORDED, BAND = "#1f6f9f", "#b8553f", "#a39d90", "#6793b0", "#e6e2d8"
 
 
@@ -33,6 +35,48 @@ def el(tag: str, content: str | Markup = "", /, **attributes: str | float | None
         if value is not None
     )
     return Markup(f"<{tag}{said}>{escape(content)}</{tag}>" if content else f"<{tag}{said}/>")
+
+
+def drawing(
+    parts: Iterable[Markup], size: tuple[float, float], *, class_: str, label: str, corner: tuple[float, float] = (0, 0)
+) -> Markup:
+    """Return a drawing with a text alternative.
+
+    Args:
+        parts: Its elements.
+        size: Its width and height, in SVG units.
+        class_: Its class.
+        label: Its text alternative.
+        corner: Its upper left corner.
+    """
+    box = f"{corner[0]} {corner[1]} {size[0]} {size[1]}"
+    return el("svg", Markup("").join(parts), class_=class_, viewBox=box, role="img", aria_label=label)
+
+
+def centred(
+    said: str, x: float, y: float, *, class_: str, fill: str, size: float, weight: int | None = None, turn: str = ""
+) -> Markup:
+    """Return a line of text around a point, turned by the transformation `turn`."""
+    middle = {"text_anchor": "middle", "dominant_baseline": "central"}
+    look: Look = {"class_": class_, "fill": fill, "font_size": size, "font_weight": weight}
+    return el("text", said, **look, **middle, x=round(x), y=round(y), transform=turn or None)
+
+
+def chart_text(
+    text: str, x: float, y: float, *, anchor: str = "middle", class_: str = "axt", fill: str = MUTED, **more: str
+) -> Markup:
+    """Return a line of text of a chart with its base line at y; a value ("tv") is in ink."""
+    ink = INK if class_ == "tv" else fill
+    return el("text", text, class_=class_, fill=ink, font_size=13, text_anchor=anchor, x=round(x), y=round(y), **more)
+
+
+def hatch_pattern(
+    name: str = "hat", *, step: float = 6, stroke_width: float = 1.4, class_: str | None = None
+) -> Markup:
+    """Return the pattern of floor or hours without records: lines at 45 degrees, `step` SVG units apart."""
+    line = el("line", class_=class_, stroke=HATCH, stroke_width=stroke_width, x1=0, y1=0, x2=0, y2=step)
+    turn = {"patternUnits": "userSpaceOnUse", "patternTransform": "rotate(45)"}
+    return el("pattern", line, id=name, width=step, height=step, **turn)
 
 
 def _short(value: str | float) -> str:
@@ -103,19 +147,8 @@ def change_ticks(limit: float) -> tuple[float, ...]:
 
 def change_axis(limit: float) -> Markup:
     """Draw the labels above the interval bars."""
-    texts = Markup("").join(
-        el(
-            "text",
-            fmt.signed(t),
-            class_="axt",
-            fill=MUTED,
-            font_size=13.5,
-            text_anchor="middle",
-            x=_bar_x(t, limit),
-            y=12,
-        )
-        for t in change_ticks(limit)
-    )
+    look: Look = {"class_": "axt", "fill": MUTED, "font_size": 13.5, "text_anchor": "middle"}
+    texts = Markup("").join(el("text", fmt.signed(t), **look, x=_bar_x(t, limit), y=12) for t in change_ticks(limit))
     return el("svg", texts, class_="axs", viewBox=f"0 0 {BAR_WIDTH} 16", aria_hidden="true")
 
 
@@ -186,29 +219,15 @@ def strip(day: CameraDay, *, first_hour: int, last_hour: int) -> Markup:
         _extend(open_runs, x, x + slot)
         if share > 0:
             _extend(on_runs, x, x + slot * min(1.0, share))
+    hatched: Look = {"class_": "off", "fill": "url(#hat)", "stroke": HATCH, "stroke_width": 0.7}
+    filled: Look = {"class_": "on", "fill": RECORDED}
     parts = [
-        el(
-            "rect",
-            class_="off",
-            fill="url(#hat)",
-            stroke=HATCH,
-            stroke_width=0.7,
-            x=a,
-            width=round(b - a, 1),
-            height=12,
-        )
-        for a, b in _rounded(open_runs)
+        el("rect", **look, x=round(a, 1), width=round(round(b, 1) - round(a, 1), 1), height=12)
+        for look, runs in ((hatched, open_runs), (filled, on_runs))
+        for a, b in runs
     ]
-    parts += [
-        el("rect", class_="on", fill=RECORDED, x=a, width=round(b - a, 1), height=12) for a, b in _rounded(on_runs)
-    ]
-    return el(
-        "svg",
-        Markup("").join(parts) or Markup("<g/>"),
-        viewBox="0 0 100 12",
-        preserveAspectRatio="none",
-        aria_hidden="true",
-    )
+    bars = Markup("").join(parts) or Markup("<g/>")
+    return el("svg", bars, viewBox="0 0 100 12", preserveAspectRatio="none", aria_hidden="true")
 
 
 def _extend(runs: list[tuple[float, float]], start: float, end: float) -> None:
@@ -216,7 +235,3 @@ def _extend(runs: list[tuple[float, float]], start: float, end: float) -> None:
         runs[-1] = (runs[-1][0], end)
     else:
         runs.append((start, end))
-
-
-def _rounded(runs: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    return [(round(a, 1), round(b, 1)) for a, b in runs]

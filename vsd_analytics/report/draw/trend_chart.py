@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Trend, TrendMark, TrendWeek, Usual
-from vsd_analytics.report.draw.svg import ACCENT, BAND, HATCH, INK, MUTED, RULE, WHITE, el
+from vsd_analytics.report.draw.svg import ACCENT, BAND, HATCH, INK, MUTED, RULE, WHITE, Look, chart_text, drawing, el
 from vsd_analytics.report.words import format as fmt
 
 Measure = Literal["often", "close"]
@@ -65,7 +65,7 @@ def chart(trend: Trend, measure: Measure, *, width: int, label: str) -> Markup:
         label: Text alternative.
     """
     weeks = trend.weeks
-    values = [_known(w, measure) for w in weeks]
+    values = [known(w, measure) for w in weeks]
     target = trend.target_often.value if measure == "often" and trend.target_often is not None else None
     most = max((e.value or 0.0 for e in values if e is not None), default=0.0)
     ends = [min(e.hi or 0.0, WHISKER_MAX * most) for e in values if e is not None]
@@ -82,19 +82,12 @@ def chart(trend: Trend, measure: Measure, *, width: int, label: str) -> Markup:
     parts += _marks(axes, weeks, trend.marks)
     parts += _line(axes, [None if w.missing else e for w, e in zip(weeks, values, strict=True)])
     parts += _dots(axes, values, measure, is_other=[bool(w.missing) for w in weeks])
-    return el(
-        "svg",
-        Markup("").join(parts),
-        class_="tr wide" if width == WIDE else "tr nar",
-        viewBox=f"0 0 {width} {HEIGHT}",
-        role="img",
-        aria_label=label,
-    )
+    return drawing(parts, (width, HEIGHT), class_="tr wide" if width == WIDE else "tr nar", label=label)
 
 
 def spark(trend: Trend | None, measure: Measure) -> Markup:
     """Draw the weeks as a small line from zero, broken at gaps, the last one a dot; empty under three figures."""
-    values = [None if w.missing else _known(w, measure) for w in trend.weeks] if trend is not None else []
+    values = [None if w.missing else known(w, measure) for w in trend.weeks] if trend is not None else []
     if sum(e is not None for e in values) < 3 or values[-1] is None:
         return Markup("")
     top = max(e.value or 0.0 for e in values if e is not None) or 1.0
@@ -114,7 +107,8 @@ def spark(trend: Trend | None, measure: Measure) -> Markup:
     return el("svg", line + dot, class_="spark", viewBox="0 0 140 28", aria_hidden="true")
 
 
-def _known(week: TrendWeek, measure: Measure) -> Estimate | None:
+def known(week: TrendWeek, measure: Measure) -> Estimate | None:
+    """Return what a week measured of violations or of time too close; None where it has no value."""
     found = week.often if measure == "often" else week.close
     return found if found is not None and found.value is not None else None
 
@@ -123,11 +117,6 @@ def _step(top: float) -> float:
     """Return a round step that makes two to five of the axis."""
     size = 10.0 ** math.floor(math.log10(top))
     return next(f * size for f in (0.2, 0.5, 1.0, 2.0, 5.0) if top / (f * size) <= 4.5)
-
-
-def _text(text: str, x: float, y: float, *, anchor: str = "middle", class_: str = "axt", **more: str) -> Markup:
-    fill = {"tv": INK, "tt2": ACCENT}.get(class_, MUTED)
-    return el("text", text, class_=class_, fill=fill, font_size=13, text_anchor=anchor, x=round(x), y=round(y), **more)
 
 
 def _usual(axes: _Axes, usual: Usual) -> Markup:
@@ -144,32 +133,22 @@ def _target(axes: _Axes, value: float, *, beside: Estimate | None) -> list[Marku
     down = 0.0 if abs(gap) >= TEXT_GAP else TEXT_GAP - gap if gap >= 0 else -TEXT_GAP - gap
     ends = {"x1": LEFT, "x2": axes.width - RIGHT + 6, "y1": y, "y2": y}
     line = el("line", class_="tt1", stroke=ACCENT, stroke_width=1.6, stroke_dasharray="7 4", **ends)
-    return [line, _text(fmt.number(value), axes.width - RIGHT + 13, y + 5 + down, anchor="start", class_="tt2")]
-
-
-def _written(value: float | None, measure: Measure) -> str:
-    return fmt.number(value) if measure == "often" else fmt.percent(value)
+    x, look = axes.width - RIGHT + 13, {"anchor": "start", "class_": "tt2", "fill": ACCENT}
+    return [line, chart_text(fmt.number(value), x, y + 5 + down, **look)]
 
 
 def _grid(axes: _Axes, value: float, measure: Measure) -> Markup:
     y = round(axes.y(value))
-    line = el(
-        "line",
-        class_="zero" if value == 0 else "ax",
-        stroke=INK if value == 0 else RULE,
-        x1=LEFT,
-        x2=axes.width - RIGHT,
-        y1=y,
-        y2=y,
-    )
+    style, stroke = ("zero", INK) if value == 0 else ("ax", RULE)
+    line = el("line", class_=style, stroke=stroke, x1=LEFT, x2=axes.width - RIGHT, y1=y, y2=y)
     plain = fmt.number(value) if value >= 10 or value == 0 else fmt.plain(value)
-    return line + _text(plain if measure == "often" else f"{value:.0%}", LEFT - 8, y + 4, anchor="end")
+    return line + chart_text(plain if measure == "often" else f"{value:.0%}", LEFT - 8, y + 4, anchor="end")
 
 
 def _week_labels(axes: _Axes, weeks: Sequence[TrendWeek]) -> list[Markup]:
     every = 2 if axes.width == NARROW and len(weeks) > 6 else 1
     last = len(weeks) - 1
-    return [_text(str(w.number), axes.x(i), HEIGHT - 7) for i, w in enumerate(weeks) if (last - i) % every == 0]
+    return [chart_text(str(w.number), axes.x(i), HEIGHT - 7) for i, w in enumerate(weeks) if (last - i) % every == 0]
 
 
 def _gap(axes: _Axes, i: int) -> Markup:
@@ -190,7 +169,7 @@ def _marks(axes: _Axes, weeks: Sequence[TrendWeek], marks: Sequence[TrendMark]) 
         taken.append(x)
         line = {"x1": x, "x2": x, "y1": TOP - 8, "y2": HEIGHT - BOTTOM}
         parts.append(el("line", class_="tm", stroke=INK, stroke_width=1.2, stroke_dasharray="3 3", **line))
-        parts.append(_text(mark.label, x + 11 * row, TOP - 14, class_="tv"))
+        parts.append(chart_text(mark.label, x + 11 * row, TOP - 14, class_="tv"))
     return parts
 
 
@@ -224,16 +203,10 @@ def _dots(
             parts.append(el("line", class_="tw", stroke=INK, stroke_width=2, **ends))
             if e.hi > axes.top:
                 parts.append(el("path", class_="tn", fill=INK, d=f"M{x - 4} {TOP + 6}l4-7 4 7z"))
-        look = {
-            "class_": "tn" if is_last else "td",
-            "fill": WARM if is_last else WHITE,
-            "stroke": INK,
-            "stroke_width": 1.6,
-        }
-        dash = {"stroke_dasharray": "2 2"} if is_other[i] else {}
-        parts.append(el("circle", **look, **dash, cx=x, cy=round(y, 1), r=5.5 if is_last else 4.5))
+        style, fill, r = ("tn", WARM, 5.5) if is_last else ("td", WHITE, 4.5)
+        ring: Look = {"stroke": INK, "stroke_width": 1.6, "stroke_dasharray": "2 2" if is_other[i] else None}
+        parts.append(el("circle", class_=style, fill=fill, **ring, cx=x, cy=round(y, 1), r=r))
         if is_last:
-            parts.append(
-                _text(_written(e.value, measure), x + 13, y + 5, anchor="start", class_="tv", font_weight="700")
-            )
+            said = fmt.number(e.value) if measure == "often" else fmt.percent(e.value)
+            parts.append(chart_text(said, x + 13, y + 5, anchor="start", class_="tv", font_weight="700"))
     return parts

@@ -17,13 +17,8 @@ from datetime import datetime
 from typing import Final, Literal
 
 from vsd_analytics.figures.week.model_estimate import described as _f
-from vsd_analytics.figures.week.model_map import (
-    ChangeMaps,
-    FloorMap,
-    Footsteps,
-    MapViews,
-    SpotPicture,
-)
+from vsd_analytics.figures.week.model_estimate import optional as _o
+from vsd_analytics.figures.week.model_map import ChangeMaps, FloorMap, Footsteps, MapViews, SpotPicture
 from vsd_analytics.figures.week.model_recording import CameraRecord, Coverage
 from vsd_analytics.figures.week.model_sections import (
     Causes,
@@ -99,7 +94,7 @@ class WeekReport:
     schema: str = _f("Schema id of this object.", default=SCHEMA)
     site: SiteRef = _f("The site.")
     week: WeekRef = _f("The week.")
-    previous: WeekRef | None = _f("The week compared with; None if there is none.", default=None)
+    previous: WeekRef | None = _o("The week compared with; None if there is none.")
     generated_at: datetime = _f("From --now or the data, never the clock; in the site's zone.")
     provenance: Provenance = _f("What made it.")
     rules: Rules = _f("Settings the words depend on.")
@@ -108,39 +103,37 @@ class WeekReport:
     )
     coverage: Coverage = _f("Data recorded.", metric="M1")
     level: Level = _f("How often, how risky, how many people.")
-    busiest_spot: BusiestSpot | None = _f("None when nothing is ranked.", metric="M15", default=None)
-    busiest_hour: BusiestHour | None = _f(
-        "None when nothing is ranked or all counts are small.", metric="M14", default=None
-    )
+    busiest_spot: BusiestSpot | None = _o("None when nothing is ranked.", metric="M15")
+    busiest_hour: BusiestHour | None = _o("None when nothing is ranked or all counts are small.", metric="M14")
     areas: tuple[AreaRow, ...] = _f("Most violations first, the rest of the floor last.", metric="M15", default=())
     when: When = _f("The timetable.", metric="M8")
     maps: tuple[FloorMap, ...] = _f("One plan or floor, or one picture per camera.", metric="M17", default=())
-    change_maps: ChangeMaps | None = _f("None when nothing is compared.", metric="M17", default=None)
+    change_maps: ChangeMaps | None = _o("None when nothing is compared.", metric="M17")
     spot_pictures: tuple[SpotPicture, ...] = _f("What stands around the numbered spots.", default=())
-    footsteps: Footsteps | None = _f("None where the engine sends no positions or no track ids.", default=None)
-    views: MapViews | None = _f("None where what some camera sees is unknown.", default=None)
+    footsteps: Footsteps | None = _o("None where the engine sends no positions or no track ids.")
+    views: MapViews | None = _o("None where what some camera sees is unknown.")
     log: tuple[LogLine, ...] = _f("In order of time.", default=())
-    stored: StoredRecords | None = _f("Raw records stored when the report was made.", default=None)
-    settings_change: SettingsChange | None = _f("Set when `state` is settings_changed.", default=None)
-    spots: Spots | None = _f("The numbered spots; None when nothing is ranked.", metric="M20", default=None)
-    readings: Readings | None = _f("All violations, and those between groups.", metric="M9", default=None)
+    stored: StoredRecords | None = _o("Raw records stored when the report was made.")
+    settings_change: SettingsChange | None = _o("Set when `state` is settings_changed.")
+    spots: Spots | None = _o("The numbered spots; None when nothing is ranked.", metric="M20")
+    readings: Readings | None = _o("All violations, and those between groups.", metric="M9")
     redesigns: tuple[Redesign, ...] = _f("What logged changes did.", metric="M27", default=())
     ledger: tuple[LedgerLine, ...] = _f(
         "Every logged change from the first week looked at, and what it avoided.", metric="M27", default=()
     )
-    causes: Causes | None = _f("What moved; None when nothing is compared.", metric="M23", default=None)
-    trend: Trend | None = _f("The last ten weeks.", metric="M28", default=None)
-    outlook: Outlook | None = _f("The next week.", metric="M25", default=None)
-    unusual: UnusualHours | None = _f("Hours far from usual.", metric="M24", default=None)
-    selfcheck: SelfCheck | None = _f("How often the verdicts on the floor are false alarms.", default=None)
-    close_by_crowding: CloseByCrowding | None = _f(
-        "Time too close by crowding and day; None in files of older versions.", metric="M6", default=None
+    causes: Causes | None = _o("What moved; None when nothing is compared.", metric="M23")
+    trend: Trend | None = _o("The last ten weeks.", metric="M28")
+    outlook: Outlook | None = _o("The next week.", metric="M25")
+    unusual: UnusualHours | None = _o("Hours far from usual.", metric="M24")
+    selfcheck: SelfCheck | None = _o("How often the verdicts on the floor are false alarms.")
+    close_by_crowding: CloseByCrowding | None = _o(
+        "Time too close by crowding and day; None in files of older versions.", metric="M6"
     )
     figures: Mapping[str, Figure] = _f(
         "Keyed by the catalogue, as M7; absent: not in this version, nobody asks for it, or it needs weeks."
     )
-    agenda: Agenda | None = _f("What may be asked, and what earlier weeks asked.", default=None)
-    story: Story | None = _f("Filled by `headline.story_of`; None until then.", default=None)
+    agenda: Agenda | None = _o("What may be asked, and what earlier weeks asked.")
+    story: Story | None = _o("Filled by `headline.story_of`; None until then.")
 
     @property
     def silent_cameras(self) -> tuple[CameraRecord, ...]:

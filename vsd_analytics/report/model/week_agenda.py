@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import date, datetime
 
 from vsd_analytics.figures.week.model_estimate import described as _f
+from vsd_analytics.figures.week.model_estimate import optional as _o
 from vsd_analytics.site.questions import AnswerKind
 
 
@@ -25,12 +26,11 @@ class PlaceToAsk:
     """A place that a question may be about, and what may be asked there."""
 
     place: str = _f("Id of the area, or rest.")
-    area_id: str | None = _f("Area it is; None for the rest of the floor.", default=None)
+    area_id: str | None = _o("Area it is; None for the rest of the floor.")
     name: str = _f("What the page calls it; free text.")
     remedies: tuple[Remedy, ...] = _f("First what fits best.", default=())
-    changed_on: date | None = _f(
+    changed_on: date | None = _o(
         "Local day of a logged change of the last four weeks: it is watched, and nothing else is asked there.",
-        default=None,
     )
 
 
@@ -44,11 +44,11 @@ class PastQuestion:
     text: str = _f("Its words.")
     place: str = _f("What it was about: the id of an area or camera, rest or floor.")
     remedy: str = _f("What it proposed.")
-    answer: AnswerKind | None = _f("The last answer up to the end of this report's week; None: none.", default=None)
-    answered_at: datetime | None = _f("When that was; for tried, when the change was made.", default=None)
+    answer: AnswerKind | None = _o("The last answer up to the end of this report's week; None: none.")
+    answered_at: datetime | None = _o("When that was; for tried, when the change was made.")
     answer_text: str = _f("What was done, or why not; free text.", default="")
-    by: str | None = _f("Who answered; free text.", default=None)
-    change: int | None = _f("Number in the log of the change that was tried.", default=None)
+    by: str | None = _o("Who answered; free text.")
+    change: int | None = _o("Number in the log of the change that was tried.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

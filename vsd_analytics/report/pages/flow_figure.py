@@ -17,25 +17,22 @@ from vsd_analytics.report.words.catalogue import say
 Rows = Sequence[Mapping[str, Any]]
 
 
-def flow_figure(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure | None:
+def flow_figure(report: WeekReport, floor: FloorMap) -> MapFigure | None:
     """Return the drawings of flow (M37, M42); None where no area asks for visits, or nothing is known.
 
     Args:
         report: The report.
         floor: The floor's map.
-        is_alone: Every drawing carries the plan itself and can be taken from the page.
     """
     between, cells = (rows_of(report.figures, key) for key in ("M37", "M42"))
     number, panels = report.week.number, []
     if cells:
         label = say("maps.flow_label_directions", floor=floor.title, number=number)
-        drawing = flow_maps.mini_directions(
-            floor, arrows_of(cells), cell_m=cells[0]["cell_m"], name="wd", label=label, is_alone=is_alone
-        )
+        drawing = flow_maps.mini_directions(floor, arrows_of(cells), cell_m=cells[0]["cell_m"], name="wd", label=label)
         panels.append(MapPanel(title=say("maps.flow_directions"), drawing=drawing))
     if lines := lines_of(between):
         label = say("maps.flow_label_lines", floor=floor.title, number=number)
-        drawing = flow_maps.mini_desire_lines(floor, lines, name="dl", label=label, is_alone=is_alone)
+        drawing = flow_maps.mini_desire_lines(floor, lines, name="dl", label=label)
         panels.append(MapPanel(title=say("maps.flow_lines"), drawing=drawing))
     if not panels:
         return None

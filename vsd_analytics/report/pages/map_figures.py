@@ -33,25 +33,24 @@ class MapFigures:
     flow: MapFigure | None = None
 
 
-def map_figures(report: WeekReport, *, is_alone: bool = False) -> MapFigures:
+def map_figures(report: WeekReport) -> MapFigures:
     """Return the figures of a report.
 
     Args:
         report: The report.
-        is_alone: Every drawing carries the plan itself and can be taken from the page.
     """
     floor = report.maps[0] if report.maps and report.maps[0].kind != "picture" else None
     if floor is None:
         return MapFigures()
     return MapFigures(
-        change=_change(report, floor, is_alone=is_alone),
-        footsteps=_footsteps(report, floor, is_alone=is_alone),
-        views=_views(report, floor, is_alone=is_alone),
-        flow=flow_figure(report, floor, is_alone=is_alone),
+        change=_change(report, floor),
+        footsteps=_footsteps(report, floor),
+        views=_views(report, floor),
+        flow=flow_figure(report, floor),
     )
 
 
-def _change(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure | None:
+def _change(report: WeekReport, floor: FloorMap) -> MapFigure | None:
     shown, previous = report.change_maps, report.previous
     if shown is None or previous is None:
         return None
@@ -72,7 +71,6 @@ def _change(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure
                 name=name,
                 steps=steps,
                 label=say("maps.change_label_week", floor=floor.title, number=week.number),
-                is_alone=is_alone,
             ),
         )
         for week, bands, name, place, left in weeks
@@ -81,7 +79,7 @@ def _change(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure
     added = contributions(report)
     parts = [(p.area_id, p.name, p.value) for p in added.parts] if added is not None else []
     numbers = {area_id: value for area_id, _, value in parts if area_id is not None}
-    drawing = small_maps.mini_change(floor, shown, name="cd", label=label, is_alone=is_alone, numbers=numbers)
+    drawing = small_maps.mini_change(floor, shown, name="cd", label=label, numbers=numbers)
     moved = say("maps.change_moved", names=terms.joined(dict.fromkeys(f.name for f in gone))) if gone else ""
     low, high = (fmt.plain(s) for s in shown.steps)
     return MapFigure(
@@ -103,7 +101,7 @@ def _change(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure
     )
 
 
-def _footsteps(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure | None:
+def _footsteps(report: WeekReport, floor: FloorMap) -> MapFigure | None:
     steps = report.footsteps
     if steps is None:
         return None
@@ -122,7 +120,7 @@ def _footsteps(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFig
     else:
         rows = []
     left = small_maps.mini_footsteps(
-        floor, steps, name="fl", label=say("maps.steps_label_left", floor=floor.title, number=number), is_alone=is_alone
+        floor, steps, name="fl", label=say("maps.steps_label_left", floor=floor.title, number=number)
     )
     right = small_maps.mini_heat(
         floor,
@@ -130,7 +128,6 @@ def _footsteps(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFig
         name="fr",
         steps=report.rules.heat_steps,
         label=say("maps.steps_label_right", floor=floor.title, number=number),
-        is_alone=is_alone,
     )
     return MapFigure(
         title=title,
@@ -153,7 +150,7 @@ def _footsteps(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFig
     )
 
 
-def _views(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure | None:
+def _views(report: WeekReport, floor: FloorMap) -> MapFigure | None:
     shown = report.views
     if shown is None:
         return None
@@ -161,9 +158,7 @@ def _views(report: WeekReport, floor: FloorMap, *, is_alone: bool) -> MapFigure 
     key = say("maps.views_title", shared=shared, unseen=unseen)
     if shown.unseen_m2 < 0.005 * shown.floor_m2:
         key = say("maps.views_title_all", shared=shared)
-    drawing = small_maps.mini_views(
-        floor, shown, name="vw", label=say("maps.views_label", floor=floor.title), is_alone=is_alone
-    )
+    drawing = small_maps.mini_views(floor, shown, name="vw", label=say("maps.views_label", floor=floor.title))
     keys = [Key(style="ov", text=say("maps.views_legend_one"))]
     if shown.shared:
         keys.append(Key(style="sv", text=say("maps.views_legend_many")))

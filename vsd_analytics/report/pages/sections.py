@@ -10,7 +10,7 @@ from markupsafe import Markup
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Causes, Redesign, Target, TrendWeek
 from vsd_analytics.report.draw import svg
-from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, Measure, chart
+from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, Measure, chart, known
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
@@ -93,8 +93,8 @@ class BarTable:
 
     title: str
     sub: str
-    axis: Markup
-    rows: tuple[BarRow, ...]
+    axis: Markup = NO_BAR
+    rows: tuple[BarRow, ...] = ()
     sentence: str = ""
     notes: tuple[str, ...] = ()
 
@@ -103,9 +103,9 @@ class BarTable:
 class Listed:
     """A short figure made of lines; without title and lines it is only refused, in its notes."""
 
-    title: str
-    sub: str
-    lines: tuple[str, ...]
+    title: str = ""
+    sub: str = ""
+    lines: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
 
@@ -117,7 +117,7 @@ def trend(report: WeekReport) -> TrendView | None:
     weeks = found.weeks
     panels = []
     for measure in ("often", "close"):
-        n = sum(_value(w, measure) is not None for w in weeks)
+        n = sum(known(w, measure) is not None for w in weeks)
         if n >= 2:
             panels.append(_panel(report, measure))
     notes = []
@@ -159,11 +159,11 @@ def _is_named_by_trend(report: WeekReport, reason: Reason | None, code: str) -> 
 def trend_title(report: WeekReport, measure: Measure) -> str:
     """Return the title of one measure over the weeks: whether this week lies in their usual range."""
     weeks = report.trend.weeks if report.trend is not None else ()
-    if report.trend is None or not weeks or _value(weeks[-1], measure) is None:
+    if report.trend is None or not weeks or known(weeks[-1], measure) is None:
         return say("titles.trend_gap", week=report.week.number)
     usual = report.trend.usual_often if measure == "often" else report.trend.usual_close
     if usual is None:
-        n = sum(_value(w, measure) is not None for w in weeks)
+        n = sum(known(w, measure) is not None for w in weeks)
         return say("titles.trend_few", plural=n, n=fmt.count(n))
     return say(f"titles.trend_{usual.position}", week=report.week.number)
 
@@ -176,9 +176,7 @@ def causes(report: WeekReport) -> BarTable | None:
     distance = fmt.distance(report.rules.distance_m, report.rules.distance_unit)
     title, sub = say("causes.title"), say("causes.sub", distance=distance, before=report.previous.number)
     if found.close is None:
-        return BarTable(
-            title=title, sub=sub, axis=Markup(""), rows=(), notes=(say("causes.none", reason=_because(found.reason)),)
-        )
+        return BarTable(title=title, sub=sub, notes=(say("causes.none", reason=_because(found.reason)),))
     parts = {
         "people": Estimate(value=None, change=found.people),
         "layout": Estimate(value=None, change=found.layout),
@@ -229,9 +227,7 @@ def outlook(report: WeekReport) -> Listed | None:
         return None
     sub = say("next.sub")
     if not found.highest:
-        return Listed(
-            title="", sub="", lines=(), notes=(say("next.why", week=found.number, reason=_because(found.reason)),)
-        )
+        return Listed(notes=(say("next.why", week=found.number, reason=_because(found.reason)),))
     lines = []
     for h in found.highest:
         hour = f"{fmt.weekday(h.day)} {fmt.hour_label(h.hour)}"
@@ -262,7 +258,7 @@ def unusual(report: WeekReport) -> Listed | None:
     if found.state != "ok" and _is_named_by_trend(report, found.reason, "unusual.weeks"):
         return None
     if found.state != "ok":
-        return Listed(title="", sub="", lines=(), notes=(say("when.unusual_why", reason=_because(found.reason)),))
+        return Listed(notes=(say("when.unusual_why", reason=_because(found.reason)),))
     lines = [
         say(
             "when.unusual_row" if r.violations is not None else "when.unusual_row_held",
@@ -301,11 +297,6 @@ def _because(reason: Reason | None) -> str:
     return (reason_text(reason) or say("words.too_little_data").lower()).rstrip(".")
 
 
-def _value(week: TrendWeek, measure: Measure) -> Estimate | None:
-    found = week.often if measure == "often" else week.close
-    return found if found is not None and found.value is not None else None
-
-
 def _panel(report: WeekReport, measure: Measure) -> TrendPanel:
     found = report.trend
     assert found is not None
@@ -327,7 +318,7 @@ def _target(target: Target) -> str:
 
 
 def _row(week: TrendWeek) -> TrendRow:
-    often, close = _value(week, "often"), _value(week, "close")
+    often, close = known(week, "often"), known(week, "close")
     note = reason_text(week.reason)
     if week.missing:
         cameras = terms.joined(terms.camera_name(c) for c in week.missing)
@@ -355,7 +346,7 @@ def _range(e: Estimate | None, *, written: Callable[[float | None], str] = fmt.n
 def _differs(report: WeekReport) -> str:
     """Say why the week before reads otherwise in the comparison, where it does."""
     before = report.trend.weeks[-2] if report.trend is not None and len(report.trend.weeks) > 1 else None
-    often = _value(before, "often") if before is not None else None
+    often = known(before, "often") if before is not None else None
     there = report.level.often.previous
     if often is None or there is None or fmt.number(often.value) == fmt.number(there):
         return ""

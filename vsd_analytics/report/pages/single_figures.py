@@ -18,7 +18,7 @@ from markupsafe import Markup
 from vsd_analytics.errors import ReportError, UsageError
 from vsd_analytics.report.draw import single_charts
 from vsd_analytics.report.draw.single_charts import Drawing, legend, text, wrapped
-from vsd_analytics.report.draw.svg import HATCH, INK, MUTED, WHITE, el
+from vsd_analytics.report.draw.svg import INK, MUTED, WHITE, el, hatch_pattern
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.week import Page, make_page
 from vsd_analytics.report.words import format as fmt
@@ -159,18 +159,7 @@ def _source(page: Page) -> str:
 
 def _svg(body: Markup, *, width: float, height: float, label: str, margin: float) -> str:
     whole_w, whole_h = width + 2 * margin, round(height + 2 * margin)
-    defs = el(
-        "defs",
-        el(
-            "pattern",
-            el("line", stroke=HATCH, stroke_width=1.4, x1=0, y1=0, x2=0, y2=6),
-            id="hat",
-            width=6,
-            height=6,
-            patternUnits="userSpaceOnUse",
-            patternTransform="rotate(45)",
-        ),
-    )
+    defs = el("defs", hatch_pattern())
     ground = el("rect", fill=WHITE, width=whole_w, height=whole_h)
     inner = el("g", body, transform=f"translate({margin:g} {margin:g})")
     head = (

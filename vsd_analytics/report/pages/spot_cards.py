@@ -200,13 +200,12 @@ def _reason(evidence: Evidence, report: WeekReport) -> str:
     return terms.sentence(", ".join(parts))
 
 
-def spot_scene(report: WeekReport, number: int, *, is_alone: bool = False) -> Markup:
+def spot_scene(report: WeekReport, number: int) -> Markup:
     """Draw the surroundings of a numbered spot; empty without a picture of it.
 
     Args:
         report: The report.
         number: Number of the spot.
-        is_alone: The drawing carries the plan itself and can be taken from the page.
     """
     found = next((p for p in report.spot_pictures if p.number == number), None)
     floor = next((m for m in report.maps if m.kind != "picture"), None)
@@ -216,4 +215,4 @@ def spot_scene(report: WeekReport, number: int, *, is_alone: bool = False) -> Ma
         label = say("spots.floor_label", floor=floor.title, number=number)
     else:
         label = say("spots.picture_label", camera=terms.camera_name(found.camera_name), number=number)
-    return small_maps.scene(found, floor, rules=report.rules, name=f"spot{number}", label=label, is_alone=is_alone)
+    return small_maps.scene(found, floor, rules=report.rules, name=f"spot{number}", label=label)

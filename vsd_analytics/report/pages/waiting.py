@@ -82,17 +82,12 @@ def waiting(figures: Mapping[str, Figure]) -> WaitingView | None:
     if people is not None and not of_people:
         lines = (say("waiting.no_people", reason=reason_text(people.reason)),)
         views = [QueueView(name=say("waiting.queues"), lines=lines, hours=()), *views]
-    capacities = [
-        _capacity(name, [row for row in of_use if row["place"] == name])
-        for name in dict.fromkeys(str(row["place"]) for row in of_use)
-    ]
+    use_of = {str(at["place"]): [row for row in of_use if row["place"] == at["place"]] for at in of_use}
+    capacities = [_capacity(name, rows) for name, rows in use_of.items()]
     if use is not None and not of_use:
         capacities = [say("waiting.no_capacity", reason=reason_text(use.reason))]
     queue_rows = [_queue_row(name, _of(of_people, area), _of(of_waits, area)) for area, name in places]
-    capacity_rows = [
-        _capacity_row(name, [row for row in of_use if row["place"] == name])
-        for name in dict.fromkeys(str(row["place"]) for row in of_use)
-    ]
+    capacity_rows = [_capacity_row(name, rows) for name, rows in use_of.items()]
     return WaitingView(
         queues=tuple(views),
         capacities=tuple(capacities),

@@ -1,8 +1,7 @@
-"""The words of the report: one term for one thing, and the list of words it never uses (report brief, 4.2)."""
+"""The words of the report: one term for one thing (report brief, 4.2)."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from datetime import date, datetime
 from typing import Final
@@ -13,15 +12,6 @@ from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words.catalogue import is_about_days, say
 from vsd_analytics.report.words.languages import separated
 from vsd_analytics.result import Verdict
-
-# Words and phrases that no page, message or template may use.
-FORBIDDEN: Final = (
-    *("infringement", "incident", "offender", "normalised rate", "normalized rate", "per observation"),
-    *("sigma", "p-value", "statistically significant", "significant", "significantly", "improved", "worse"),
-    *("uptime", "NaN", "null", "cluster", "ROI", "hot zone", "proved", "caused", "because of", "compliance", "family"),
-    *("\u00b1", "p < "),
-)
-
 
 # Sizes of the fractions a headline may use, and the entry of each.
 _FRACTIONS: Final = tuple(
@@ -35,18 +25,6 @@ _FRACTIONS: Final = tuple(
 
 _PARTS: Final = ((0.95, "all"), (0.6, "most"), (0.45, "half"), (1 / 3, "third"))
 """Least share of a whole and the name of its words, greatest first."""
-
-
-def forbidden_in(text: str) -> list[str]:
-    """Return the forbidden words of `text`, whole words only, in the order of the list."""
-    found = []
-    for word in FORBIDDEN:
-        start = r"(?<!\w)" if word[0].isalnum() else ""
-        end = r"(?!\w)" if word[-1].isalnum() else ""
-        flags = 0 if word in ("NaN", "ROI") else re.IGNORECASE
-        if re.search(start + re.escape(word) + end, text, flags):
-            found.append(word)
-    return found
 
 
 def moved(change: float) -> str:

@@ -81,7 +81,11 @@ def today_words(found: Today, site: Site) -> TodayWords:
     below = site.settings.mask_below
     floors = {f.floor_id: f.name for f in site.floors}
     rough = coarse_days(found.hours, below=below)
-    days = (_yesterday(found, below=below, rough=rough), _so_far(found, below=below, rough=rough))
+    title = say("today.yesterday", day=fmt.date_short(found.at.date() - timedelta(days=1)))
+    yesterday = _day(found.yesterday, title=title, below=below, rough=rough)
+    until = None if found.so_far is None else found.so_far.until_hour
+    title = say("today.today") if until is None else say("today.so_far", clock=fmt.hour_label(until))
+    days = yesterday, _day(found.so_far, title=title, below=below, rough=rough)
     chance = [say("today.chance")] if any(d.position for d in days) else []
     return TodayWords(
         site=site.name,
@@ -117,20 +121,6 @@ def _headline(found: Today, days: tuple[DayWords, DayWords], site: Site) -> str:
     if found.yesterday is None and found.so_far is None:
         return say("today.h_closed")
     return say("today.h_within" if yesterday.position or so_far.position else "today.h_unknown")
-
-
-def _yesterday(found: Today, *, below: int, rough: Collection[date]) -> DayWords:
-    before = found.at.date() - timedelta(days=1)
-    return _day(found.yesterday, title=say("today.yesterday", day=fmt.date_short(before)), below=below, rough=rough)
-
-
-def _so_far(found: Today, *, below: int, rough: Collection[date]) -> DayWords:
-    level = found.so_far
-    is_begun = level is not None and level.until_hour is not None
-    title = (
-        say("today.so_far", clock=fmt.hour_label(level.until_hour or 0)) if level and is_begun else say("today.today")
-    )
-    return _day(level, title=title, below=below, rough=rough)
 
 
 def _day(level: DayLevel | None, *, title: str, below: int, rough: Collection[date]) -> DayWords:
