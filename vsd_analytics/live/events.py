@@ -114,7 +114,7 @@ class RuleAtCamera:
         identity = json.dumps([self._site_id, rule.alarm_id, rule.kind, self._camera.camera_id, since_ms, number])
         return hashlib.blake2b(identity.encode(), digest_size=8).hexdigest()
 
-    def _told(self, step: AlarmStep, at_ms: int, since_ms: int, *, number: int = 0, **seen: Any) -> AlarmEvent:
+    def _step_event(self, step: AlarmStep, at_ms: int, since_ms: int, *, number: int = 0, **seen: Any) -> AlarmEvent:
         """Return one step of an alarm; `seen` are the attributes of `AlarmEvent` from `x_mm` on."""
         rule, camera = self.rule, self._camera
         seen |= {"site": self._site_id, "camera": camera.camera_id, "floor": camera.floor_id, "area": rule.area_id}

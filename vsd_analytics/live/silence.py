@@ -135,4 +135,4 @@ class Silence(RuleAtCamera):
     def _event(self, step: AlarmStep, at_ms: int) -> AlarmEvent:
         since_ms = self._since_ms if self._since_ms is not None else at_ms
         self._reported_ms = at_ms
-        return self._told(step, at_ms, since_ms)
+        return self._step_event(step, at_ms, since_ms)

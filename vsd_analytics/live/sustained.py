@@ -168,7 +168,7 @@ class Situations(RuleAtCamera):
         return False
 
     def _event(self, s: _Situation, step: AlarmStep, at_ms: int) -> AlarmEvent:
-        return self._told(
+        return self._step_event(
             step,
             at_ms,
             s.since_ms,
