@@ -11,7 +11,6 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,6 @@ from vsd_analytics.config import load_site
 from vsd_analytics.errors import InputError, LiveError, UsageError
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import SourceResult
-from vsd_analytics.ingest.text_lines import line_blocks
 from vsd_analytics.live import inbox
 from vsd_analytics.live.inbox import as_it_is, waiting
 from vsd_analytics.live.watch import WatchStatus, read_watch_status, watch
@@ -288,7 +286,7 @@ def test_asked_to_stop_in_the_middle_of_a_large_file_it_stops_and_goes_on_later(
     site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("vsd_analytics.ingest.frames.BATCH_ROWS", 100)
-    monkeypatch.setattr("vsd_analytics.ingest.frames.line_blocks", partial(line_blocks, block_bytes=10_000))
+    monkeypatch.setattr("vsd_analytics.ingest.frames._BLOCK_BYTES", 10_000)
     world = World(site)
     (world.folder / "0.jsonl").write_text(message(3000))
     os.utime(world.folder / "0.jsonl", ns=(7, 7))

@@ -85,6 +85,7 @@ def progress(items: Iterable[Any] | None, *, total: int | None, label: str, unit
     from tqdm import tqdm
 
     scale = unit == "B"
+    tqdm.monitor_interval = 0  # its thread would keep `ingest` from copying this process for a large file
     with tqdm(
         items,
         total=total,

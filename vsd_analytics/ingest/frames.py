@@ -10,6 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from datetime import datetime
+from functools import partial
 from operator import attrgetter
 from typing import Annotated, Any
 
@@ -17,17 +18,19 @@ import msgspec
 import numpy as np
 import pyarrow as pa
 
-from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read
 from vsd_analytics.ingest.envelopes import bare, text_before
+from vsd_analytics.ingest.helper_processes import in_order, n_helpers
 from vsd_analytics.ingest.instants import ambiguous_note, local_to_utc
 from vsd_analytics.ingest.message_columns import Columns, pair_columns, person_columns
 from vsd_analytics.ingest.raw import raw_table, rejected
 from vsd_analytics.ingest.reasons import TOO_MANY, UNKNOWN_FIELD
-from vsd_analytics.ingest.text_lines import line_blocks
+from vsd_analytics.ingest.text_lines import lines_of, text_blocks
 from vsd_analytics.schema import TableName
 
 _LONG_BYTES = 2 << 20  # a first line that is damaged may be long
+_BLOCK_BYTES = 12 << 20
+"""Text that becomes a batch: some 160,000 records."""
 _HELD_ROWS = 8_192
 """Messages become columns while the processor's cache still has them: in two thirds of the time."""
 _OF_FRAME = ("camera", "ts", "seq", "engine", "quality")
@@ -129,23 +132,35 @@ class Frames:
         return any((n.lstrip().startswith(b"{") or text_before(n)) and _is_own(n) for n in lines)
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
-        """Stream the messages of one file; see `Adapter.read`."""
-        builder = MessageRows(options)
-        too_long = f"the line is longer than {options.line_max_bytes:,} bytes"
+        """Stream the messages of one file, a large one in several processes; see `Adapter.read`."""
         with source.open() as stream:
-            try:
-                for first, lines in line_blocks(stream, max_bytes=options.line_max_bytes):
-                    for number, line in enumerate(lines, first):
-                        if line is None:
-                            builder.reject(number, "line-too-long", too_long, b"")
-                        elif line:
-                            builder.add(number, line)
-                        if builder.n_rows >= BATCH_ROWS:
-                            yield builder.batch(bytes_read(stream))
-            except InputError:
-                yield builder.batch(source.size_bytes)  # what came before the damage
-                raise
-        yield builder.batch(source.size_bytes)
+            texts = text_blocks(stream, max_bytes=options.line_max_bytes, block_bytes=_BLOCK_BYTES)
+            blocks = ((first, text, bytes_read(stream)) for first, text in texts)
+            helpers = n_helpers(source.size_bytes)
+            is_empty = True
+            for batches in in_order(partial(_batches, options), blocks, n_helpers=helpers):
+                yield from batches
+                is_empty = is_empty and not batches
+            if is_empty:
+                yield MessageRows(options).batch(source.size_bytes)
+
+
+def _batches(options: IngestOptions, block: tuple[int, bytes | None, int]) -> list[RawBatch]:
+    """Return the records of some whole lines, of which one that is too long is None; see `text_blocks`."""
+    first, text, done_bytes = block
+    found: list[RawBatch] = []
+    builder = MessageRows(options)
+    for number, line in enumerate(lines_of(text, max_bytes=options.line_max_bytes), first):
+        if line is None:
+            too_long = f"the line is longer than {options.line_max_bytes:,} bytes"
+            builder.reject(number, "line-too-long", too_long, b"")
+        elif line:
+            builder.add(number, line)
+        if builder.n_rows >= BATCH_ROWS:
+            found.append(builder.batch(done_bytes))
+    if builder.n_rows:
+        found.append(builder.batch(done_bytes))
+    return found
 
 
 def _is_own(line: bytes) -> bool:
