@@ -4,7 +4,7 @@ The unit is `pyarrow.parquet.write_table` of the same rows in one file, fsynced:
 
     python tests/benchmarks/bench_ingest.py --rows 1000000
     python tests/benchmarks/bench_ingest.py --rows 1000000 --pairs    # pairs that an engine measured, without persons
-    python tests/benchmarks/bench_ingest.py --rows 4000000 --at-once  # two `vsd ingest`, each of half of the cameras
+    python tests/benchmarks/bench_ingest.py --rows 4000000 --commands # `vsd ingest` with one core and with all
 
 and put the table into docs/benchmarks.md. Nothing asserts a time: machines differ and are noisy, ratios less so.
 """
@@ -197,43 +197,59 @@ def processor_s() -> float:
     return sum(of.ru_utime + of.ru_stime for of in used)
 
 
-def at_once(table: TableName, lines: list[bytes], n_rows: int, rounds: int) -> None:
-    """Print the wall time of two `vsd ingest` at once into one store, and of one after the other.
+def commands(table: TableName, lines: list[bytes], n_rows: int, rounds: int) -> None:
+    """Print the wall time of `vsd ingest` with all cores and with one, and of two at once into one store.
 
-    Each file has the messages of half of the cameras. Times include the start of Python and the fold.
+    The two files at once have the messages of half of the cameras each. Times include the start of Python and the fold.
     """
     vsd = Path(sys.executable).with_name("vsd")
     halves: tuple[list[bytes], list[bytes]] = ([], [])
     for line in lines:
         camera = line.split(b'"', 6)[5]  # {"v":1,"camera":"cam-1"
         halves[int(camera.removeprefix(b"cam-")) % 2].append(line)
-    print(f"{n_rows:,} records of {table}; {rounds} rounds; load {os.getloadavg()[0]:.1f}\n")
-    print("| at once, s | one after the other, s | of it | records a second, at once |")
-    print("|--:|--:|--:|--:|")
+    cores = os.sched_getaffinity(0)
+    ways = {
+        "one core": (["all"], {min(cores)}),
+        f"{len(cores)} cores": (["all"], cores),
+        "two commands at once, half of the cameras each": (["half-0", "half-1"], cores),
+    }
+    took: dict[str, list[tuple[float, float]]] = {way: [] for way in ways}
     with tempfile.TemporaryDirectory() as root:
-        files = [Path(root) / f"engine-{k}.jsonl" for k in range(2)]
-        for file, half in zip(files, halves, strict=True):
-            file.write_bytes(b"\n".join(half) + b"\n")
-        for _ in range(rounds):
-            took = []
-            for n_at_once in (2, 1):
+        for name, some in {"all": lines, "half-0": halves[0], "half-1": halves[1]}.items():
+            (Path(root) / f"{name}.jsonl").write_bytes(b"\n".join(some) + b"\n")
+        for k in range(rounds):
+            for way, (names, own_cores) in list(ways.items())[:: -1 if k % 2 else 1]:
                 folder = Path(root) / "project"
                 folder.mkdir()
                 (folder / "vsd.toml").write_text(CONFIG)
-                start = time.perf_counter()
-                for first in range(0, 2, n_at_once):
-                    group = [
-                        subprocess.Popen([vsd, "-C", folder, "ingest", file], stdout=subprocess.DEVNULL)
-                        for file in files[first : first + n_at_once]
-                    ]
-                    if any(process.wait() for process in group):
-                        raise AssertionError("an ingest failed")
-                took.append(time.perf_counter() - start)
+                start, start_cpu = time.perf_counter(), processor_s()
+                os.sched_setaffinity(0, own_cores)  # the commands have them too
+                group = [
+                    subprocess.Popen(
+                        [vsd, "-C", folder, "ingest", Path(root) / f"{name}.jsonl"], stdout=subprocess.DEVNULL
+                    )
+                    for name in names
+                ]
+                codes = [process.wait() for process in group]
+                os.sched_setaffinity(0, cores)
+                if any(codes):
+                    raise AssertionError("an ingest failed")
+                took[way].append((time.perf_counter() - start, processor_s() - start_cpu))
                 stored = pq.ParquetDataset(folder / "store" / table).read(columns=["ts"]).num_rows
                 if stored != n_rows:
                     raise AssertionError(f"{stored} of {n_rows} rows stored")
                 shutil.rmtree(folder)
-            print(f"| {took[0]:.2f} | {took[1]:.2f} | {took[0] / took[1]:.2f} | {n_rows / took[0]:,.0f} |")
+    print(f"{n_rows:,} records of {table}; {rounds} rounds; load {os.getloadavg()[0]:.1f}\n")
+    print("| vsd ingest | wall, s | least | greatest | times one core | least | greatest | processor s | records a s |")
+    print("|---|--:|--:|--:|--:|--:|--:|--:|--:|")
+    for way, of in took.items():
+        wall, cpu = zip(*of, strict=True)
+        ratios = [w / one for w, (one, _) in zip(wall, took["one core"], strict=True)]
+        median = statistics.median(wall)
+        print(
+            f"| {way} | {median:.2f} | {min(wall):.2f} | {max(wall):.2f} | {statistics.median(ratios):.2f} "
+            f"| {min(ratios):.2f} | {max(ratios):.2f} | {statistics.median(cpu):.2f} | {n_rows / median:,.0f} |"
+        )
 
 
 def main() -> None:
@@ -242,13 +258,13 @@ def main() -> None:
     parser.add_argument("--rows", type=int, default=1_000_000)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--pairs", action="store_true")
-    parser.add_argument("--at-once", action="store_true")
+    parser.add_argument("--commands", action="store_true")
     given = parser.parse_args()
     table: TableName = "pairs" if given.pairs else "observations"
     rows = pairs(given.rows) if given.pairs else observations(given.rows)
     lines = pair_messages(rows) if given.pairs else messages(rows)
-    if given.at_once:
-        at_once(table, lines, given.rows, given.rounds)
+    if given.commands:
+        commands(table, lines, given.rows, given.rounds)
         return
     measured = steps(table, rows, lines)
     times: dict[str, list[float]] = {name: [] for name in measured}

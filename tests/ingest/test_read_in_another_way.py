@@ -209,3 +209,15 @@ def test_other_people_at_the_same_times_raise_no_warning(shop: Path, imported: V
     path = moved(shop, by_m=0.5)
     path.write_text(path.read_text().replace(",1,", ",8,").replace(",2,", ",9,"))
     assert "at other places" not in vsd("ingest", str(path), "--map", "ts=time")[1]
+
+
+@pytest.mark.parametrize("n_bytes", [0, 100, -10])
+def test_a_damaged_part_is_named_where_the_places_of_its_records_come_again(
+    n_bytes: int, shop: Path, imported: Vsd, vsd: Vsd
+) -> None:
+    imported()
+    part = next((shop / "store" / "observations").rglob("*.parquet"))
+    part.write_bytes(part.read_bytes()[:n_bytes])
+    code, said = vsd("ingest", str(moved(shop, by_m=0.5)), "--map", "ts=time")
+    assert (code, "E302" in said, part.name in said) == (2, True, True), said
+    assert "at other places" not in said
