@@ -91,6 +91,14 @@ def test_the_parts_of_a_killed_helper_are_done_here(n: int) -> None:
     assert list(in_order(deadly, iter(range(20)), n_helpers=n)) == list(range(20))
 
 
+def test_without_more_processes_all_parts_are_done_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse() -> int:
+        raise BlockingIOError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(os, "fork", refuse)
+    assert set(in_order(pid_of, iter(range(9)), n_helpers=2)) == {os.getpid()}
+
+
 def test_who_stops_early_leaves_no_helper() -> None:
     results = in_order(squared, iter(range(1000)), n_helpers=2)
     assert next(results) == squared(0)

@@ -47,8 +47,8 @@ def n_helpers(n_bytes: int) -> int:
 def in_order(work: Callable[[Part], Result], parts: Iterator[Part], *, n_helpers: int) -> Iterator[Result]:
     """Yield `work(part)` of each part in order.
 
-    Helpers are copies of this process. While the next result is not there, this process works on a part, too. The parts
-    of a helper that was killed are done here.
+    Helpers are copies of this process. While the next result is not there, this process works on a part, too. It also
+    does the parts of helpers that were killed or could not be started.
 
     Args:
         work: A function of the part alone, which can be pickled, as can parts and results.
@@ -144,7 +144,7 @@ class _Given(Generic[Part, Result]):
         return self.lengths is None or self.lengths.done()
 
     def result(self, work: Callable[[Part], Result]) -> Result:
-        """Return the result; that of a helper that was killed is worked out here."""
+        """Return the result; this process works it out where a helper was killed or could not be started."""
         if self.memory is None or self.lengths is None:
             return work(self.part) if self.own is None else self.own
         try:
@@ -159,7 +159,7 @@ def _given(
 ) -> _Given[Part, Result]:
     try:
         return _Given(part, memory, pool.submit(_help, memory, memory.put((work, part))))
-    except BrokenProcessPool:
+    except (BrokenProcessPool, OSError):  # the system may allow no more processes
         return _Given(part, memory)
 
 
