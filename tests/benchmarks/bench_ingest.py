@@ -6,7 +6,7 @@ The unit is `pyarrow.parquet.write_table` of the same rows in one file, fsynced:
     python tests/benchmarks/bench_ingest.py --rows 1000000 --pairs    # pairs that an engine measured, without persons
     python tests/benchmarks/bench_ingest.py --rows 4000000 --commands # `vsd ingest` with one core and with all
 
-and put the table into docs/benchmarks.md. Nothing asserts a time: machines differ and are noisy, ratios less so.
+and put the table into docs/performance.md. Nothing asserts a time: machines differ and are noisy, ratios less so.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -187,6 +187,29 @@ def test_a_file_gives_the_same_batches_with_helpers_and_without(
     if kind == "plain":
         assert set(found[0].reasons.values()) >= {"bad-message", TOO_MANY, "line-too-long"}
         assert len(found[0].batches) > 20
+
+
+def test_no_process_decodes_more_records_at_once_than_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    persons = {"v": 1, "camera": "cam-1", "ts": "2026-11-09T09:00:00Z", "persons": [{}] * 40}
+    text = "\n".join(json.dumps(persons) for _ in range(500)) + "\n" + json.dumps(persons | {"persons": [{}] * 300})
+    (tmp_path / "a.jsonl").write_text(text)
+    most, decoded = 200, list[tuple[int, int, int]]()
+
+    def spied(
+        work: Callable[..., object], parts: Iterator[tuple[int, bytes, int]], *, n_helpers: int
+    ) -> Iterator[object]:
+        for part in parts:
+            first, lines, _ = part
+            decoded.append((first, lines.count(b"\n") + 1, lines.count(b"{")))
+            yield work(part)
+
+    monkeypatch.setattr(frames, "_BLOCK_RECORDS", most)
+    monkeypatch.setattr(frames, "in_order", spied)
+    found = read(Frames(), tmp_path / "a.jsonl", IngestOptions(persons_max=1_000))
+    assert all(n_records <= most or n_lines == 1 for _, n_lines, n_records in decoded)
+    assert [first for first, _, _ in decoded] == [1 + sum(n for _, n, _ in decoded[:k]) for k in range(len(decoded))]
+    assert found.column("line", "frames") == list(range(1, 502))
+    assert len(found.people) == 500 * 40 + 300
 
 
 def test_small_files_and_processes_with_threads_have_no_helpers(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,7 +30,9 @@ from vsd_analytics.schema import TableName
 
 _LONG_BYTES = 2 << 20  # a first line that is damaged may be long
 _BLOCK_BYTES = 12 << 20
-"""Text that becomes a batch: some 160,000 records."""
+"""Text that is decoded at once: some 200,000 records."""
+_BLOCK_RECORDS = 400_000
+"""More are decoded at once only where one line has more: persons without a place take three bytes each."""
 _HELD_ROWS = 8_192
 """Messages become columns while the processor's cache still has them: in two thirds of the time."""
 _OF_FRAME = ("camera", "ts", "seq", "engine", "quality")
@@ -135,7 +137,7 @@ class Frames:
         """Stream the messages of one file, a large one in several processes; see `Adapter.read`."""
         with source.open() as stream:
             texts = text_blocks(stream, max_bytes=options.line_max_bytes, block_bytes=_BLOCK_BYTES)
-            blocks = ((first, text, bytes_read(stream)) for first, text in texts)
+            blocks = ((n, piece, bytes_read(stream)) for first, text in texts for n, piece in _bounded(first, text))
             helpers = n_helpers(source.size_bytes)
             is_empty = True
             for batches in in_order(partial(_batches, options), blocks, n_helpers=helpers):
@@ -143,6 +145,19 @@ class Frames:
                 is_empty = is_empty and not batches
             if is_empty:
                 yield MessageRows(options).batch(source.size_bytes)
+
+
+def _bounded(first: int, text: bytes | None) -> Iterator[tuple[int, bytes | None]]:
+    """Yield some whole lines in pieces that cannot hold more than `_BLOCK_RECORDS`, as each record has a brace."""
+    end = -1
+    if text is not None and text.count(b"{") > _BLOCK_RECORDS:
+        behind_half = text.find(b"\n", len(text) // 2)
+        end = behind_half if behind_half >= 0 else text.rfind(b"\n")
+    if text is None or end < 0:
+        yield first, text
+        return
+    yield from _bounded(first, text[:end])
+    yield from _bounded(first + text.count(b"\n", 0, end) + 1, text[end + 1 :])
 
 
 def _batches(options: IngestOptions, block: tuple[int, bytes | None, int]) -> list[RawBatch]:
