@@ -23,7 +23,7 @@ from raw_reading import Reading, read
 from vsd_analytics.cli.output import progress
 from vsd_analytics.errors import InputError
 from vsd_analytics.ingest import frames, helper_processes
-from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.adapter import IngestOptions, RawBatch
 from vsd_analytics.ingest.frames import Frames
 from vsd_analytics.ingest.helper_processes import LARGE_BYTES, in_order, n_helpers
 from vsd_analytics.ingest.reasons import TOO_MANY
@@ -31,6 +31,8 @@ from vsd_analytics.ingest.reasons import TOO_MANY
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="helpers are copies of the process on Linux alone")
 
 TEST = os.getpid()
+Block = tuple[int, bytes | None, int]
+Work = Callable[[Block], list[RawBatch]]
 
 
 def squared(number: int) -> tuple[int, bytes]:
@@ -178,10 +180,21 @@ def test_a_file_gives_the_same_batches_with_helpers_and_without(
     )
     options = IngestOptions(line_max_bytes=20_000, persons_max=100)
     monkeypatch.setattr(frames, "_BLOCK_BYTES", 20_000)
-    found = {}
+    found, asked, helped = {}, list[int](), list[int]()
+
+    def spied(work: Work, parts: Iterator[Block], *, n_helpers: int) -> Iterator[list[RawBatch]]:
+        helped.append(n_helpers)
+        return in_order(work, parts, n_helpers=n_helpers)
+
+    def asked_for(n_bytes: int) -> int:
+        asked.append(n_bytes)
+        return len(asked) - 1
+
+    monkeypatch.setattr(frames, "in_order", spied)
+    monkeypatch.setattr(frames, "n_helpers", asked_for)
     for n in (0, 1, 2):
-        monkeypatch.setattr(frames, "n_helpers", lambda _, n=n: n)
         found[n] = read(Frames(), path, options)
+    assert (asked, helped) == ([path.stat().st_size] * 3, [0, 1, 2])
     assert everything_of(found[0]) == everything_of(found[1]) == everything_of(found[2])
     assert (found[0].error is not None) == (kind == "damaged")
     if kind == "plain":
