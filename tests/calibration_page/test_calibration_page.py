@@ -16,9 +16,9 @@ from vsd_analytics.calibration_page.page import SCRIPTS, sentences
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.planner.script import one_script
-from vsd_analytics.report.words import catalogue
-from vsd_analytics.report.words.languages import speaking
 from vsd_analytics.resources import shipped
+from vsd_analytics.wording import catalogue
+from vsd_analytics.wording.languages import speaking
 
 STATIC = shipped("reports") / "static"
 HOSTILE = '</script><img src=x onerror="alert(1)">'

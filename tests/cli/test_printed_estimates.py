@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.cli.estimates import why_none, with_limits
-from vsd_analytics.result import Reason, State
 
 
 @pytest.mark.parametrize(

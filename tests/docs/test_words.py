@@ -16,8 +16,8 @@ import pytest
 from markdown_pages import REPOSITORY
 
 from vsd_analytics.cli import explanations
-from vsd_analytics.report.words.catalogue import catalogue
 from vsd_analytics.settings import SETTINGS
+from vsd_analytics.wording.catalogue import catalogue
 
 DOCS = REPOSITORY / "docs"
 FROM_SQL = {"relations.md", "figures.md"}  # made from the headers of the SQL files, and named like them

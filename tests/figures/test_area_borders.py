@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import shapely
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.borders import UNKNOWN, area_borders
 from vsd_analytics.geometry import camera_views
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 
 

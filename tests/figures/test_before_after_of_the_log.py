@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from planted_changes import AREAS, area, planted, site_of
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.before_after import BeforeAfterFigure, before_after
 from vsd_analytics.figures.change_weeks import days_needed
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
+from vsd_analytics.wording.reasons import reason_text
 
 FIRST = date(2026, 10, 5)
 CHANGE = 29  # day of the change: four weeks and the day before it are whole

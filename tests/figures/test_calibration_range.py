@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from figures.test_threshold_sensitivity import N_S, START, heartbeats, open_day, put, site_of
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.catalogue.count_figures import sensitivity
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.sensitivity import threshold_sensitivity
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Calibration, Camera, Site
 
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

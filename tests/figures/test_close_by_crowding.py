@@ -13,8 +13,8 @@ from report import ingested_worlds as w
 from vsd_analytics.figures.close_by_crowding import EDGES, close_by_crowding, counted_floor_m2, runs
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.warehouse.warehouse import open_warehouse
+from vsd_analytics.wording.reasons import reason_text
 
 VIEW = "view = [[0, 0], [20, 0], [20, 12], [0, 12]]\n"
 FLOOR_100M2 = 2.4

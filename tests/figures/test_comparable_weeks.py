@@ -14,17 +14,17 @@ import numpy as np
 import pytest
 from report import ingested_worlds as w
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.config import load_site
 from vsd_analytics.figures.comparable import has_other_rules
 from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
 from vsd_analytics.store.seals import UnitSeal
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.camera_days import hourly_inputs
 from vsd_analytics.warehouse.sealed import SealedRange
 from vsd_analytics.warehouse.warehouse import open_warehouse
+from vsd_analytics.wording.reasons import reason_text
 
 OLD, NEW = "2026-10-01T00:00:00+01:00", "2026-11-12T08:00:00+01:00"
 

@@ -14,12 +14,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from planted_changes import planted, site_of
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.comparable import pair_days
 from vsd_analytics.figures.compare import Comparison, compare, days_needed
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Floor
+from vsd_analytics.wording.reasons import reason_text
 
 FIRST = date(2026, 11, 2)
 A, B = (FIRST, FIRST + timedelta(days=6)), (FIRST + timedelta(days=7), FIRST + timedelta(days=13))

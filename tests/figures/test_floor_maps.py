@@ -15,12 +15,12 @@ import pytest
 from planted_floors import site_of
 from planted_marts import plant
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_POSITIONS
 from vsd_analytics.figures.maps import CellMap, burden_map, cell_maps, excess_map, exposure_map, risk_map
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.wording.reasons import reason_text
 
 FIRST = date(2026, 11, 9)
 SIZE_M = (16.0, 12.0)

@@ -26,10 +26,10 @@ from vsd_analytics.figures.slots import load_slots, open_hours
 from vsd_analytics.figures.unusual import unusual
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.stats.rates import violation_rate
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
+from vsd_analytics.wording.reasons import reason_text
 
 
 def test_people_and_violations_of_next_week_are_forecast_hour_by_hour(tmp_path: Path) -> None:

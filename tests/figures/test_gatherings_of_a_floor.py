@@ -12,7 +12,6 @@ import vsd_analytics
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.gatherings import PURGED
 from vsd_analytics.figures.groups import NOTHING
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.retention import purge
 from vsd_analytics.retention.purge import Terms, purge_older
 from vsd_analytics.schema import SCHEMAS
@@ -21,6 +20,7 @@ from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.store import Store
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.wording.reasons import reason_text
 
 DAY = date(2026, 11, 9)
 START = 1_794_211_200_000  # 2026-11-09 08:00 UTC

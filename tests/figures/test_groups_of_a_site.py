@@ -22,12 +22,12 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.groups import PURGED, between_groups, groups
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.retention import purge
 from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.store.duck import connect
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.wording.reasons import reason_text
 
 Call = tuple[date, str, frozenset[str]]
 TWO = [Camera("cam", "Cam", "ground", hz=1.0), Camera("side", "Side", "ground", hz=1.0)]

@@ -21,8 +21,8 @@ from vsd_analytics.cli import hotspots as command
 from vsd_analytics.cli import main
 from vsd_analytics.figures import hotspot_export
 from vsd_analytics.figures.hotspots import FloorHotspots, hotspots
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.wording.reasons import reason_text
 
 HOT = np.maximum(square(5, 5), square(12, 6, ratio=6))
 HOSTILE = '=cmd|" /C calc"!A0\n'

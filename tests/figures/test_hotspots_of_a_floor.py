@@ -20,10 +20,10 @@ from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS, NO_POSITIONS, Flo
 from vsd_analytics.figures.hotspots import FloorHotspots, hotspots
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.simulate import DemoTruth
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.wording.reasons import reason_text
 
 HOT = square(5, 5)
 EVEN = np.ones(SHAPE)

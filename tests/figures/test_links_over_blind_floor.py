@@ -12,10 +12,10 @@ import pytest
 from figures.walkers_between_areas import site_with_areas
 from warehouse.small_projects import DAY, HOUR, T0, Person, beats, open_days, put
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.flow import Flow, flow
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.stats.track_links import TrackEnds, link_counts, linked_share
 

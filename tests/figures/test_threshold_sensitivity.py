@@ -11,12 +11,12 @@ import pytest
 
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.sensitivity import NOBODY, NOT_SENT, NOTHING, PURGED, threshold_sensitivity
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, EngineError, Floor, Site
 from vsd_analytics.store import Store
 from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.wording.reasons import reason_text
 
 DAY = date(2026, 11, 9)
 START = 1_794_211_200_000  # 2026-11-09 08:00 UTC

@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 from planted_hours import MONDAY, of, planted, site_of
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.today import Today, today
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.usual import usual_range
 

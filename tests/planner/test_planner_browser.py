@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from planner.written_address import written_address
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData
-from vsd_analytics.result import Reason
 
 pytestmark = pytest.mark.browser
 MODES = [("light", 1280), ("dark", 390)]

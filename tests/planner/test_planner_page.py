@@ -17,13 +17,13 @@ from planner import dense_floor as dense
 from planner import planted_shop as planted
 from report.sample_space import AREAS, five_areas, visits
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.cell_places import CellPlace
 from vsd_analytics.figures.hotspots import ResolvedSpot
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData
-from vsd_analytics.report.words.reasons import read_reason, reason_text
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Site
+from vsd_analytics.wording.reasons import read_reason, reason_text
 
 
 @pytest.fixture(scope="module")

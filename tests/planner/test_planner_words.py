@@ -9,15 +9,15 @@ from typing import Any, get_args
 
 import pytest
 
+from vsd_analytics.answer import Verdict
 from vsd_analytics.planner import page as page_of_planner
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData
 from vsd_analytics.planner.script import REASONS, SCRIPTS, script, sentences
-from vsd_analytics.report.words import catalogue
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.resources import shipped
-from vsd_analytics.result import Verdict
+from vsd_analytics.wording import catalogue
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.reasons import reason_text
 
 STATIC = shipped("reports") / "static"
 VIEWS = (

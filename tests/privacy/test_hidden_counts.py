@@ -24,7 +24,7 @@ from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.wording.reasons import reason_text
 
 DOOR = 2
 BUSY = {

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 from zoneinfo import ZoneInfo
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.today import DayLevel, SilentCamera, Today, TodayHour
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.stats.unusual import Unusual, UnusualSlots
 from vsd_analytics.stats.usual import UsualRange

@@ -12,8 +12,8 @@ from report import sample_weeks as weeks
 
 from vsd_analytics.report.draw.spot_pictures import floor_picture
 from vsd_analytics.report.model import week as page_model
-from vsd_analytics.report.words.reasons import read_reason
 from vsd_analytics.stats.usual import usual_range
+from vsd_analytics.wording.reasons import read_reason
 
 UNIT = read_reason("its unit")
 

@@ -8,10 +8,10 @@ from typing import Any
 from report import sample_sections as sections
 from report import sample_weeks as weeks
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.report.model import week as page_model
-from vsd_analytics.report.words.reasons import read_reason
-from vsd_analytics.result import Reason
+from vsd_analytics.wording.reasons import read_reason
 
 AREAS = {"checkout": "Checkout queue", "entrance": "Main entrance", "aisle-2": "End of aisle 2",
          "pharmacy": "Pharmacy counter", "tills": "Tills"}  # fmt: skip

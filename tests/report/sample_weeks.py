@@ -14,8 +14,8 @@ from report import model_classes as m
 from vsd_analytics.figures.week.bands import heat_bands
 from vsd_analytics.figures.week.timetable import busiest_day
 from vsd_analytics.report.model import week as page_model
-from vsd_analytics.report.words.reasons import read_reason
 from vsd_analytics.stats.estimates import verdict_of
+from vsd_analytics.wording.reasons import read_reason
 
 UNIT = read_reason("its unit")
 

@@ -16,9 +16,9 @@ from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import from_json, to_csv, to_json
 from vsd_analytics.report.pages.mail import make_mail
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words.languages import speaking
 from vsd_analytics.site.model import LANGUAGES, Site
 from vsd_analytics.site_index.read_reports import find_reports
+from vsd_analytics.wording.languages import speaking
 
 HOURS, OPENING = (9, 10), '{ mon-sun = "09:00-10:00" }'
 WEEKS = 4

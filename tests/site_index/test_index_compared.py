@@ -14,11 +14,11 @@ from site_index.compared_sites import NAMES, write_sites
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.report.words.languages import speaking
 from vsd_analytics.site_index.collect_reports import gather, sources_of
 from vsd_analytics.site_index.floor_weeks import catalogue
 from vsd_analytics.site_index.page import make_index, render_index
 from vsd_analytics.site_index.read_reports import read_report_json
+from vsd_analytics.wording.languages import speaking
 
 
 @pytest.fixture(scope="module")

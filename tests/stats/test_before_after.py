@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.before_after import before_after
 from vsd_analytics.stats.period_days import PeriodDays
+from vsd_analytics.wording.reasons import reason_text
 
 
 def period(

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.decomposition import additive_parts, closeness, compare_mixing, concentration, mixing, nearby
+from vsd_analytics.wording.reasons import reason_text
 
 CELL_M, DISTANCE_M = 0.25, 2.0
 FLOOR_M = (12.0, 8.0)

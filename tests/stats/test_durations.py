@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
+from vsd_analytics.answer import Reason
 from vsd_analytics.stats.durations import close_contacts, distance_shares, durations
+from vsd_analytics.wording.reasons import reason_text
 
 
 def days_of(seed: int, *, n_days: int = 7, per_day: int = 60, sd: float = 0.15) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[type-arg]

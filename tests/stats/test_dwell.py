@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from visit_worlds import World, see
 
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.dwell import MIN_FOLLOWED, Dwell, dwell
+from vsd_analytics.wording.reasons import reason_text
 
 N_DAYS = 7
 

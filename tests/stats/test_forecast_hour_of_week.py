@@ -6,7 +6,7 @@ import numpy as np
 import prove_forecast as prove
 import pytest
 
-from vsd_analytics.result import Reason
+from vsd_analytics.answer import Reason
 from vsd_analytics.stats.hour_of_week import as_weeks, peaks, recorded_hours, slot_rates, spread
 
 SLOTS = 168

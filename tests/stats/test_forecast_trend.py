@@ -7,9 +7,9 @@ from datetime import date, timedelta
 import numpy as np
 import pytest
 
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.rates import encounter_rate, violation_rate
 from vsd_analytics.stats.trend import weekly_trend, why_no_trend
+from vsd_analytics.wording.reasons import reason_text
 
 MONDAYS = [date(2026, 9, 7) + timedelta(weeks=i) for i in range(10)]
 OPEN = np.tile([13.0] * 6 + [8.0], 10)

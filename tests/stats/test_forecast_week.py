@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import integrate, stats
 
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.forecast import chances, forecast_week, score_forecast
+from vsd_analytics.wording.reasons import reason_text
 
 SLOTS = 168
 ONES = np.ones(SLOTS)

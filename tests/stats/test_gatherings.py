@@ -11,9 +11,9 @@ import pytest
 
 from vsd_analytics.live.situations import Edge, PeopleGraph
 from vsd_analytics.live.situations import gatherings as live_gatherings
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats import gatherings
 from vsd_analytics.warehouse.graphs import components
+from vsd_analytics.wording.reasons import reason_text
 
 N_GRAPHS = 1000
 

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
+from vsd_analytics.answer import Reason
 from vsd_analytics.stats.groups import share_by_days, track_lives
+from vsd_analytics.wording.reasons import reason_text
 
 days = st.lists(st.tuples(st.integers(0, 400), st.integers(0, 400)), min_size=5, max_size=30).map(
     lambda rows: (np.array([min(r) for r in rows]), np.array([max(r) for r in rows]))

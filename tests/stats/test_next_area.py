@@ -9,10 +9,10 @@ from flow_worlds import AREAS, FlowWorld, see_flow
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.dwell import MIN_FOLLOWED
 from vsd_analytics.stats.groups import share_by_days
 from vsd_analytics.stats.next_area import Leaving, inflow_checks, next_areas
+from vsd_analytics.wording.reasons import reason_text
 
 N_DAYS = 7
 

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.changes import compare_encounter_rates, compare_exposure, compare_violation_rates, split_change
 from vsd_analytics.stats.estimates import verdict_of
 from vsd_analytics.stats.rates import violation_rate
+from vsd_analytics.wording.reasons import reason_text
 
 HOURS = np.array([[13.0] * 6 + [8.0]] * 2)
 PROFILE = np.array([20, 22, 25, 28, 35, 60, 15])

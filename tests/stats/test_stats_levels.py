@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.influence import as_counts, equal_weights, small_sample
 from vsd_analytics.stats.quantiles import poisson_limits, t_quantile, z_quantile, zero_events_limit
 from vsd_analytics.stats.rates import encounter_rate, violation_rate
+from vsd_analytics.wording.reasons import reason_text
 
 HOURS = np.array([[13.0] * 6 + [8.0]] * 3)
 WEEK = np.arange(7)

@@ -10,9 +10,9 @@ import prove_forecast as prove
 import pytest
 from scipy import stats
 
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats import negative_binomial, unusual
 from vsd_analytics.stats.unusual import Unusual, unusual_hours
+from vsd_analytics.wording.reasons import reason_text
 
 SLOTS = 168
 ONES = np.ones(SLOTS)

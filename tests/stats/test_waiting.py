@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from queue_worlds import World, see, truth
 
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.stats.waiting import CUT, LEFT, SERVED, WaitTimes, cumulative_incidence, waiting
+from vsd_analytics.wording.reasons import reason_text
 
 N_DAYS = 7
 

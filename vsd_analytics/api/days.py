@@ -15,11 +15,11 @@ import pyarrow as pa
 from vsd_analytics.api.heatmap import Heatmap, as_heatmap
 from vsd_analytics.api.table import Table
 from vsd_analytics.errors import UsageError
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.settings import BY_NAME
 from vsd_analytics.site.model import Area, Floor, Site
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
+from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.api.space_use import Rows

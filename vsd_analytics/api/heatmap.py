@@ -18,8 +18,8 @@ from vsd_analytics.figures.maps import CellMap
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.report.draw.cell_map import LOW, MapCell, cell_map, doubling_steps
 from vsd_analytics.report.draw.svg import RAMP_LIGHT
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.model import Floor, Site
+from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

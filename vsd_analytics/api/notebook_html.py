@@ -11,7 +11,7 @@ from markupsafe import Markup, escape
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_recording import CameraDay
 from vsd_analytics.report.draw.svg import MUTED, RULE, change_bar, change_limit, el, hatch_pattern, strip
-from vsd_analytics.report.words import format as fmt
+from vsd_analytics.wording import format as fmt
 
 COLUMNS_SHOWN: Final = 12
 NOWRAP_LETTERS: Final = 24

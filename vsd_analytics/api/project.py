@@ -13,12 +13,12 @@ from vsd_analytics.api.days import Days
 from vsd_analytics.api.table import Table
 from vsd_analytics.config import find_project, load_site
 from vsd_analytics.errors import StoreError, UsageError
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.instants import parse_range, parse_week
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.estimates import ChangeEstimate
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import open_warehouse
+from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.before_after import BeforeAfterFigure

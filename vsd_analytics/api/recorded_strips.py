@@ -7,8 +7,8 @@ from datetime import date
 
 from vsd_analytics.api.notebook_html import days_html
 from vsd_analytics.figures.week.model_recording import CameraDay
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.wording import format as fmt
 
 DAYS_SHOWN = 14
 _QUERY = (

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import pyarrow as pa
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.api.table import Table
 from vsd_analytics.figures.capacities import capacities
 from vsd_analytics.figures.compare import days_needed
@@ -17,10 +18,9 @@ from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.queues import queues
 from vsd_analytics.figures.visits import visits
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.wording.reasons import reason_text
 
 Rows = Callable[[Period], Iterator[dict[str, Any]]]
 _COLUMNS: Final = pa.schema(

@@ -18,10 +18,10 @@ from vsd_analytics.geometry.camera_views import plan_bounds, view_polygon
 from vsd_analytics.geometry.embedded_pictures import photo_image, plan_image
 from vsd_analytics.planner.script import one_script
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
-from vsd_analytics.report.words import catalogue
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.site.model import Calibration, Camera, FixtureKind, Floor, Site
 from vsd_analytics.version import VERSION
+from vsd_analytics.wording import catalogue
+from vsd_analytics.wording import format as fmt
 
 SCRIPTS: Final = ("calibrate_homography.js", "calibrate_page.js", "calibrate_panes.js", "calibrate_start.js")
 TOOLS: Final = ("points", "area", "fixture", "view")

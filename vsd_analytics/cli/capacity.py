@@ -11,7 +11,7 @@ from vsd_analytics.cli.options import floor_option, json_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.queue import missed_hours
-from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.capacities import CapacityUse

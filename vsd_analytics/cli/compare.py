@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.cli.compare_text import ENCOUNTERS, change, figure, level, percent, ratio
 from vsd_analytics.cli.estimates import why_none, with_limits
 from vsd_analytics.cli.options import floor_option, json_option
@@ -16,9 +17,8 @@ from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
 from vsd_analytics.cli.ranges import last_monday, purged_hours_notes, warehouse_of, warn
 from vsd_analytics.errors import UsageError
-from vsd_analytics.report.words.reasons import reason_text, text_or_none, verdict_text
-from vsd_analytics.result import Reason
 from vsd_analytics.site.instants import parse_range, parse_week
+from vsd_analytics.wording.reasons import reason_text, text_or_none, verdict_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.before_after import BeforeAfterFigure

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from vsd_analytics.cli.estimates import why_none, with_limits
 from vsd_analytics.cli.output import plain, table
-from vsd_analytics.report.words.reasons import reason_text, verdict_text
+from vsd_analytics.wording.reasons import reason_text, verdict_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.before_after import BeforeAfterFigure

@@ -343,7 +343,7 @@ def _overlay(detected: DetectedPeople, parts: _Parts, *, to: Path, on: Path | No
     """Draw what was seen; return what was drawn, for `--json`."""
     from vsd_analytics.engine.frame_pictures import frame_pictures
     from vsd_analytics.engine.overlay import OverlayLook, write_overlay
-    from vsd_analytics.report.words.format import distance
+    from vsd_analytics.wording.format import distance
 
     people, settings = detected.people, detected.project.site.settings
     look = OverlayLook(detected.known_px, settings.distance_m, lambda metres: distance(metres, settings.distance_unit))

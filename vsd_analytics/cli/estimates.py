@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
-    from vsd_analytics.result import Reason, State
+    from vsd_analytics.answer import Reason, State
     from vsd_analytics.stats.estimates import RateEstimate
     from vsd_analytics.stats.groups import ShareEstimate
     from vsd_analytics.stats.track_links import LinkedShare

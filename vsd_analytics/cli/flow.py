@@ -13,7 +13,7 @@ from vsd_analytics.cli.flow_links import link_lines, links_dict
 from vsd_analytics.cli.options import choice_option, floor_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.flow import AreaFlow, Destination, Flow, Route

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from vsd_analytics.cli.estimates import share_dict, share_text
 from vsd_analytics.cli.output import rounded, table
-from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.links import Links

@@ -12,8 +12,8 @@ from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import emit_json, plain, rounded
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import last_monday, warehouse_of
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.instants import parse_week
+from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
     from datetime import date

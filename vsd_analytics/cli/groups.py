@@ -12,7 +12,7 @@ from vsd_analytics.cli.options import json_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import purged_hours_notes, warehouse_of, warn
-from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.groups import CameraLives, GroupReadings, Groups

@@ -15,8 +15,8 @@ from vsd_analytics.cli.options import choice_option, floor_option, json_option, 
 from vsd_analytics.cli.output import emit_json, plain, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import purged_hours_notes, resolve, warehouse_of, warn
-from vsd_analytics.report.words.reasons import encode_reason, reason_text
 from vsd_analytics.site.places import known_floor
+from vsd_analytics.wording.reasons import encode_reason, reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpot

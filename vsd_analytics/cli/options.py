@@ -19,7 +19,7 @@ floor_option = click.option("--floor", "floor_id", metavar="FLOOR", help="Floor 
 
 
 def _speak(context: click.Context, parameter: click.Parameter, value: str | None) -> None:
-    from vsd_analytics.report.words.languages import speaking
+    from vsd_analytics.wording.languages import speaking
 
     context.with_resource(speaking(value))
 

@@ -32,10 +32,10 @@ def emit_json(value: Any) -> None:
 
 def _as_text(value: object) -> str:
     """Return what JSON has no type for as text: a reason as its sentence, a date as ISO 8601."""
-    from vsd_analytics.result import Reason
+    from vsd_analytics.answer import Reason
 
     if isinstance(value, Reason):
-        from vsd_analytics.report.words.reasons import reason_text
+        from vsd_analytics.wording.reasons import reason_text
 
         return reason_text(value)
     return str(value)

@@ -72,7 +72,7 @@ class Project:
 
     def speak(self) -> None:
         """Write the pages of the running command in the site's language, unless `--language` chose one."""
-        from vsd_analytics.report.words.languages import chosen, speaking
+        from vsd_analytics.wording.languages import chosen, speaking
 
         click.get_current_context().with_resource(speaking(chosen() or self.site.language))
 

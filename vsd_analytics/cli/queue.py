@@ -13,7 +13,7 @@ from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.queue_advice import forecast_dict, forecast_lines, whole_week
 from vsd_analytics.cli.visits import mean_stay, time_text
-from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.people_present import PeopleQuantile

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.cli.estimates import rate_text, share_text
 from vsd_analytics.cli.options import floor_option, json_option, range_options
 from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
+from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
+    from vsd_analytics.answer import Reason
     from vsd_analytics.figures.periods import Period
     from vsd_analytics.figures.visits import AreaVisits
-    from vsd_analytics.result import Reason
     from vsd_analytics.stats.durations import QuantileEstimate
     from vsd_analytics.stats.dwell import LittleCheck
 

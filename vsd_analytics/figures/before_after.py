@@ -17,6 +17,7 @@ from typing import Final, Literal
 import numpy as np
 import shapely
 
+from vsd_analytics.answer import Design, Reason, State
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import rates
 from vsd_analytics.figures.change_verdicts import (
@@ -40,7 +41,6 @@ from vsd_analytics.figures.change_weeks import (
 from vsd_analytics.figures.compare import span, why_not
 from vsd_analytics.figures.panels import FloorHours, Ints, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.result import Design, Reason, State
 from vsd_analytics.settings import FLOOR_CELL_M, Settings
 from vsd_analytics.site.model import Area
 from vsd_analytics.site.places import known_area, known_floor

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.hotspot_windows import SEEN_SHARE
 from vsd_analytics.geometry import camera_views
-from vsd_analytics.result import Reason
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.dimensions import area_cells, in_force

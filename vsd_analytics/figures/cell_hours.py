@@ -14,9 +14,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.floor_days import NO_FLOOR, Flags, Floats, Grid, Ints, grid_over
 from vsd_analytics.figures.slots import NO_POSITIONS, NOTHING_OPEN
-from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Floor
 from vsd_analytics.stats.decomposition import closeness, nearby

@@ -13,9 +13,9 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.cell_hours import CellHours, camera_hours, cells_of, ends_of, on_grid
 from vsd_analytics.figures.floor_days import Grid, grid_over
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Floor
 from vsd_analytics.warehouse.warehouse import Warehouse
 

@@ -13,10 +13,10 @@ from datetime import date
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.change_weeks import Windows, changed_areas
 from vsd_analytics.figures.comparable import recalibrations
 from vsd_analytics.figures.panels import WEEK, Array, FloorHours, Panel, Place
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.net_effect import NetEffect, net_effect
 from vsd_analytics.stats.period_days import PeriodDays

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import Final
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.compare import Days
 from vsd_analytics.figures.panels import WEEK
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, LogEntry, Site
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse

@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 import shapely
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.close_time import close_time
 from vsd_analytics.figures.mixing import pair_time
 from vsd_analytics.figures.panels import Array, Ints
@@ -28,7 +29,6 @@ from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import is_small, too_few
 from vsd_analytics.figures.week.results import CloseByCrowding, CloseInClasses, CloseInDays
 from vsd_analytics.geometry.camera_views import plan_bounds, view_polygon
-from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import OWNER_CELL_M
 from vsd_analytics.warehouse.dimensions import in_force, owner_spans
 

@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.panels import Array, Flags, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.rates import NOT_RECORDED, encounter_rate_change, history, violation_rate_change
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate, no_rate
 from vsd_analytics.stats.rates import encounter_rate, violation_rate

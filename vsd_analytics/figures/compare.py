@@ -12,6 +12,7 @@ from datetime import date, timedelta
 from types import MappingProxyType
 from typing import Literal
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import close_time, rates
 from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
@@ -19,7 +20,6 @@ from vsd_analytics.figures.comparable import other_intervals, rules_used
 from vsd_analytics.figures.mixing import mixing_change
 from vsd_analytics.figures.panels import WEEK, FloorHours
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.result import Reason, State
 from vsd_analytics.site.instants import parse_range
 from vsd_analytics.site.model import Area, Floor, Site
 from vsd_analytics.site.places import known_area, known_floor

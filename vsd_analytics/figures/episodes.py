@@ -8,11 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.groups import NOTHING, PURGED
 from vsd_analytics.figures.slots import NO_POSITIONS
-from vsd_analytics.result import Reason, State
 from vsd_analytics.stats.durations import (
     CloseContacts,
     Distances,

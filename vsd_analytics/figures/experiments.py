@@ -13,12 +13,12 @@ from typing import Final
 import numpy as np
 import shapely
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.config.plans import Plan
 from vsd_analytics.figures.before_after import BeforeAfterFigure, comparison_areas
 from vsd_analytics.figures.change_verdicts import history_of, log_rates
 from vsd_analytics.figures.change_weeks import REFERENCE_WEEKS, changed_areas
 from vsd_analytics.figures.panels import WEEK, FloorHours
-from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Area, Site
 from vsd_analytics.site.places import known_area, known_floor
 from vsd_analytics.stats.experiment import Variation, WeeksNeeded, choices, variation_of

@@ -15,11 +15,11 @@ from typing import Final
 import numpy as np
 import pyarrow as pa
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.links import Links, links
 from vsd_analytics.figures.panels import Array, Flags, Ints, Place, positions
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.visits import people_counted, per_open_hour, sends_ids
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.groups import ShareEstimate

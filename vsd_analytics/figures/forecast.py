@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.slots import Floats, Slots, iso_week, known, load_slots, open_hours
-from vsd_analytics.result import Reason, State
 from vsd_analytics.stats.forecast import (
     Chances,
     ForecastScore,

@@ -20,6 +20,7 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.groups import NOTHING
@@ -27,7 +28,6 @@ from vsd_analytics.figures.operator_counts import local_instant
 from vsd_analytics.figures.panels import FloorHours, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import violation_rate_level
-from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Floor
 from vsd_analytics.stats import gatherings as stats
 from vsd_analytics.stats.estimates import RateEstimate, no_rate

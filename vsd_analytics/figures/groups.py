@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.operator_counts import local_instant
@@ -22,7 +23,6 @@ from vsd_analytics.figures.panels import FloorHours, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import encounter_rate_level, violation_rate_level
 from vsd_analytics.figures.slots import NO_POSITIONS
-from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Camera
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.groups import KNOWN_ACCURACY, Accuracy, ShareEstimate, TrackLives, share_by_days, track_lives

@@ -9,9 +9,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.cell_places import CellPlace
 from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpot
-from vsd_analytics.result import Reason
 
 DIGITS: Final = 6
 PLANE: Final = Reason("unit.plane")

@@ -16,12 +16,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.cell_hours import mixed_of_pieces
 from vsd_analytics.figures.cell_weeks import CellWeeks
 from vsd_analytics.figures.floor_days import Cube, FloorDays, Grid
 from vsd_analytics.figures.slots import NO_POSITIONS
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Floor
 from vsd_analytics.stats import hotspots as test
 from vsd_analytics.warehouse.warehouse import Warehouse

@@ -16,12 +16,12 @@ from typing import Final, Literal
 import numpy as np
 from scipy import ndimage
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.cell_places import CellPlace, place_of
 from vsd_analytics.figures.floor_days import Flags, FloorDays, Grid
 from vsd_analytics.figures.hotspot_history import Found, Identity, PastSpot, follow
 from vsd_analytics.figures.hotspot_windows import CELL_M, State, Window, floor_windows, untested_by_change, window_of
 from vsd_analytics.figures.week.model_estimate import same_fields
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Site
 from vsd_analytics.stats import hotspots as test
 from vsd_analytics.warehouse.stored_days import stored_extent

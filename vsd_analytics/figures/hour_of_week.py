@@ -8,8 +8,8 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.slots import Floats, Slots, iso_week, known, load_slots
-from vsd_analytics.result import Reason, State
 from vsd_analytics.stats.hour_of_week import MIN_PROFILE_WEEKS, PeakHours, SlotRates, peaks, slot_rates
 from vsd_analytics.warehouse.warehouse import Warehouse
 

@@ -12,9 +12,9 @@ from typing import Final, Unpack
 
 import numpy as np
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.cell_hours import CellHours, CellRange, cell_hours, mixed_s
 from vsd_analytics.figures.floor_days import Flags, Floats, Grid
-from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Floor
 from vsd_analytics.stats import hotspots as test
 from vsd_analytics.warehouse.warehouse import Warehouse

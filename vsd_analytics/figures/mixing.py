@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import Array, Flags, FloorHours, Place, positions
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.result import Reason
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.stats.decomposition import Mixing, MixingChange, compare_mixing, mixing
 

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 import pyarrow as pa
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.close_time import SECONDS, close_share, knows_distances
 from vsd_analytics.figures.groups import PURGED
 from vsd_analytics.figures.panels import Array, Place
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.result import Reason
 from vsd_analytics.stats.estimates import RateEstimate, no_rate
 
 THREE: Final = 3

@@ -14,11 +14,11 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.close_time import SECONDS, at_most_one, in_units
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Array, Flags, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import NOT_RECORDED, history
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.rates import violation_rate

@@ -13,11 +13,11 @@ from typing import Literal
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.comparable import DAY_MS, Recalibration, has_other_owners, pair_days, recalibrations
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, WEEK, Flags, FloorHours, Ints, Panel, Place
 from vsd_analytics.figures.slots import NO_POSITIONS
-from vsd_analytics.result import Reason
 from vsd_analytics.stats.rates import HISTORY_WEEKS
 
 

@@ -11,13 +11,13 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.close_time import SECONDS, close_share, close_time, in_units, knows_distances
 from vsd_analytics.figures.groups import PURGED, camera_lives
 from vsd_analytics.figures.panels import Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import history
 from vsd_analytics.figures.slots import NOTHING_OPEN
-from vsd_analytics.result import Reason
 from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.rates import violation_rate
 from vsd_analytics.warehouse.dimensions import QUARTER_MS

@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.forecast import (
     HISTORY_WEEKS,
     RECORDED_OPEN_HOURS,
@@ -23,7 +24,6 @@ from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.people_present import Presence
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.slots import iso_week, open_hours
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.hour_of_week import SLOTS, Weeks
 

@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import Array, Flags, Ints, positions
 from vsd_analytics.figures.people_present import (
     NOBODY,
@@ -22,7 +23,6 @@ from vsd_analytics.figures.people_present import (
 )
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids, dwell_of
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.durations import QuantileEstimate
 from vsd_analytics.stats.dwell import Dwell

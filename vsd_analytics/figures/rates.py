@@ -6,9 +6,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import WEEK, Array, Panel, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.result import Reason
 from vsd_analytics.stats.changes import compare_encounter_rates, compare_exposure, compare_violation_rates
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate, no_change, no_rate
 from vsd_analytics.stats.rates import encounter_rate, violation_rate

@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.panels import WEEK, Array, FloorHours, Panel
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.false_alarms import MIN_WEEKS, FalseAlarms, false_alarm_rate, together
 from vsd_analytics.warehouse.stored_days import stored_extent

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from datetime import date
 from typing import Final
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.calibration_range import CalibrationRange, calibration_range
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.slots import NO_POSITIONS
-from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import EngineError
 from vsd_analytics.stats.sensitivity import Crossings, ThresholdPoint, crossings, true_records
 from vsd_analytics.warehouse.warehouse import Warehouse

@@ -11,8 +11,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.errors import UsageError
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Site
 from vsd_analytics.site.places import named_floors
 from vsd_analytics.stats.hour_of_week import SLOTS, Weeks, recorded_hours

@@ -10,7 +10,7 @@ from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
-from vsd_analytics.result import Reason
+from vsd_analytics.answer import Reason
 
 K = TypeVar("K", bound=Hashable)
 Count = int | Mapping[str, int]

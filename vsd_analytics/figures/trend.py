@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.slots import NO_POSITIONS, Floats, Slots, load_slots
-from vsd_analytics.result import Reason, State
 from vsd_analytics.site.model import LogEntry
 from vsd_analytics.stats.rates import HISTORY_WEEKS
 from vsd_analytics.stats.trend import WeekRates, weekly_trend, why_no_trend

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from datetime import date
 from typing import Final
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
 from vsd_analytics.figures.slots import Slots, iso_week, load_slots
-from vsd_analytics.result import Reason, State
 from vsd_analytics.settings import Settings
 from vsd_analytics.stats.unusual import Unusual, UnusualSlots, unusual_hours
 from vsd_analytics.warehouse.warehouse import Warehouse

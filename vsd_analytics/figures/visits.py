@@ -12,10 +12,10 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import Array, Flags, FloorHours, Ints, Place, positions
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import NOT_RECORDED
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.dwell import Dwell, dwell
 from vsd_analytics.stats.estimates import RateEstimate, no_rate

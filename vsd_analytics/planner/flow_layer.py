@@ -14,8 +14,8 @@ from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.report.draw.floor_frame import Frame
 from vsd_analytics.report.draw.flow_maps import WIDTHS, direction_paths, line_paths, width_steps
 from vsd_analytics.report.pages.flow_figure import arrows_of, lines_of, rows_of
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 MAP_PX = 900
 """Width of the map on a screen, nearly; lines are as wide there as in a small drawing of the report."""

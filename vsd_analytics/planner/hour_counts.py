@@ -9,13 +9,13 @@ from functools import cached_property
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import Array, Flags, Ints, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
 from vsd_analytics.planner.cell_counts import CellsAsked, grid_of
 from vsd_analytics.planner.rounding import merge_small_counts
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.warehouse.warehouse import Warehouse
 

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.before_after import before_after
 from vsd_analytics.figures.change_weeks import WEEKS, local_day, windows_of
@@ -24,7 +25,6 @@ from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.figures.week.redesigns import redesigns
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, hidden_places, open_slots, panel_of
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, LogEntry, Site
 
 MOST_WEEKS: Final = 12

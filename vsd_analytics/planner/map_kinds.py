@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final, Literal
 
-from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.format import plain
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.format import plain
 
 Kind = Literal["violations", "exposure", "burden", "risk", "excess"]
 

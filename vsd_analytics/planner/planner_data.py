@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures import hotspots as spots
 from vsd_analytics.figures.catalogue import asks_for, space_figures
 from vsd_analytics.figures.catalogue.form import FigureInputs
@@ -38,12 +39,11 @@ from vsd_analytics.planner.layouts import Layout, layouts
 from vsd_analytics.planner.logged_changes import MOST_WEEKS, PlannerChange, entries_of, logged_changes
 from vsd_analytics.planner.seen_cells import seen_cells
 from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level, with_row_texts
-from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.stats.rates import HISTORY_WEEKS
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
+from vsd_analytics.wording.catalogue import say
 
 HISTORY: Final = HISTORY_WEEKS * WEEK
 """How far back the usual rates of weekdays are taken from."""

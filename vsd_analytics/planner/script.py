@@ -6,8 +6,8 @@ import re
 from functools import cache
 from typing import Final
 
-from vsd_analytics.report.words import catalogue
 from vsd_analytics.resources import shipped
+from vsd_analytics.wording import catalogue
 
 SCRIPTS: Final = (
     "planner_rates.js",

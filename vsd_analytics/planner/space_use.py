@@ -13,9 +13,9 @@ from typing import Any, Final
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.report.pages.flow_figure import Rows, doubts, rows_of
 from vsd_analytics.report.pages.waiting import WaitingView, time_text, waiting
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.reasons import reason_text
 
 MINUTE_S: Final = 60
 OTHERS: Final = "others"

@@ -32,7 +32,7 @@ from vsd_analytics.figures.week.results import (
     WeekState,
 )
 from vsd_analytics.report.model.week import SCHEMA, Span
-from vsd_analytics.report.words.reasons import decode_reason, with_verdicts_of_today
+from vsd_analytics.wording.reasons import decode_reason, with_verdicts_of_today
 
 MAX_BYTES: Final = 20_000_000
 """The JSON file of a report has a few hundred kilobytes. A far larger file is something else and is not read into

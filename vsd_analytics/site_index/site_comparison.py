@@ -17,10 +17,9 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.close_by_crowding import EDGES
 from vsd_analytics.figures.week.results import CloseByCrowding
-from vsd_analytics.report.words.reasons import text_or_none
-from vsd_analytics.result import Reason
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.site_index.floor_weeks import FloorKey, FloorWeeks
 from vsd_analytics.site_index.read_reports import IndexedReport
@@ -28,6 +27,7 @@ from vsd_analytics.stats.funnel import Funnel, funnel
 from vsd_analytics.stats.quantiles import t_quantile
 from vsd_analytics.stats.shrinkage import Pulled, pull_limited
 from vsd_analytics.stats.standard_ratio import SiteTime, StandardRatio, known_shares, standard_ratios
+from vsd_analytics.wording.reasons import text_or_none
 
 CONFIDENCE: Final = 0.95
 LEAST_KNOWN: Final = 0.8

@@ -15,9 +15,9 @@ from typing import Final, Literal
 from markupsafe import Markup
 
 from vsd_analytics.report.draw.svg import HATCH, INK, MUTED, drawing, el
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.site_index.read_reports import IndexedReport
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 STEP, WIDTH, HEIGHT = 16, 12, 36
 NOW: Final = "#e76f3f"

@@ -35,7 +35,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.result import Reason, State, Verdict
+from vsd_analytics.answer import Reason, State, Verdict
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.comparison_weights import day_influence, influence_on_log, log_ratio, weights_of
 from vsd_analytics.stats.estimates import verdict_of

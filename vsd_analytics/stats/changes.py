@@ -21,7 +21,7 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason
+from vsd_analytics.answer import Reason
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.estimates import ChangeEstimate, ChangeSplit, no_change, verdict_of
 from vsd_analytics.stats.influence import (

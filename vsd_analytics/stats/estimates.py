@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from vsd_analytics.result import Reason, State, Verdict
+from vsd_analytics.answer import Reason, State, Verdict
 from vsd_analytics.settings import DEFAULTS
 
 

@@ -28,7 +28,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr, stdtr
 
-from vsd_analytics.result import Verdict
+from vsd_analytics.answer import Verdict
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.estimates import ChangeEstimate, verdict_of
 from vsd_analytics.stats.influence import Floats

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaincinv
 
-from vsd_analytics.result import Reason, State
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.hour_of_week import (
     SLOTS,

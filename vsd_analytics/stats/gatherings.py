@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason, State
+from vsd_analytics.answer import Reason, State
 
 SIZES: Final = ((2, 2), (3, 3), (4, 4), (5, 7), (8, None))
 """Classes of cluster sizes, both ends inclusive."""

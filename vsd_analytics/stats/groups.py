@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason, State
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.quantiles import t_quantile, zero_events_limit
 

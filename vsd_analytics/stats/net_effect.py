@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason, State, Verdict
+from vsd_analytics.answer import Reason, State, Verdict
 from vsd_analytics.stats.estimates import verdict_of
 from vsd_analytics.stats.period_days import Floats
 from vsd_analytics.stats.quantiles import t_quantile

@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason
+from vsd_analytics.answer import Reason
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.dwell import is_followed_enough
 from vsd_analytics.stats.groups import SMALL_COUNT, ShareEstimate, logit_limits, share_by_days

@@ -15,7 +15,7 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason
+from vsd_analytics.answer import Reason
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.day_correlation import PRIOR_CORRELATION, day_correlation, inflation
 from vsd_analytics.stats.estimates import RateEstimate, no_rate

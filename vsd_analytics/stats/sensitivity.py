@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from vsd_analytics.result import Reason, State
+from vsd_analytics.answer import Reason, State
 
 FULL_REACH_SD = 3.0
 """Distances farther than so many sd beyond the threshold do not cross it in one record of a thousand."""

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason
+from vsd_analytics.answer import Reason
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.next_area import MIN_LEAVING
 from vsd_analytics.stats.quantiles import t_quantile

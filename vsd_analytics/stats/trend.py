@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason, State
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.rates import HISTORY_WEEKS, encounter_rate, violation_rate

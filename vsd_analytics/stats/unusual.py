@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason, State
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.false_discovery import benjamini_hochberg
 from vsd_analytics.stats.forecast import MAX_WEEKS, MIN_WEEKS

@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.result import Reason, State
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.durations import QuantileEstimate
 from vsd_analytics.stats.dwell import MAX_UNSEEN_END, MIN_FOLLOWED, MIN_VISITS

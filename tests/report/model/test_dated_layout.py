@@ -7,11 +7,11 @@ from datetime import timedelta
 import pytest
 from report import ingested_worlds as w
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.contributions import contributions
 from vsd_analytics.report.pages.map_figures import map_figures
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Site
 
 HOURS, OPENING = (9, 10), '{ mon-sun = "09:00-10:00" }'

@@ -20,8 +20,8 @@ from vsd_analytics.planner.planner_data import PlannerData, PlannerWeek, planner
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import from_json, to_csv, to_json
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.model import Site
+from vsd_analytics.wording.reasons import reason_text
 
 messages = partial(w.messages, hours=(9, 10))
 toml = partial(w.toml, opening='{ mon-sun = "09:00-10:00" }')

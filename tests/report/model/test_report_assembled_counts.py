@@ -21,8 +21,8 @@ from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.model import Site
+from vsd_analytics.wording.reasons import reason_text
 
 TWO = ("cam-1", "cam-2")
 

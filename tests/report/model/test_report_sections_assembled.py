@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from report import ingested_worlds as w
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.result import Reason
 
 MORE = {w.QUEUE: 20, w.DOOR: 6, w.AISLE: 5}
 SHORT = '{ mon-sun = "09:00-10:00" }'

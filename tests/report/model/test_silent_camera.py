@@ -12,7 +12,7 @@ from report import ingested_worlds as w
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words.headline import finish
-from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.wording.reasons import reason_text
 
 VIEWS = {
     "1": [[0, 0], [10, 0], [10, 10], [0, 10]],

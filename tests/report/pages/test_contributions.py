@@ -14,7 +14,7 @@ from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.contributions import MAX_PARTS, contributions
 from vsd_analytics.report.pages.map_figures import map_figures
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words import format as fmt
+from vsd_analytics.wording import format as fmt
 
 
 def with_differences(*differences: float | None) -> WeekReport:

@@ -17,8 +17,8 @@ from vsd_analytics.geometry.scale_bar import nice_metres
 from vsd_analytics.report.draw.floor_plan import floor_map
 from vsd_analytics.report.pages.week import make_page, render_html
 from vsd_analytics.report.words import figure_titles
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.reasons import read_reason
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.reasons import read_reason
 
 SVG = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 960 640" width="96" height="64">{}</svg>'
 

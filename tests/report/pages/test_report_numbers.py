@@ -13,14 +13,14 @@ import pytest
 from report import sample_sections as sections
 from report import sample_weeks as weeks
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.reasons import reason_text
 
 NUMBER = re.compile(r"\d+(?:,\d{3})*(?:\.\d+)?")
 GEOMETRY = {"extent", "bands", "unseen", "uncertain", "ring", "at", "image"}

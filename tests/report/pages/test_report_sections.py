@@ -14,6 +14,7 @@ from report import sample_sections as sections
 from report import sample_weeks as weeks
 from shapely import Polygon
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.forecast import FloorForecast as FoundOutlook
 from vsd_analytics.figures.forecast import HourForecast, SeriesForecast
 from vsd_analytics.figures.unusual import UnusualWeek
@@ -23,14 +24,13 @@ from vsd_analytics.report.pages import sections as page_sections
 from vsd_analytics.report.pages.spot_cards import cards
 from vsd_analytics.report.pages.week import make_page, render_html
 from vsd_analytics.report.words import questions
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area, Fixture, Floor
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 from vsd_analytics.stats.forecast import ForecastScore
 from vsd_analytics.stats.trend import WeekRates
 from vsd_analytics.stats.unusual import Unusual
+from vsd_analytics.wording.reasons import reason_text
 
 NIGHT = datetime(2026, 11, 13, 2, tzinfo=sections.ROME)
 

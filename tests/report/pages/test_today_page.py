@@ -16,9 +16,9 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.report.pages.mail import as_bytes
 from vsd_analytics.report.pages.today import make_today_page, today_html, today_mail
-from vsd_analytics.report.words.languages import speaking
 from vsd_analytics.report.words.today import TodayWords, today_words
 from vsd_analytics.site.model import LANGUAGES
+from vsd_analytics.wording.languages import speaking
 
 ENGLISH = re.compile(r"\b(the|and|violations|hours?|week|weeks|cameras?|since|between|likely|more|than|people|data)\b")
 

@@ -20,7 +20,7 @@ from report import sample_weeks as weeks
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.mail import PICTURE_MAX_BYTES, Attachment, as_bytes, make_mail, map_picture
 from vsd_analytics.report.pages.week import make_page
-from vsd_analytics.report.words import catalogue
+from vsd_analytics.wording import catalogue
 
 ALL = {**weeks.ALL, **sections.MORE}
 PARTIES: dict[str, Any] = {"sender": "reports@example.org", "to": ("manager@example.org",)}

@@ -16,11 +16,11 @@ from report import model_classes as m
 from report import sample_sections as sections
 from report import sample_weeks as weeks
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.words.headline import story_of
-from vsd_analytics.report.words.reasons import read_reason
-from vsd_analytics.result import Reason
+from vsd_analytics.wording.reasons import read_reason
 
 FOLDER = Path(__file__).parent / "golden"
 OFTEN = ("clear_fall", "clear_rise", "about_same", "cannot_tell", "too_little_data")

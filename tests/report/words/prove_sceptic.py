@@ -30,9 +30,9 @@ from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.week import Page, make_page
-from vsd_analytics.report.words import catalogue
 from vsd_analytics.report.words.change_results import came_of
 from vsd_analytics.site.model import Area
+from vsd_analytics.wording import catalogue
 
 PARTS: Mapping[str, tuple[str, ...]] = {
     "headline": ("headline.", "nothing."),

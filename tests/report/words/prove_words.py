@@ -45,11 +45,11 @@ from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.report.model.assemble import floor_level
 from vsd_analytics.report.model.site_changes import log_lines
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.headline import story_of
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.running_verdict import log_e_values
 from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.wording.catalogue import say
 
 FIRST: Final = date(2025, 6, 2)  # a Monday
 REFERENCE, YEAR = 12, 52

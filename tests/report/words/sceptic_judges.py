@@ -21,7 +21,7 @@ from sceptic_worlds import CAMERAS, FIRST, N_AREAS, Truth, camera_of
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import LedgerLine, Redesign, Usual
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import format as fmt
+from vsd_analytics.wording import format as fmt
 
 SAME: Final = 0.15
 """What "about the same" allows (J5)."""

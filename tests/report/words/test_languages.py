@@ -18,11 +18,11 @@ from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.report.pages.mail import make_mail
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import catalogue, say
 from vsd_analytics.report.words.headline import finish, story_of
-from vsd_analytics.report.words.languages import DEFAULT, TAGS, speaking
 from vsd_analytics.site.model import LANGUAGES
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import catalogue, say
+from vsd_analytics.wording.languages import DEFAULT, TAGS, speaking
 
 OTHERS = [language for language in LANGUAGES if language != DEFAULT]
 ENGLISH = re.compile(

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 import vsd_analytics
-from vsd_analytics.report.words.catalogue import catalogue
-from vsd_analytics.report.words.reasons import read_reason, reason_text
-from vsd_analytics.result import Reason
+from vsd_analytics.answer import Reason
+from vsd_analytics.wording.catalogue import catalogue
+from vsd_analytics.wording.reasons import read_reason, reason_text
 
 PACKAGE = Path(vsd_analytics.__file__).parent
 

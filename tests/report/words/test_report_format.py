@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.report.words import format as fmt
+from vsd_analytics.wording import format as fmt
 
 
 def test_examples_in_the_docstrings_hold() -> None:

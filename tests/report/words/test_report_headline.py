@@ -14,6 +14,7 @@ from report import sample_weeks as weeks
 from report.sample_sections import redesigns, trend
 from report.words.golden_cases import CASES, CLOSE, OFTEN, after_a_gap, beside_usual, silent, unusual_hour
 
+from vsd_analytics.answer import Verdict
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign, Usual
 from vsd_analytics.report.model.week import Story, WeekReport
@@ -21,11 +22,10 @@ from vsd_analytics.report.model.week_agenda import Agenda
 from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.words import figure_titles, terms
-from vsd_analytics.report.words.catalogue import has
 from vsd_analytics.report.words.headline import MAX_WORDS, change_to_name, finish, story_of
-from vsd_analytics.report.words.reasons import read_reason
 from vsd_analytics.report.words.things_to_know import things
-from vsd_analytics.result import Verdict
+from vsd_analytics.wording.catalogue import has
+from vsd_analytics.wording.reasons import read_reason
 
 VERDICTS = get_args(Verdict)
 CHANGE = {"clear_fall": -0.14, "clear_rise": 0.12, "about_same": 0.02, "cannot_tell": 0.02, "too_little_data": None}

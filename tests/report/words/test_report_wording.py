@@ -16,12 +16,13 @@ from report import sample_sections as sections
 from report import sample_weeks as weeks
 
 from vsd_analytics.report.pages import week
-from vsd_analytics.report.words import catalogue, terms
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import catalogue as sentences
-from vsd_analytics.report.words.catalogue import say, say_html
-from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.report.words import terms
 from vsd_analytics.resources import shipped
+from vsd_analytics.wording import catalogue
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import catalogue as sentences
+from vsd_analytics.wording.catalogue import say, say_html
+from vsd_analytics.wording.reasons import reason_text
 
 PACKAGE = Path(week.__file__).parents[2]
 ROOMS = [PACKAGE / room for room in ("figures", "report", "planner", "calibration_page", "site_index")]

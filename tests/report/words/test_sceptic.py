@@ -20,7 +20,7 @@ from sceptic_judges import JUDGES, NO_CLAIM, SPOKEN, UNJUDGED, claims_nothing, j
 from sceptic_worlds import TALES, Tale, Truth, of, sites_of, weeks_of
 
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words.catalogue import catalogue
+from vsd_analytics.wording.catalogue import catalogue
 
 pytestmark = pytest.mark.simulation
 

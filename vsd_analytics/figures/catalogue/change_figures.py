@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, row
 from vsd_analytics.figures.gatherings import FloorGatherings
@@ -9,7 +10,6 @@ from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import too_few
 from vsd_analytics.figures.week.redesigns import is_held_back
 from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.result import Reason
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, limits, row
 from vsd_analytics.figures.sensitivity import ThresholdSensitivity
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.result import Reason
 
 
 @figure("M0")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, row
 from vsd_analytics.figures.flow import LEFT_VIEW, AreaFlow, Destination, flow
 from vsd_analytics.figures.walks import walking_directions
 from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.result import Reason
 from vsd_analytics.stats.groups import ShareEstimate
 
 OTHER: Final = Reason("row.other")

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import date, datetime
 from typing import Any, Final
 
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import is_small, too_few
 from vsd_analytics.figures.week import page_estimates
@@ -16,7 +17,6 @@ from vsd_analytics.figures.week.findings import Findings
 from vsd_analytics.figures.week.model_estimate import Estimate, same_fields
 from vsd_analytics.figures.week.model_recording import Coverage
 from vsd_analytics.figures.week.results import AreaRow, Figure, Level, When
-from vsd_analytics.result import Reason, State
 from vsd_analytics.stats.estimates import RateEstimate
 
 Plain = str | float | int | bool | Reason | None

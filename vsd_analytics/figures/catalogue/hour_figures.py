@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Final
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.catalogue.form import DAYS, FigureInputs, Row, figure, joined, limits, row
 from vsd_analytics.figures.forecast import SeriesForecast
 from vsd_analytics.figures.hour_of_week import PROFILE_WEEKS
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.week.estimates import without_figures
 from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.result import Reason
 from vsd_analytics.stats.hour_of_week import PeakHours
 
 _LIMITS: Final = ("risk", "risk_lo", "risk_hi", "burden", "burden_lo", "burden_hi")

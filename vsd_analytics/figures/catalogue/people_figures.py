@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, row
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.result import Reason
 
 
 @figure("M3")

@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.catalogue.form import FigureInputs, Plain, Row, figure, limits, row
 from vsd_analytics.figures.hotspots import FloorSpot, ResolvedSpot
 from vsd_analytics.figures.maps import MIN_EXPECTED_S, MIN_EXPOSURE_H, CellMap, ExcessMap
 from vsd_analytics.figures.week.results import AreaRow, Figure
-from vsd_analytics.result import Reason
 from vsd_analytics.stats.shrinkage import MIN_PLACES, pull
 
 NOT_PULLED: Final = Reason("note.not_pulled", least=MIN_PLACES)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.capacities import CapacityUse
 from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, mean_name
 from vsd_analytics.figures.queues import AreaQueue
 from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.waiting import WaitTimes

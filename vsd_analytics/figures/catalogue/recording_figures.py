@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, row
 from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.result import Reason
 
 
 @figure("M1")

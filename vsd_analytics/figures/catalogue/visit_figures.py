@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, mean_name, row
 from vsd_analytics.figures.visits import AreaVisits, visits
 from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.result import Reason
 
 
 @figure("M35")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from datetime import date
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import Place
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.result import Reason
 
 
 def not_compared(data: WeekData) -> dict[str, Reason]:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from vsd_analytics.answer import Verdict
 from vsd_analytics.figures import rates
 from vsd_analytics.figures.panels import Place
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.result import Verdict
 
 
 def difference(data: WeekData, place: Place) -> float:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from vsd_analytics.answer import Reason, Verdict
 from vsd_analytics.figures import close_time, rates
 from vsd_analytics.figures.panels import Place
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.result import Reason, Verdict
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import Array, FloorHours, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, K, held_back, is_small, too_few
-from vsd_analytics.result import Reason
 
 NOTHING: HeldBack[str | None] = HeldBack(frozenset(), frozenset(), is_total_safe=True)
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, TypeVar
 
-from vsd_analytics.result import Reason, State, Verdict
+from vsd_analytics.answer import Reason, State, Verdict
 
 
 def described(meaning: str, unit: str | None = None, metric: str | None = None, *, default: Any = MISSING) -> Any:

@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import date, datetime
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.figures.week.model_estimate import optional as _o
-from vsd_analytics.result import Reason
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from datetime import date, datetime
 from typing import Literal
 
+from vsd_analytics.answer import Design, Reason, State, Verdict
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.figures.week.model_estimate import optional as _o
-from vsd_analytics.result import Design, Reason, State, Verdict
 
 SpotKind = Literal["tested", "busiest"]
 UsualPosition = Literal["below", "within", "above"]

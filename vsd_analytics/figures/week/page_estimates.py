@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from vsd_analytics.answer import State
 from vsd_analytics.figures.suppression import is_small, too_few
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.result import State
 from vsd_analytics.stats.before_after import BeforeAfter
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 from vsd_analytics.stats.net_effect import NetEffect

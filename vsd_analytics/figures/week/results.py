@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from typing import Any, Literal, Self
 
+from vsd_analytics.answer import Reason, State, Verdict
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.figures.week.model_estimate import optional as _o
-from vsd_analytics.result import Reason, State, Verdict
 
 WeekState = Literal["normal", "no_data", "too_incomplete", "first_week", "empty", "settings_changed"]
 HourState = Literal["full", "partial", "low_data", "no_data", "closed", "not_over"]

@@ -18,6 +18,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.cell_places import CellPlace
 from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot
 from vsd_analytics.figures.panels import WEEK
@@ -28,7 +29,6 @@ from vsd_analytics.figures.week.model_map import FloorMap, MapSpot
 from vsd_analytics.figures.week.model_recording import Coverage
 from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, Spots, Sureness, UsualHours, WatchedSpot
 from vsd_analytics.figures.week.results import AreaRow
-from vsd_analytics.result import Reason
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Calibration
 

@@ -7,13 +7,13 @@ from datetime import date
 from string import ascii_uppercase
 from typing import Final
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures import trend as analysis
 from vsd_analytics.figures.week import estimates, page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Target, Trend, TrendMark, TrendWeek, Usual
 from vsd_analytics.figures.week.results import Level
-from vsd_analytics.result import Reason
 from vsd_analytics.stats.trend import WeekRates
 from vsd_analytics.stats.usual import usual_range
 

@@ -15,7 +15,7 @@ from vsd_analytics.report.draw import floor_frame as draw
 from vsd_analytics.report.draw.area_names import area_names
 from vsd_analytics.report.draw.floor_frame import Frame
 from vsd_analytics.report.draw.svg import BAR, INK, MUTED, RAMP_LIGHT, WHITE, Look, el, straight_path
-from vsd_analytics.report.words import format as fmt
+from vsd_analytics.wording import format as fmt
 
 WIDTH, HEIGHT_MAX, LEGEND_HEIGHT = 720, 640, 54
 LOW: Final = "#efece4"

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from vsd_analytics.figures.today import TodayHour
 from vsd_analytics.report.draw.svg import BAND, HATCH, INK, RECORDED, RULE, chart_text, drawing, el
-from vsd_analytics.report.words import format as fmt
+from vsd_analytics.wording import format as fmt
 
 WIDTH: Final = 300
 HEIGHT: Final = 178

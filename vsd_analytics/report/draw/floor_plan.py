@@ -14,8 +14,8 @@ from vsd_analytics.report.draw import floor_frame as draw
 from vsd_analytics.report.draw.area_names import Box, area_names
 from vsd_analytics.report.draw.floor_frame import FONT, FONT_FIXTURE, FONT_PHONE, Frame
 from vsd_analytics.report.draw.svg import ACCENT, BAR, INK, MUTED, WHITE, Look, centred, drawing, el
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 MAP_WIDTH: Final = 960
 MAP_MAX_HEIGHT: Final = 900

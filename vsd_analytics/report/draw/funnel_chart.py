@@ -14,8 +14,8 @@ from typing import Final, Literal
 from markupsafe import Markup
 
 from vsd_analytics.report.draw.svg import BAND, HATCH, INK, MUTED, RULE, chart_text, drawing, el
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.stats.quantiles import z_quantile
+from vsd_analytics.wording import format as fmt
 
 PointKind = Literal["usual", "differs", "gaps"]
 WIDE: Final = 720

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Final
 from vsd_analytics.errors import ReportError, UsageError, Where
 from vsd_analytics.geometry.scale_bar import nice_metres
 from vsd_analytics.report.draw.svg import HATCH, INK, MUTED, RAMP_LIGHT, WHITE
-from vsd_analytics.report.words.format import metres
 from vsd_analytics.site.places import known_floor
+from vsd_analytics.wording.format import metres
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,8 +13,8 @@ from vsd_analytics.report.draw.trend_chart import HEIGHT, WIDE
 from vsd_analytics.report.pages.change_rows import ChangeRow
 from vsd_analytics.report.pages.tables import Cell, Step
 from vsd_analytics.report.pages.week import Page
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 LINE: Final = 1.4
 _CLASS: Final = re.compile(r' class="[^"]*"')

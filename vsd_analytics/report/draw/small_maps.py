@@ -41,7 +41,7 @@ from vsd_analytics.report.draw.svg import (
     el,
     straight_path,
 )
-from vsd_analytics.report.words import format as fmt
+from vsd_analytics.wording import format as fmt
 
 MINI_WIDTH: Final = 480
 MINI_MAX_HEIGHT: Final = 450

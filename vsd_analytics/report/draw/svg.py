@@ -16,7 +16,7 @@ from markupsafe import Markup, escape
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import Point
 from vsd_analytics.figures.week.model_recording import CameraDay
-from vsd_analytics.report.words import format as fmt
+from vsd_analytics.wording import format as fmt
 
 RAMP_LIGHT: Final = ("#fff4cf", "#ffd58e", "#ffa656", "#e76f3f", "#934444")
 INK, MUTED, RULE, WHITE, HATCH, ACCENT = "#1b2430", "#525d68", "#ddd7ca", "#fff", "#8b8577", "#0f4c81"

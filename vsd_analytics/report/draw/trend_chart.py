@@ -18,7 +18,7 @@ from markupsafe import Markup
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Trend, TrendMark, TrendWeek, Usual
 from vsd_analytics.report.draw.svg import ACCENT, BAND, HATCH, INK, MUTED, RULE, WHITE, Look, chart_text, drawing, el
-from vsd_analytics.report.words import format as fmt
+from vsd_analytics.wording import format as fmt
 
 Measure = Literal["often", "close"]
 WIDE: Final = 720

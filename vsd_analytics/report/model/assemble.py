@@ -8,6 +8,7 @@ from dataclasses import replace
 from datetime import date, datetime, timedelta
 from typing import Any
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.catalogue import figures
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
@@ -35,15 +36,14 @@ from vsd_analytics.report.model import site_changes
 from vsd_analytics.report.model.sections import with_more, with_more_maps, with_more_of_days
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words import headline
-from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.languages import chosen, language, speaking
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
 from vsd_analytics.site.model import Floor, Site
 from vsd_analytics.version import VERSION
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.languages import chosen, language, speaking
+from vsd_analytics.wording.reasons import reason_text
 
 THREADS = 1
 """Threads of a page's queries: to read small files, two take half as much processor time again."""

@@ -8,9 +8,9 @@ from typing import Final
 
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.model.week_agenda import PastQuestion
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.change_results import came_of
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 LINES_MAX: Final = 3
 """Earlier questions on a page; all are in the JSON file."""

@@ -7,15 +7,15 @@ from typing import Final
 
 from markupsafe import Markup
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.reasons import reason_text
 
 UNSEEN: Final = Reason("recorded.nothing")
 CLEAR: Final = ("clear_fall", "clear_rise")

@@ -10,9 +10,9 @@ from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.report.draw import flow_maps
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.map_panels import MapFigure, MapPanel
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 Rows = Sequence[Mapping[str, Any]]
 

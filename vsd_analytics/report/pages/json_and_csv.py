@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import msgspec
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.week import model_estimate, model_map, model_recording, model_sections, results
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import SpotCard
@@ -19,9 +20,8 @@ from vsd_analytics.figures.week.results import AreaRow, HourCell
 from vsd_analytics.report.model import week, week_agenda
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.words.headline import finish
-from vsd_analytics.report.words.reasons import decode_reason, reason_schema, reason_text, with_verdicts_of_today
-from vsd_analytics.result import Reason
 from vsd_analytics.store.spreadsheet import safe_cell
+from vsd_analytics.wording.reasons import decode_reason, reason_schema, reason_text, with_verdicts_of_today
 
 DIGITS: Final = 6
 HOURS_COLUMNS: Final = ("site", "floor", "area", "start", "open", "recorded_minutes", "violations", "state")

@@ -24,9 +24,9 @@ from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.key_figures import Tile
 from vsd_analytics.report.pages.single_figures import map_svg, to_png
 from vsd_analytics.report.pages.week import Page, make_page, rendered
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.spoken import in_its_words
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 PICTURE_MAX_BYTES: Final = 60_000
 PICTURE_CID: Final = "map@vsd-analytics"

@@ -10,10 +10,10 @@ from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.contributions import contributions
 from vsd_analytics.report.pages.flow_figure import flow_figure
 from vsd_analytics.report.pages.map_panels import Key, MapFigure, MapPanel
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.figure_titles import changed_places
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Causes, Redesign, Target, TrendWeek
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, Measure, chart, known
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.reasons import reason_text
-from vsd_analytics.result import Reason
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.reasons import reason_text
 
 NO_BAR = Markup("")
 SMALL_MOVE = 0.05

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.change_results import ledger_words
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

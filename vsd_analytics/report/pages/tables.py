@@ -14,9 +14,9 @@ from vsd_analytics.figures.week.model_recording import CameraRecord, Outage
 from vsd_analytics.figures.week.results import HourCell
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 HELD_BACK: Final = "\u2026"
 BLOCK_DAYS: Final = 7

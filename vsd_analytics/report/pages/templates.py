@@ -10,12 +10,12 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from jinja2.bccache import Bucket, FileSystemBytecodeCache
 
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say, say_html
-from vsd_analytics.report.words.languages import html_tag
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.resources import shipped
 from vsd_analytics.version import VERSION
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say, say_html
+from vsd_analytics.wording.languages import html_tag
+from vsd_analytics.wording.reasons import reason_text
 
 
 class CompiledTemplates(FileSystemBytecodeCache):

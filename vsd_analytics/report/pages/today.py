@@ -14,10 +14,10 @@ from vsd_analytics.figures.today import Today, publishable
 from vsd_analytics.report.draw.day_hours import day_hours
 from vsd_analytics.report.pages import mail
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.today import TodayWords, today_words
 from vsd_analytics.site.model import Site
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

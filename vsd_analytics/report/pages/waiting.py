@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.reasons import reason_text
 
 Rows = Sequence[Mapping[str, Any]]
 _SHOWN_BELOW_S = 90

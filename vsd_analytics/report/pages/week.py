@@ -30,12 +30,12 @@ from vsd_analytics.report.pages.spot_cards import Cards, cards
 from vsd_analytics.report.pages.templates import environment
 from vsd_analytics.report.pages.waiting import WaitingView, waiting
 from vsd_analytics.report.words import figure_titles, terms
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.headline import finish
 from vsd_analytics.report.words.privacy import privacy
 from vsd_analytics.report.words.spoken import in_its_words
 from vsd_analytics.resources import shipped
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 WIDE = 1.8
 LETTER = "@page { size: letter; margin: 10mm 14mm 14mm }@media print { :root { --paper: 254.9mm } }"

@@ -7,11 +7,11 @@ from typing import Final
 
 from vsd_analytics.figures.week.model_map import ChangedPlace, ChangeMaps
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.no_data import nothing
 from vsd_analytics.report.words.things_to_know import weakest_camera
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 NAMED_SHARE: Final = 0.2
 """A place is named beside the greatest when it changed by at least this share of it."""

@@ -18,14 +18,14 @@ from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.week.model_recording import CameraRecord
 from vsd_analytics.figures.week.results import AreaRow, LogLine
 from vsd_analytics.report.model.week import Span, Story, WeekReport
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.catalogue import has, say
 from vsd_analytics.report.words.no_data import nothing
 from vsd_analytics.report.words.questions import choose, may_ask
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.report.words.spoken import spoken_of
 from vsd_analytics.report.words.things_to_know import things
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import has, say
+from vsd_analytics.wording.reasons import reason_text
 
 MAX_WORDS: Final = 15
 OWN_SHARE: Final = 0.8

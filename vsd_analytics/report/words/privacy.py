@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import say
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 
 
 def privacy(report: WeekReport) -> str:

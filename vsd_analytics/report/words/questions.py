@@ -21,14 +21,14 @@ from shapely.geometry.base import BaseGeometry
 from vsd_analytics.figures.week.model_sections import UsualHours
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.model.week_agenda import PastQuestion, PlaceToAsk, Remedy
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.languages import days
 from vsd_analytics.report.words.no_data import nothing
 from vsd_analytics.report.words.things_to_know import weakest_camera
 from vsd_analytics.site.model import Area, Fixture
 from vsd_analytics.site.questions import AskedQuestion
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.languages import days
 
 REST: Final = "rest"
 """Place of a question about the rest of the floor."""

@@ -13,9 +13,9 @@ from functools import wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import DaysText, SpokenDays, about_days
-from vsd_analytics.report.words.languages import speaking
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import DaysText, SpokenDays, about_days
+from vsd_analytics.wording.languages import speaking
 
 P = ParamSpec("P")
 T = TypeVar("T")

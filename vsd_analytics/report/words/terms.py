@@ -6,12 +6,12 @@ from collections.abc import Iterable
 from datetime import date, datetime
 from typing import Final
 
+from vsd_analytics.answer import Verdict
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import is_about_days, say
-from vsd_analytics.report.words.languages import separated
-from vsd_analytics.result import Verdict
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import is_about_days, say
+from vsd_analytics.wording.languages import separated
 
 # Sizes of the fractions a headline may use, and the entry of each.
 _FRACTIONS: Final = tuple(

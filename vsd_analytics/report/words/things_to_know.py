@@ -12,11 +12,11 @@ from vsd_analytics.figures.week.model_recording import CameraRecord
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.model.week import Thing, WeekReport
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.catalogue import say
 from vsd_analytics.report.words.no_data import nothing
-from vsd_analytics.report.words.reasons import reason_text
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.reasons import reason_text
 
 NEWS_WEEKS: Final = 2
 """For so many weeks the page explains the result of a change; then a shorter line does."""

@@ -10,13 +10,13 @@ from typing import Final, Literal
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
 from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.today import DayLevel, SilentCamera, Today, TodayHour, coarse, coarse_days
-from vsd_analytics.report.words import format as fmt
 from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.reasons import reason_text
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.unusual import Unusual
 from vsd_analytics.version import VERSION
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.reasons import reason_text
 
 Position = Literal["below", "within", "above"]
 UNUSUAL_SHOWN: Final = 3

@@ -15,8 +15,8 @@ from typing import Final
 from vsd_analytics.errors import CONTROL
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.geometry.scale_bar import M_PER_FT
-from vsd_analytics.report.words.catalogue import say
-from vsd_analytics.report.words.languages import days, months, separated
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.languages import days, months, separated
 
 MINUS: Final = "\u2212"
 MISSING: Final = "\u2013"

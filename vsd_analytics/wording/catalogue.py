@@ -19,8 +19,8 @@ from typing import Any, Final, Self
 
 from markupsafe import Markup, escape
 
-from vsd_analytics.report.words.languages import DEFAULT, language
 from vsd_analytics.resources import shipped
+from vsd_analytics.wording.languages import DEFAULT, language
 
 _WEEKS: Final = frozenset({"week", "before", "now", "number"})
 """Places of a week's number."""

@@ -17,7 +17,7 @@ Design = Literal["beside", "alone"]
 class Reason:
     """Why a figure is missing, what is special about it, or its unit: a code and the values its words name.
 
-    The sentence is the entry `reason.<code>` of the wording catalogue; `vsd_analytics.report.words.reasons` makes it.
+    The sentence is the entry `reason.<code>` of the wording catalogue; `vsd_analytics.wording.reasons` makes it.
     It is a class of its own, and no dataclass, so that JSON writes it as its sentence (msgspec asks the hooks).
 
     Attributes:
@@ -34,9 +34,9 @@ class Reason:
     __slots__ = ("code", "values")
 
     code: str
-    values: Mapping[str, Value]
+    values: Mapping[str, ReasonValue]
 
-    def __init__(self, code: str, /, **values: Value) -> None:
+    def __init__(self, code: str, /, **values: ReasonValue) -> None:
         object.__setattr__(self, "code", code)
         object.__setattr__(self, "values", MappingProxyType(values))
 
@@ -57,10 +57,10 @@ class Reason:
         return _restored, (self.code, dict(self.values))
 
 
-Value: TypeAlias = "str | int | float | datetime | Reason | tuple[Reason, ...]"
+ReasonValue: TypeAlias = "str | int | float | datetime | Reason | tuple[Reason, ...]"
 TEXT: Final = "text"
 """Code of a reason that was read from a JSON report, which holds the sentence only."""
 
 
-def _restored(code: str, values: dict[str, Value]) -> Reason:
+def _restored(code: str, values: dict[str, ReasonValue]) -> Reason:
     return Reason(code, **values)

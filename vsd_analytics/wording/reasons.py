@@ -5,10 +5,10 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Any, Final
 
-from vsd_analytics.report.words import format as fmt
-from vsd_analytics.report.words.catalogue import template
-from vsd_analytics.report.words.languages import separated
-from vsd_analytics.result import TEXT, Reason, Value, Verdict
+from vsd_analytics.answer import TEXT, Reason, ReasonValue, Verdict
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import template
+from vsd_analytics.wording.languages import separated
 
 OLD_VERDICTS: Final = {"no_clear_change": "cannot_tell"}
 
@@ -124,7 +124,7 @@ def reason_schema(kind: type) -> dict[str, Any]:
     return {"type": "string"}
 
 
-def _shown(value: Value) -> object:
+def _shown(value: ReasonValue) -> object:
     """Return a value in the form that the catalogue's places can format."""
     match value:
         case Reason():
