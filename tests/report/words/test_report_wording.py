@@ -25,7 +25,7 @@ from vsd_analytics.wording.catalogue import say, say_html
 from vsd_analytics.wording.reasons import reason_text
 
 PACKAGE = Path(week.__file__).parents[2]
-ROOMS = [PACKAGE / room for room in ("figures", "report", "planner", "calibration_page", "site_index")]
+ROOMS = [PACKAGE / room for room in ("figures", "wording", "report", "planner", "calibration_page", "site_index")]
 TEMPLATES = shipped("reports") / "templates"
 OF_THE_WEEK = (
     *("week", "hero", "where", "spots", "when", "changed", "bars", "trend", "next", "data", "about", "macros"),
@@ -34,7 +34,8 @@ OF_THE_WEEK = (
 )
 # Modules whose every sentence is in the catalogue.
 SPEAKING = (
-    *(f"report/words/{n}" for n in ("headline", "things_to_know", "figure_titles", "terms", "no_data", "format")),
+    *(f"report/words/{n}" for n in ("headline", "things_to_know", "figure_titles", "terms", "no_data")),
+    "wording/format",
     "report/words/questions",
     *(f"report/pages/{n}" for n in ("key_figures", "tables", "week", "spot_cards", "site_log", "sections")),
     "report/pages/figure_list",
