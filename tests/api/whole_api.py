@@ -39,6 +39,6 @@ def use(folder: Path) -> dict[str, object]:
         "compared": site.compare("2026-11-09..2026-11-10", (date(2026, 11, 11), date(2026, 11, 12))),
         "query": week.sql("select local_hour, sales from hours join tills using (local_hour)", tills=tills),
         "burden": burden,
-        "effect": changed.state if (changed := site.change(1)).burden is None else changed.burden.theta,
+        "effect": changed.state if (changed := site.change(1)).burden is None else changed.burden.value,
         "weeks": [way.weeks_after for way in site.plan("entrance", effect=-0.3, power=0.9).choices],
     }

@@ -57,7 +57,7 @@ def test_ratios_and_intervals_stay_each_areas_own(tmp_path: Path, seed: int) -> 
         found = together[key]
         for name in ("often", "close", "risky", "burden"):
             a, b = getattr(found, name), getattr(own, name)
-            assert (a.theta, a.lo, a.hi) == (b.theta, b.lo, b.hi)
+            assert (a.value, a.lo, a.hi) == (b.value, b.lo, b.hi)
 
 
 def test_the_claims_of_a_week_are_one_family_and_the_rest_are_their_own(tmp_path: Path) -> None:

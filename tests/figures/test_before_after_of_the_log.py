@@ -60,9 +60,9 @@ def test_the_planted_effect_is_found_and_the_season_is_not_taken_for_it(tmp_path
     assert figure.effect.day_hi - figure.effect.day_lo < 0.15
     assert figure.effect.verdict == "clear_fall"
     assert figure.alone is not None
-    assert figure.alone.theta == pytest.approx(0.9, rel=0.12)
+    assert figure.alone.value == pytest.approx(0.9, rel=0.12)
     assert figure.comparison is not None
-    assert figure.comparison.theta == pytest.approx(1.5, rel=0.12)
+    assert figure.comparison.value == pytest.approx(1.5, rel=0.12)
     assert figure.comparison_areas == ("door", "aisle", "fruit", "bakery", "back")
     assert figure.windows is not None
     assert figure.windows.left_out == (FIRST + timedelta(days=28), FIRST + timedelta(days=30))
@@ -80,7 +80,7 @@ def test_days_around_the_change_do_not_count(tmp_path: Path) -> None:
 
     effect = found(tmp_path, rate=rate).effect
     assert effect is not None
-    assert effect.theta == pytest.approx(1.0, abs=0.12)
+    assert effect.value == pytest.approx(1.0, abs=0.12)
 
 
 def test_whole_weeks_equally_many_on_both_sides(tmp_path: Path) -> None:
@@ -195,7 +195,7 @@ def test_without_a_comparison_area_only_the_area_itself_is_reported_and_called_w
     assert (figure.state, figure.design, figure.effect, figure.comparison) == ("ok", "alone", None, None)
     assert reason_text(figure.doubts[0]).startswith("weak design")
     assert figure.alone is not None
-    assert figure.alone.theta == pytest.approx(0.9, rel=0.12)
+    assert figure.alone.value == pytest.approx(0.9, rel=0.12)
 
 
 def test_what_moved_to_the_neighbours_is_reported(tmp_path: Path) -> None:
@@ -203,7 +203,7 @@ def test_what_moved_to_the_neighbours_is_reported(tmp_path: Path) -> None:
     near = figure.neighbours
     assert near is not None
     assert near.risky.verdict == "clear_rise"
-    assert near.risky.theta == pytest.approx(2.0, rel=0.25)
+    assert near.risky.value == pytest.approx(2.0, rel=0.25)
     assert near.effect is not None
     assert near.effect.verdict == "clear_rise"
 
@@ -216,7 +216,7 @@ def test_fewer_people_are_reported_beside_the_effect(tmp_path: Path) -> None:
     assert figure.often is not None
     assert figure.effect.verdict == "cannot_tell"
     assert figure.often.verdict == "clear_fall"
-    assert figure.often.theta == pytest.approx(0.5, rel=0.15)
+    assert figure.often.value == pytest.approx(0.5, rel=0.15)
 
 
 def test_few_violations_are_refused_with_the_rule(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def test_a_fall_is_found_in_every_rate_and_by_the_running_verdict(tmp_path: Path
     for effect in (figure.burden, figure.close, figure.effect, figure.often, figure.running):
         assert effect is not None
         assert effect.verdict == "clear_fall"
-        assert effect.theta == pytest.approx(0.5, rel=0.12)
+        assert effect.value == pytest.approx(0.5, rel=0.12)
     assert (figure.running.n_reference, figure.running.n_weeks) == (12, 8)
     assert figure.running.clear_since is not None
     assert figure.burden.weights is not None, "twelve weeks before give the comparison areas weights"
@@ -56,7 +56,7 @@ def test_nothing_is_claimed_where_only_the_season_moved(tmp_path: Path) -> None:
     assert figure.floor is not None
     assert figure.burden.verdict != "clear_fall"
     assert figure.running.verdict != "clear_fall"
-    assert figure.floor.net.theta == pytest.approx(0.6, rel=0.15)
+    assert figure.floor.net.value == pytest.approx(0.6, rel=0.15)
 
 
 def test_people_who_left_are_the_changes_own_doing_and_its_parts_add_up(tmp_path: Path) -> None:
@@ -66,8 +66,8 @@ def test_people_who_left_are_the_changes_own_doing_and_its_parts_add_up(tmp_path
     assert figure.burden.verdict == "clear_fall"
     assert figure.close is not None
     assert figure.close.verdict != "clear_fall"
-    assert figure.burden.theta is not None
-    assert figure.routes.people + figure.routes.closeness == pytest.approx(figure.burden.theta - 1, abs=1e-12)
+    assert figure.burden.value is not None
+    assert figure.routes.people + figure.routes.closeness == pytest.approx(figure.burden.value - 1, abs=1e-12)
     assert figure.routes.people == pytest.approx(-0.5, abs=0.08)
     assert abs(figure.routes.closeness) < 0.08
 
@@ -85,7 +85,7 @@ def test_time_that_moved_to_other_areas_at_any_distance_is_no_fall_of_the_floor(
     assert figure.floor.net.verdict != "clear_fall"
     assert figure.floor.moved_elsewhere == pytest.approx(1.0, abs=0.25)
     assert "redesign.moved_elsewhere" in [c.code for c in figure.cautions]
-    assert math.fsum(figure.floor.net.contributions) == pytest.approx((figure.floor.net.theta or 0) - 1)
+    assert math.fsum(figure.floor.net.contributions) == pytest.approx((figure.floor.net.value or 0) - 1)
     assert figure.floor.places[-1] is None
 
 
@@ -101,7 +101,7 @@ def test_a_crowd_that_moves_into_one_comparison_area_does_not_make_the_fall_larg
     assert so_far.all_hi is not None
     assert so_far.all_hi < 0.2 < so_far.hi, "the range beside all areas misses what was planted"
     assert so_far.lo < 0.2
-    assert so_far.theta == pytest.approx(0.2, rel=0.15)
+    assert so_far.value == pytest.approx(0.2, rel=0.15)
     assert so_far.verdict == "clear_fall"
     (caution,) = [c for c in figure.cautions if c.code == "redesign.rests_on"]
     assert caution.values["area"] == "Fruit"

@@ -16,7 +16,7 @@ from vsd_analytics.warehouse.warehouse import open_warehouse
 
 def shown(level: RateEstimate, change: ChangeEstimate) -> dict[str, Any]:
     return {
-        "value": level.rate,
+        "value": level.value,
         "lo": level.lo,
         "hi": level.hi,
         "previous": change.rate_a,

@@ -56,22 +56,22 @@ def test_more_people_at_equal_risk_is_reported_as_people(tmp_path: Path) -> None
     whole = found.places[0]
     assert whole.kind == "floor"
     assert whole.split.often.verdict == "clear_rise"
-    assert whole.split.people.theta == pytest.approx(2.0, rel=0.1)
+    assert whole.split.people.value == pytest.approx(2.0, rel=0.1)
     assert whole.split.risky.verdict == "cannot_tell"
     assert whole.split.people_share == pytest.approx(1.0, abs=0.3)
     assert [p.kind for p in found.places] == ["floor", *["area"] * 6, "rest"]
     # each planted violation is 40 person-seconds, so time changes as violations do
-    assert whole.burden.theta == pytest.approx(whole.split.often.theta)
-    assert whole.close_share.theta == pytest.approx(whole.split.risky.theta)
-    assert whole.risky_b.rate is not None
-    assert whole.close_share_b.rate == pytest.approx(whole.risky_b.rate * 40 / 3600)
+    assert whole.burden.value == pytest.approx(whole.split.often.value)
+    assert whole.close_share.value == pytest.approx(whole.split.risky.value)
+    assert whole.risky_b.value is not None
+    assert whole.close_share_b.value == pytest.approx(whole.risky_b.value * 40 / 3600)
     json.dumps(asdict(found), default=str)
 
 
 def test_only_the_areas_asked_for(tmp_path: Path) -> None:
     found = compared(tmp_path, area_ids=("door", "queue"), rate=lambda a, d: 3.0 if a == "door" and d >= 7 else 1.0)
     assert [p.area_id for p in found.places] == [None, "door", "queue"]
-    assert found.places[1].split.risky.theta == pytest.approx(3.0, rel=0.15)
+    assert found.places[1].split.risky.value == pytest.approx(3.0, rel=0.15)
     assert found.places[2].split.risky.verdict == "cannot_tell"
 
 
@@ -113,7 +113,7 @@ def test_hours_missing_in_one_period_are_not_taken_from_the_other(tmp_path: Path
     assert found.hours_compared == 5.0
     change = found.places[0].split.often
     assert change.n_days == 5
-    assert change.theta == pytest.approx(1.0, abs=0.2)
+    assert change.value == pytest.approx(1.0, abs=0.2)
 
 
 def test_other_calibrations_are_refused(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_periods_with_common_days_and_unknown_places_are_answered(tmp_path: Path
 
 def test_periods_may_come_in_either_order(tmp_path: Path) -> None:
     there, back = (compared(tmp_path, a=a, b=b, rate=lambda x, d: 1.0 + d / 7) for a, b in ((A, B), (B, A)))
-    one, other = there.places[0].split.often.theta, back.places[0].split.often.theta
+    one, other = there.places[0].split.often.value, back.places[0].split.often.value
     assert one is not None
     assert other == pytest.approx(1 / one)
 

@@ -187,7 +187,7 @@ def test_the_trend_has_each_weeks_own_figure_gaps_and_marks(tmp_path: Path) -> N
     )  # fmt: skip
     last = made.weeks[-1].often
     assert last is not None
-    assert (last.rate, last.lo, last.hi) == pytest.approx((own.rate, own.lo, own.hi))
+    assert (last.value, last.lo, last.hi) == pytest.approx((own.value, own.lo, own.hi))
 
 
 def test_a_trend_of_two_weeks_is_refused(tmp_path: Path) -> None:

@@ -80,7 +80,7 @@ def test_three_people_for_a_minute_are_one_gathering(tmp_path: Path) -> None:
     assert (one.duration_s, one.n_people, one.person_s, one.is_open) == (60.0, 3, 180.0, True)
     assert (one.x_m, one.y_m, one.diameter_m) == pytest.approx((3.5, 2.0, 3.0))
     assert one.start.isoformat() == "2026-11-09T08:00:00+00:00"
-    assert floor.per_100_h.rate == pytest.approx(100.0)
+    assert floor.per_100_h.value == pytest.approx(100.0)
     assert (floor.per_100_h.lo, floor.per_100_h.state) == (None, "not_enough_data")
     assert reason_text(floor.per_100_h.reason) == "an interval needs at least 5 recorded days, has 1"
     assert [s.person_s for s in floor.sizes.sizes] == [0.0, 207.0, 0.0, 0.0, 0.0]
@@ -141,7 +141,7 @@ def test_figures_of_planted_episodes(tmp_path: Path) -> None:
     with Warehouse(site, DAY, DAY) as warehouse:
         found = vsd_analytics.episode_figures(warehouse)
     times = found.durations
-    assert (times.n, times.median.value_s, times.p90.value_s) == (35, 5.0, 40.0)
+    assert (times.n, times.median.value, times.p90.value) == (35, 5.0, 40.0)
     assert times.long_share.value == pytest.approx(10 / 35)
     assert (times.cut_share, times.is_at_least, times.state) == (1.0, True, "not_enough_data")
     assert [s.person_s for s in found.distances.shares] == [250.0, 0.0, 800.0, 0.0]
@@ -182,7 +182,7 @@ def test_what_was_not_recorded_is_not_zero(tmp_path: Path) -> None:
     with Warehouse(site, empty, empty) as warehouse:
         (floor,) = vsd_analytics.gatherings(warehouse).floors
         figures = vsd_analytics.episode_figures(warehouse)
-    assert (floor.n, floor.per_100_h.rate, floor.per_100_h.reason) == (None, None, NOTHING)
+    assert (floor.n, floor.per_100_h.value, floor.per_100_h.reason) == (None, None, NOTHING)
     assert (floor.sizes.state, floor.sizes.reason) == ("not_enough_data", NOTHING)
     for part in (figures.durations, figures.distances, figures.contacts, figures.tracks):
         assert (part.state, part.reason) == ("not_enough_data", NOTHING)

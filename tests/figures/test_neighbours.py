@@ -76,7 +76,7 @@ def test_time_with_three_or_more_others_is_that_of_a_recount(site: Site, people:
         found = three_or_more(period_of(warehouse))
     crowded = sum(k >= 3 for k in n)
     assert 0.2 < crowded / len(n) < 0.95
-    assert found.rate == pytest.approx(crowded / len(n), rel=1e-9)
+    assert found.value == pytest.approx(crowded / len(n), rel=1e-9)
     assert found.exposure_h == pytest.approx(len(n) / 3600, rel=1e-9)
     assert found.lo is not None
     assert found.hi is not None
@@ -92,10 +92,10 @@ def test_room_is_people_in_the_disc_over_its_area_and_levels_add_up(site: Site, 
             time[LEVELS[sum(density > limit for limit in limits[1:])]] += 1
     with open_days(site, "2026-11-09", "2026-11-14") as warehouse:
         found = room_around(period_of(warehouse))
-    assert {r.level: r.share.rate for r in found} == pytest.approx(
+    assert {r.level: r.share.value for r in found} == pytest.approx(
         {level: time[level] / time.total() for level in LEVELS}, rel=1e-9, abs=1e-12
     )
-    assert sum(r.share.rate or 0 for r in found) == pytest.approx(1.0)
+    assert sum(r.share.value or 0 for r in found) == pytest.approx(1.0)
     assert len([level for level in LEVELS if time[level]]) >= 4
     assert [r.density_to for r in found][:-1] == pytest.approx(limits[1:-1], rel=0.01)
     assert found[-1].density_to is None
@@ -113,7 +113,7 @@ def test_a_disc_that_one_person_crowds_gives_no_room(tmp_path: Path) -> None:
     with open_days(site) as warehouse:
         found = room_around(period_of(warehouse))
     assert {r.share.state for r in found} == {"not_measurable"}
-    assert {r.share.rate for r in found} == {None}
+    assert {r.share.value for r in found} == {None}
     assert found[0].share.reason == Reason("room.small_disc", least=math.sqrt(35 * 0.3048**2 / math.pi))
 
 
@@ -122,7 +122,7 @@ def test_without_positions_there_is_no_share_of_time(tmp_path: Path) -> None:
     put(site, [Pair(T0 + s * 1000, "a", "b", 1500) for s in range(3600)])
     with open_days(site) as warehouse:
         period = period_of(warehouse)
-        assert three_or_more(period).rate is None
+        assert three_or_more(period).value is None
         assert three_or_more(period).state == "not_measurable"
         assert room_around(period)[0].share.state == "not_measurable"
 
@@ -133,7 +133,7 @@ def test_time_sealed_without_numbers_of_others_is_missing_not_zero(site: Site) -
         warehouse.con.execute("delete from neighbour_hours where local_date = date '2026-11-14'")
         period = period_of(warehouse)
         assert three_or_more(period).state == "not_measurable"
-        assert {r.share.rate for r in room_around(period)} == {None}
+        assert {r.share.value for r in room_around(period)} == {None}
 
 
 def test_others_met_are_different_people_of_the_day_however_often(site: Site, people: list[Person]) -> None:

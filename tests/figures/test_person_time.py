@@ -60,8 +60,8 @@ def test_time_too_close_in_both_readings_equals_a_recount(tmp_path: Path) -> Non
     assert 0 < others < everybody < len(rows)
     found = told(site)
     assert found.exposure_h == pytest.approx(len(rows) / 3600)
-    assert found.close.rate == pytest.approx(everybody / len(rows))
-    assert found.close_between.rate == pytest.approx(others / len(rows))
+    assert found.close.value == pytest.approx(everybody / len(rows))
+    assert found.close_between.value == pytest.approx(others / len(rows))
     assert found.close.lo is found.people.lo is None  # one day
 
 
@@ -85,11 +85,11 @@ def test_days_make_the_intervals(tmp_path: Path) -> None:
     put(site, rows)
     found = told(site, 7)
     for level in (found.people, found.close, found.close_between):
-        assert level.rate is not None
+        assert level.value is not None
         assert level.lo is not None
         assert level.hi is not None
-        assert level.lo <= level.rate <= level.hi <= 1
-    assert found.people.hi - found.people.lo > 0.1 * found.people.rate
+        assert level.lo <= level.value <= level.hi <= 1
+    assert found.people.hi - found.people.lo > 0.1 * found.people.value
     assert found.close.hi - found.close.lo < 0.01  # every scene has the same share
 
 
@@ -107,8 +107,8 @@ def test_areas_and_the_rest_add_up_to_the_floors_time_too_close(tmp_path: Path) 
     assert near.exposure_h.sum() * 3600 == pytest.approx(len(inside))
     together = [row for row in inside if row.track != "c"]  # the couple is never alone; c is, but for their passing
     passing = {r.ts for r in together if abs(r.x - 10_000) ** 2 + (r.y - 2500) ** 2 < 2000**2}
-    assert share.rate == pytest.approx((len(together) + len(passing)) / len(inside))
-    assert minutes.rate == pytest.approx(recount(rows)[0] / 60)
+    assert share.value == pytest.approx((len(together) + len(passing)) / len(inside))
+    assert minutes.value == pytest.approx(recount(rows)[0] / 60)
 
 
 def halved_scenes(root: Path, **settings: float) -> tuple[ChangeEstimate, ChangeEstimate]:
@@ -137,8 +137,8 @@ def test_the_setting_of_about_the_same_holds_for_time_too_close(tmp_path: Path, 
 def test_less_dwelling_lowers_the_burden_and_leaves_the_share(tmp_path: Path) -> None:
     """Half of the scenes: the same share of the time is too close, and half of the person-minutes an hour."""
     share, minutes = halved_scenes(tmp_path)
-    assert share.theta == pytest.approx(1.0)
-    assert minutes.theta == pytest.approx(0.5)
+    assert share.value == pytest.approx(1.0)
+    assert minutes.value == pytest.approx(0.5)
     assert minutes.verdict == "clear_fall"
     assert minutes.rate_b == pytest.approx(np.mean([2 + d % 3 for d in range(7)]) * recount(scene(T0))[0] / 60)
     assert (share.n_a, minutes.n_b) == (None, None)  # person-seconds are no number of violations

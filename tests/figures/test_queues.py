@@ -60,15 +60,15 @@ def test_people_waiting_and_waiting_times_equal_the_planted_ones(tmp_path: Path)
     rows = [r for k, w in enumerate(waits) for r in customer(T0 + k * 80_000, w, f"t{k}", leaves=k % 4 == 0)]
     put(site, [*rows, *beats(T0, T0 + HOUR)])
     found = queue_of(site)
-    assert found.people.rate == pytest.approx(sum(waits) / 3600)
+    assert found.people.value == pytest.approx(sum(waits) / 3600)
     assert found.busy.value is not None
     assert found.waiting is not None
     seen = found.waiting.waits
     assert (seen.n_entered, seen.n_served, seen.n_left, seen.n_cut) == (40, 30, 10, 0)
     assert seen.left_share.value == pytest.approx(0.25)
     served = [w for k, w in enumerate(waits) if k % 4]
-    assert seen.median.value_s == np.sort(served)[14]
-    assert found.waiting.stays.little.ratio == pytest.approx(1.0, abs=0.01)
+    assert seen.median.value == np.sort(served)[14]
+    assert found.waiting.stays.little.value == pytest.approx(1.0, abs=0.01)
     assert [h.hour for h in found.by_hour] == [8]
 
 
@@ -103,9 +103,9 @@ def test_a_week_of_cut_tracks_holds_the_planted_wait_and_the_naive_one_does_not(
     median, share = found.waits.median, found.waits.left_share
     assert found.waits.n_cut > 0.35 * len(waits)
     served = np.array(waits)[~np.array(left)]
-    assert median.lo_s is not None
-    assert median.hi_s is not None
-    assert median.lo_s <= np.median(served) <= median.hi_s
+    assert median.lo is not None
+    assert median.hi is not None
+    assert median.lo <= np.median(served) <= median.hi
     assert np.median(np.array(waits)[whole]) < 0.9 * np.median(served)
     assert share.lo is not None
     assert share.hi is not None
@@ -141,7 +141,7 @@ def test_people_of_two_cameras_add_up_at_each_instant(tmp_path: Path) -> None:
         present = Presence(Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, FIRST), QUEUE)
         rows = warehouse.rows("select n_people, recorded_ms from area_counts order by n_people")
     assert {r["n_people"]: r["recorded_ms"] for r in rows} == {0: 1_800_000, 1: 899_500, 2: 900_000}
-    assert present.mean().rate == pytest.approx(0.75, rel=1e-3)
+    assert present.mean().value == pytest.approx(0.75, rel=1e-3)
     assert present.quantile(0.9).value == 2
 
 
@@ -157,9 +157,9 @@ def test_time_without_one_of_the_cameras_counts_as_not_recorded(tmp_path: Path) 
     with open_days(site, "2026-11-09", "2026-11-10") as warehouse:
         data = FloorHours(warehouse, floor=site.floors[0])
         first, second = (Presence(Period(data, day, day), QUEUE) for day in (FIRST, FIRST + timedelta(days=1)))
-    assert first.mean().rate == pytest.approx(2.0)
+    assert first.mean().value == pytest.approx(2.0)
     assert first.seconds.sum() == pytest.approx(1800, abs=1)
-    assert second.mean().rate is None
+    assert second.mean().value is None
     assert (8 in first.unrecorded_hours, 8 in second.unrecorded_hours) == (False, True)
     assert second.silent_cameras == ("cam-2",)
 
@@ -180,12 +180,12 @@ def test_hours_missed_on_some_days_count_as_on_others_and_hours_never_recorded_h
                 rows += [Person(t, track, 1000 * (k + 1), 2000) for k, track in enumerate(here)]
     put(site, rows)
     found = queue_of(site, n_days=6)
-    assert found.people.rate == pytest.approx(2.0, rel=0.01), "a plain mean would be 15 / 9"
+    assert found.people.value == pytest.approx(2.0, rel=0.01), "a plain mean would be 15 / 9"
     assert found.people.lo is not None
     with open_days(site, "2026-11-09", "2026-11-14") as warehouse:
         data = FloorHours(warehouse, floor=site.floors[0])
         odd = Presence(Period(data, FIRST + timedelta(days=1), FIRST + timedelta(days=1)), QUEUE).mean()
-    assert odd.rate == pytest.approx(1.0, rel=0.01), "of the hour that is known"
+    assert odd.value == pytest.approx(1.0, rel=0.01), "of the hour that is known"
     assert (odd.lo, odd.reason and odd.reason.code) == (None, "present.hours")
 
 
@@ -193,7 +193,7 @@ def test_a_queue_without_an_end_has_people_and_no_waiting_times(tmp_path: Path) 
     site = with_queue(tmp_path, served_in=None)
     put(site, [*customer(T0, 30, "a"), *beats(T0, T0 + HOUR)])
     found = queue_of(site)
-    assert found.people.rate == pytest.approx(30 / 3600)
+    assert found.people.value == pytest.approx(30 / 3600)
     assert found.waiting is None
     assert found.why_no_waits is not None
 

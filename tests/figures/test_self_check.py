@@ -35,11 +35,11 @@ def test_twelve_weeks_in_which_nothing_changes_seldom_raise_a_false_alarm(tmp_pa
     assert found.often is not None
     assert found.risky is not None
     assert found.both is not None
-    assert found.both.share == (found.often.share + found.risky.share) / 2 <= 0.1
-    assert found.both.lo <= found.both.share <= found.both.hi
+    assert found.both.value == (found.often.value + found.risky.share) / 2 <= 0.1
+    assert found.both.lo <= found.both.value <= found.both.hi
     assert found.verdicts_a_year == 104
     assert found.false_a_year is not None
-    assert found.false_a_year[0] == 104 * found.both.share
+    assert found.false_a_year[0] == 104 * found.both.value
 
 
 def test_nine_weeks_are_too_few(tmp_path: Path) -> None:
@@ -57,7 +57,7 @@ def test_a_change_for_good_is_no_false_alarm_of_the_site(tmp_path: Path) -> None
     """Weeks before and after it are mixed: the steps between them widen the intervals of all."""
     found = checked(tmp_path, rate=lambda area_id, day: 0.5 if day >= 42 else 1.0)
     assert found.both is not None
-    assert found.both.share <= 0.15
+    assert found.both.value <= 0.15
 
 
 @pytest.fixture(scope="module")

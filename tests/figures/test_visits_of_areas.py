@@ -47,9 +47,9 @@ def test_visits_equal_the_planted_ones(tmp_path: Path) -> None:
     put(site, [*rows, *beats(T0, T0 + HOUR)])
     found = visits_of(site)
     assert (found.dwell.n_visits, found.dwell.n_cut, found.n_began_inside) == (40, 0, 0)
-    assert found.dwell.median.value_s == np.sort(stays)[19]
-    assert found.often.rate == pytest.approx(40)
-    assert found.dwell.little.ratio == pytest.approx(1.0, abs=0.01)
+    assert found.dwell.median.value == np.sort(stays)[19]
+    assert found.often.value == pytest.approx(40)
+    assert found.dwell.little.value == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_week_of_cut_tracks_holds_the_planted_median_and_the_naive_one_does_not(tmp_path: Path) -> None:
@@ -68,10 +68,10 @@ def test_a_week_of_cut_tracks_holds_the_planted_median_and_the_naive_one_does_no
     found = visits_of(site, n_days=7)
     median = found.dwell.median
     assert found.n_began_inside == found.dwell.n_cut > 0.3 * len(stays)
-    assert median.lo_s is not None
-    assert median.hi_s is not None
-    assert median.lo_s <= np.median(stays) <= median.hi_s
-    assert np.median(pieces) < median.lo_s
+    assert median.lo is not None
+    assert median.hi is not None
+    assert median.lo <= np.median(stays) <= median.hi
+    assert np.median(pieces) < median.lo
     assert found.dwell.little.agrees is True
 
 
@@ -117,6 +117,6 @@ def test_a_dead_camera_is_named_and_its_visits_are_not_zero(tmp_path: Path) -> N
     with open_days(site, "2026-11-09", "2026-11-10") as warehouse:
         data = FloorHours(warehouse, floor=site.floors[0])
         (found,) = visits(Period(data, FIRST + timedelta(days=1), FIRST + timedelta(days=1)))
-    assert found.often.rate is None
-    assert found.dwell.median.value_s is None
+    assert found.often.value is None
+    assert found.dwell.median.value is None
     assert found.recorded_share == 0.0

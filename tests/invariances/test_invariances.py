@@ -90,7 +90,7 @@ def test_an_empty_night_leaves_the_risk_and_raises_coverage_only(tmp_path: Path)
     assert risky.lo is not None
     assert risky.n_events > 100
     assert with_nights == risky
-    assert often.rate is not None
+    assert often.value is not None
     assert sums_with.pop("recorded_s") == sums.pop("recorded_s") + 7 * 600
     assert sums_with == sums
 
@@ -130,7 +130,7 @@ def test_twice_the_people_at_the_same_layout_are_about_twice_as_risky(tmp_path: 
         put(site, pooled)
         rates[n_people] = headline(site, MONDAY, SUNDAY)[1]
     assert rates[12].n_events > 200
-    assert rates[24].rate / rates[12].rate == pytest.approx(23 / 11, rel=0.1)
+    assert rates[24].value / rates[12].value == pytest.approx(23 / 11, rel=0.1)
 
 
 def overlapping() -> list[Camera]:

@@ -242,14 +242,14 @@ def test_any_days_and_hours_have_the_rates_of_the_analysis(page_of: Any, oracle:
     for (address, days, hours), (name, place) in itertools.product(selections(), places.items()):
         told = page.evaluate(READ, f"{address}&place={name}")
         often, risky = oracle.rates(place, days, hours)
-        assert_same(told["now-often"], often.rate, often.lo, often.hi)
-        assert_same(told["now-risky"], risky.rate, risky.lo, risky.hi)
+        assert_same(told["now-often"], often.value, often.lo, often.hi)
+        assert_same(told["now-risky"], risky.value, risky.lo, risky.hi)
         n_intervals += often.lo is not None
         if len(days) == 7 and len(hours) == 2:
             continue  # there the page tells the report's own change
         for kind, change in zip(("change-often", "change-risky"), oracle.change(place, days, hours), strict=True):
-            if change.theta is not None and change.n_a and change.n_b:
-                assert_same(told[kind], change.theta, change.lo, change.hi)
+            if change.value is not None and change.n_a and change.n_b:
+                assert_same(told[kind], change.value, change.lo, change.hi)
     assert n_intervals > 20
 
 
@@ -260,8 +260,8 @@ def test_a_rectangle_has_the_rates_of_what_lies_in_it(page_of: Any, oracle: Orac
         for address, days, hours in selections()[:6]:
             told = page.evaluate(READ, f"{address}&place=rect&rect={','.join(map(str, box))}")
             often, risky = oracle.rates(place, days, hours, has_history=False)
-            assert_same(told["now-often"], often.rate, often.lo, often.hi)
-            assert_same(told["now-risky"], risky.rate, risky.lo, risky.hi)
+            assert_same(told["now-often"], often.value, often.lo, often.hi)
+            assert_same(told["now-risky"], risky.value, risky.lo, risky.hi)
 
 
 def test_a_hotspot_has_the_rates_of_its_squares(page_of: Any, oracle: Oracle, exact: PlannerData) -> None:
@@ -282,8 +282,8 @@ def test_a_hotspot_has_the_rates_of_its_squares(page_of: Any, oracle: Oracle, ex
         for address, days, hours in selections()[:3]:
             told = page_of("exact").evaluate(READ, f"{address}&place=spot%3A{spot.number}")
             often, risky = oracle.rates(place, days, hours, has_history=False)
-            assert_same(told["now-often"], often.rate, often.lo, often.hi)
-            assert_same(told["now-risky"], risky.rate, risky.lo, risky.hi)
+            assert_same(told["now-often"], often.value, often.lo, often.hi)
+            assert_same(told["now-risky"], risky.value, risky.lo, risky.hi)
 
 
 def test_small_counts_put_together_move_rectangles_by_little(page_of: Any, oracle: Oracle, masked: PlannerData) -> None:

@@ -85,13 +85,13 @@ def hash_of(world: World) -> int:
 
 def row(world: World, n_sites: int) -> str:
     """Return the table's row of one world."""
-    found = [e for e in (estimate(world, s) for s in range(n_sites)) if e.theta is not None]
+    found = [e for e in (estimate(world, s) for s in range(n_sites)) if e.value is not None]
     lo, hi = (np.array([getattr(e, k) for e in found]) for k in ("day_lo", "day_hi"))
     covered = np.mean((lo <= world.effect) & (world.effect <= hi))
     clear = np.mean(hi < 1)
     placebo = np.mean([e.placebo_lo <= world.effect <= e.placebo_hi for e in found if e.placebo_lo is not None])
-    naive = np.exp(np.mean(np.log([e.theta for e in found]))) - 1
-    shrunken = np.exp(np.mean([np.log(e.shrunken.theta) for e in found if e.shrunken is not None])) - 1
+    naive = np.exp(np.mean(np.log([e.value for e in found]))) - 1
+    shrunken = np.exp(np.mean([np.log(e.shrunken.value) for e in found if e.shrunken is not None])) - 1
     alone = np.exp(np.mean([np.log(e.alone) for e in found])) - 1
     what = (
         "worst of 12, no change" if world.worst else ("no change" if world.effect == 1 else f"{world.effect - 1:+.0%}")

@@ -94,7 +94,7 @@ def measured(world: World, seed: int) -> tuple[dict[str, Span], dict[str, float]
         ("bread 90 %", found["bread"].p90),
         ("hall median", found["hall"].median),
     ):
-        spans[name] = (q.value_s, q.lo_s, q.hi_s if q.hi_s is not None or q.lo_s is None else np.inf)
+        spans[name] = (q.value, q.lo, q.hi if q.hi is not None or q.lo is None else np.inf)
     naive = {
         name: float(np.quantile([p["s"] for p in pieces if p["area_id"] == area], q))
         for name, area, q in (
@@ -104,10 +104,10 @@ def measured(world: World, seed: int) -> tuple[dict[str, Span], dict[str, float]
     }  # fmt: skip
     for a, b in WAYS:
         spans[f"{a} to {b}"], naive[f"{a} to {b}"] = _share(moves, a, b)
-    spans["people at the till"] = (queue.people.rate, queue.people.lo, queue.people.hi)
+    spans["people at the till"] = (queue.people.value, queue.people.lo, queue.people.hi)
     wait = queue.waiting.waits.median if queue.waiting is not None else None
-    spans["its wait"] = (None, None, None) if wait is None else (wait.value_s, wait.lo_s, wait.hi_s or np.inf)
-    spans["till full"] = (use.full.rate, use.full.lo, use.full.hi)
+    spans["its wait"] = (None, None, None) if wait is None else (wait.value, wait.lo, wait.hi or np.inf)
+    spans["till full"] = (use.full.value, use.full.lo, use.full.hi)
     open_s = N_DAYS * 7200.0
     naive["people at the till"] = sum(r["n_people"] * r["s"] for r in levels) / open_s
     naive["till full"] = sum(r["s"] for r in levels if r["n_people"] >= CAPACITY) / open_s

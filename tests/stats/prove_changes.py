@@ -105,10 +105,10 @@ def drifts(world: World, n: int) -> Line:
 def _names_a_trend(effect: BeforeAfter, *, weeks: int) -> bool:
     """Return whether doubts or cautions of the page name a slope (`redesign.unseen_trend`)."""
     trend = effect.trend
-    if trend is None or effect.theta is None:
+    if trend is None or effect.value is None:
         return False
     unseen = trend.detectable_per_week
-    return not trend.is_flat or (unseen is not None and abs(np.log(effect.theta)) < weeks * np.log1p(unseen))
+    return not trend.is_flat or (unseen is not None and abs(np.log(effect.value)) < weeks * np.log1p(unseen))
 
 
 def power(world: World, n: int) -> Line:

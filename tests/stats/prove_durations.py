@@ -46,7 +46,7 @@ def row(n_days: int, per_day: int, sd: float, n_weeks: int, seed: int) -> str:
         found = durations(seconds, day, None, seed=k, n_boot=DRAWS)
         lo, hi = percentiles(seconds, day, seed=k)
         for i, (q, t) in enumerate(zip((found.median, found.p90), truth, strict=True)):
-            held[i] += (q.lo_s or 0) <= t <= (q.hi_s or 0)
+            held[i] += (q.lo or 0) <= t <= (q.hi or 0)
         share = found.long_share
         held[2] += share.lo is not None and share.hi is not None and share.lo <= long_share <= share.hi
         held[3:] += (lo <= truth) & (truth <= hi)

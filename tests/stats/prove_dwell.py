@@ -39,7 +39,7 @@ def row(world: World, *, n_days: int, n_sites: int) -> tuple[str, ...]:
     for seed in range(n_sites):
         seen = see(world, n_days=n_days, seed=seed)
         found = dwell(seen.dwell_s, seen.is_cut, seen.day, person_s=seen.person_s, long_s=LIMIT_S)
-        spans = [(q.value_s, q.lo_s, q.hi_s) for q in (found.median, found.p90)]
+        spans = [(q.value, q.lo, q.hi) for q in (found.median, found.p90)]
         long = found.long_share
         spans.append((long.value, long.lo, long.hi))
         values.append([np.nan if v is None else v for v, _, _ in spans])

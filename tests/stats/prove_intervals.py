@@ -351,13 +351,13 @@ def people_table(*, judged: int, weeks: int, seed: int) -> None:
     records = np.zeros(weeks)
     for row in rows:
         records[(row["local_date"] - first).days // 7] += float(row["n"] or 0)
-    truth = [float(np.mean([pair[k].rate for pair in levels])) for k in (0, 1)]
+    truth = [float(np.mean([pair[k].value for pair in levels])) for k in (0, 1)]
     columns = ["violations", "M0", "M7", "M0 on the week before", "M7 on the week before", "naive, M0"]
     print(f"\nPeople: M0 {truth[0]:.1f}, M7 {truth[1]:.2f}, records {records.sum():,.0f}\n")
     print("| week | " + " | ".join(columns) + " |\n" + "|---" * (1 + len(columns)) + "|")
     held = np.zeros((judged, 5), dtype=np.bool_)
     for row_no, k in enumerate(range(weeks - judged, weeks)):
-        rate, half = levels[k][0].rate, 1.96 / records[k] ** 0.5
+        rate, half = levels[k][0].value, 1.96 / records[k] ** 0.5
         naive = _Naive(rate * np.exp(-half), rate * np.exp(half))
         cells = [(levels[k][0], truth[0]), (levels[k][1], truth[1]), *((c, 1.0) for c in changes[k - 1])]
         cells.append((naive, truth[0]))

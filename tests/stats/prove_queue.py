@@ -42,8 +42,8 @@ def of_waits(seen: Seen) -> tuple[dict[str, Span], dict[str, float], bool | None
     """Return estimates, naive values, and whether Little's law agrees."""
     found = waiting(seen.wait_s, seen.outcome, seen.day, weight=seen.stands_for)
     spans: dict[str, Span] = {
-        "median": (found.median.value_s, found.median.lo_s, found.median.hi_s),
-        "p90": (found.p90.value_s, found.p90.lo_s, found.p90.hi_s),
+        "median": (found.median.value, found.median.lo, found.median.hi),
+        "p90": (found.p90.value, found.p90.lo, found.p90.hi),
         "left": (found.left_share.value, found.left_share.lo, found.left_share.hi),
     }
     whole, served = seen.wait_s[seen.outcome == SERVED], int((seen.outcome == SERVED).sum())
@@ -59,8 +59,8 @@ def of_numbers(seen: Seen) -> tuple[dict[str, Span], dict[str, float], bool | No
     spans: dict[str, Span] = {}
     for name, amount in OF_PEOPLE.items():
         found = violation_rate([seen.time_s @ amount], [seen.time_s.sum(axis=1) / HOUR_S])
-        unknown = found.rate is None or found.lo is None or found.hi is None or found.rate == 0
-        spans[name] = (None, None, None) if unknown else tuple(v / HOUR_S for v in (found.rate, found.lo, found.hi))  # type: ignore[operator, assignment]
+        unknown = found.value is None or found.lo is None or found.hi is None or found.value == 0
+        spans[name] = (None, None, None) if unknown else tuple(v / HOUR_S for v in (found.value, found.lo, found.hi))  # type: ignore[operator, assignment]
     return _if_known(spans, seen), of_people(seen.naive_time_s), None
 
 

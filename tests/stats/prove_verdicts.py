@@ -215,7 +215,7 @@ def own_rate_rows(runs: int, seed: int) -> Iterator[Row]:
         drawn = World(variation).draw(np.random.default_rng(seed), sites=runs // 50, weeks=26)
         x = np.broadcast_to(drawn.x_h, drawn.n.shape[1:])
         found = [false_alarm_rate(n, x) for n in drawn.n]
-        mean = float(np.mean([f.share for f in found if f is not None]))
+        mean = float(np.mean([f.value for f in found if f is not None]))
         yield Row(f"false alarms a site finds in 26 weeks of its own: {name}", "-", "-", f"{100 * mean:.1f} %")
 
 

@@ -45,7 +45,7 @@ def test_what_moves_the_whole_site_is_no_effect() -> None:
     assert found.alone is not None
     assert found.alone > 1.4
     assert found.verdict == "cannot_tell"
-    assert found.theta == pytest.approx(1.0, abs=0.12)
+    assert found.value == pytest.approx(1.0, abs=0.12)
 
 
 def test_a_planted_fall_is_found_with_the_size_it_has() -> None:
@@ -63,7 +63,7 @@ def test_theta_is_the_plain_ratio_of_ratios() -> None:
     found = before_after(b, a)
     hand = (a.n.sum() / a.x_h.sum()) / (b.n.sum() / b.x_h.sum())
     hand /= (a.comparison_n.sum() / a.comparison_x_h.sum()) / (b.comparison_n.sum() / b.comparison_x_h.sum())
-    assert found.theta == pytest.approx(hand)
+    assert found.value == pytest.approx(hand)
     assert found.is_paired
     assert found.df == 13
 
@@ -81,7 +81,7 @@ def test_too_little_data_is_refused_with_its_reason(change, word: str) -> None: 
     rng = np.random.default_rng(4)
     b, a = period(rng), period(rng, first=2)
     found = before_after(change(b), a)
-    assert found.theta is None
+    assert found.value is None
     assert found.verdict == "too_little_data"
     assert found.state == "not_enough_data"
     assert found.reason is not None
@@ -147,8 +147,8 @@ def test_the_worst_of_many_is_pulled_towards_the_others() -> None:
             replace(a, n=n2[worst], x_h=x2[worst], comparison_n=n2[rest], comparison_x_h=x2[rest]),
         )
         assert found.shrunken is not None
-        assert found.theta is not None
-        effects.append((math.log(found.theta), math.log(found.shrunken.theta)))
+        assert found.value is not None
+        effects.append((math.log(found.value), math.log(found.shrunken.value)))
     plain, pulled = np.mean(effects, axis=0)
     assert plain < -0.05
     assert abs(pulled) < abs(plain) / 2
@@ -160,8 +160,8 @@ def test_units_of_exposure_do_not_matter(scale: float, seed: int) -> None:
     b, a = period(rng), period(rng, first=2)
     scaled = [replace(p, x_h=p.x_h * scale) for p in (b, a)]
     plain, other = before_after(b, a), before_after(*scaled)
-    assert plain.theta is not None
-    assert other.theta == pytest.approx(plain.theta)
+    assert plain.value is not None
+    assert other.value == pytest.approx(plain.value)
     assert other.lo == pytest.approx(plain.lo)
 
 
@@ -194,6 +194,6 @@ def test_too_few_person_hours_are_refused_with_the_rule() -> None:
     rng = np.random.default_rng(12)
     b, a = period(rng), period(rng, first=2)
     found = before_after(b, a, min_exposure_h=5000)
-    assert (found.theta, found.state) == (None, "not_enough_data")
+    assert (found.value, found.state) == (None, "not_enough_data")
     assert found.reason is not None
     assert reason_text(found.reason).startswith("needs at least 5000 person-hours in the area before, has ")

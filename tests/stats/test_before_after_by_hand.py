@@ -60,7 +60,7 @@ def test_effect_and_its_interval_from_days_equal_the_computation_by_hand() -> No
     log_theta, log_se, df = by_hand()
     least = 1.959963984540054 * math.sqrt(1 / 99 + 1 / 64 + 1 / 241 + 1 / 246)
     half = max(2.4469118511449692 * log_se, least)  # t of 6 degrees of freedom at 97.5 %
-    assert found.theta == pytest.approx(math.exp(log_theta), rel=EXACT)
+    assert found.value == pytest.approx(math.exp(log_theta), rel=EXACT)
     assert (found.log_se, found.df) == (pytest.approx(log_se, rel=EXACT), df)
     assert found.day_lo == pytest.approx(math.exp(log_theta - half), rel=EXACT)
     assert found.day_hi == pytest.approx(math.exp(log_theta + half), rel=EXACT)
@@ -105,9 +105,9 @@ def test_the_placebo_interval_equals_the_prediction_interval_of_the_placebos() -
         logs.append(log)
     assert found.placebo == pytest.approx(np.exp(logs), rel=EXACT)
     half = stats.t.ppf(0.975, 3) * np.std(logs, ddof=1) * math.sqrt(1 + 1 / 5)
-    assert found.theta is not None
-    assert found.placebo_lo == pytest.approx(found.theta * math.exp(-half), rel=EXACT)
-    assert found.placebo_hi == pytest.approx(found.theta * math.exp(half), rel=EXACT)
+    assert found.value is not None
+    assert found.placebo_lo == pytest.approx(found.value * math.exp(-half), rel=EXACT)
+    assert found.placebo_hi == pytest.approx(found.value * math.exp(half), rel=EXACT)
 
 
 def test_the_range_reaches_as_far_as_without_any_one_comparison_area() -> None:
@@ -117,10 +117,10 @@ def test_the_range_reaches_as_far_as_without_any_one_comparison_area() -> None:
     for left in (0, 1):
         others_b, others_a = ([[v[left]] for v in others] for others in (OTHERS_BEFORE, OTHERS_AFTER))
         one = before_after(period(BEFORE, others_b, 0), period(AFTER, others_a, 1))  # type: ignore[arg-type]
-        assert one.theta is not None
+        assert one.value is not None
         assert one.log_se is not None
         assert one.week_lo is not None
-        by_days = math.log(one.theta) - 2.4469118511449692 * one.log_se
+        by_days = math.log(one.value) - 2.4469118511449692 * one.log_se
         ends.append(min(math.exp(by_days), one.week_lo))
     assert found.without_lo == pytest.approx(min(ends), rel=EXACT)
     only = before_after(b, a).alone
@@ -145,8 +145,8 @@ def test_with_few_comparison_areas_the_interval_knows_weeks_of_their_own() -> No
     total = found.log_se**2 + own
     both_df = total**2 / (found.log_se**4 / found.df + own**2 / df)
     half = stats.t.ppf(0.975, both_df) * math.sqrt(total)
-    assert found.theta is not None
-    assert found.week_hi == pytest.approx(found.theta * math.exp(half), rel=EXACT)
+    assert found.value is not None
+    assert found.week_hi == pytest.approx(found.value * math.exp(half), rel=EXACT)
     assert found.placebo_lo is None
 
 
@@ -190,7 +190,7 @@ def test_the_line_of_the_weeks_before_is_that_of_ordinary_regression() -> None:
     fit = stats.linregress(weeks, y)
     trend = found.trend
     assert trend is not None
-    assert trend.per_week == pytest.approx(math.expm1(fit.slope), rel=EXACT)
+    assert trend.value == pytest.approx(math.expm1(fit.slope), rel=EXACT)
     t = stats.t.ppf(0.975, 7)
     assert trend.lo == pytest.approx(math.expm1(fit.slope - t * fit.stderr), rel=EXACT)
     assert trend.hi == pytest.approx(math.expm1(fit.slope + t * fit.stderr), rel=EXACT)
@@ -223,11 +223,11 @@ def test_the_shrunken_effect_equals_its_formula() -> None:
     tau2 = max(0.0, ((w * (logs - fixed) ** 2).sum() - 5) / (w.sum() - (w**2).sum() / w.sum()))
     mean = (logs / (v + tau2)).sum() / (1 / (v + tau2)).sum()
     weight = tau2 / (tau2 + v[0])
-    assert found.theta is not None
+    assert found.value is not None
     assert found.shrunken is not None
     assert found.shrunken.weight == pytest.approx(weight, rel=1e-7)
-    expected = found.theta * math.exp((1 - weight) * (logs[0] - mean))
-    assert found.shrunken.theta == pytest.approx(expected, rel=1e-7)
+    expected = found.value * math.exp((1 - weight) * (logs[0] - mean))
+    assert found.shrunken.value == pytest.approx(expected, rel=1e-7)
     var_b, var_a = (7 / 6 * (_day_influence(p) ** 2).sum() for p in (b, a))
     half = stats.t.ppf(0.975, 6) * math.sqrt(var_a + weight * var_b)
     assert found.shrunken.lo == pytest.approx(expected * math.exp(-half), rel=1e-7)
@@ -276,11 +276,11 @@ def test_any_rate_will_do_and_its_violations_say_how_much_is_known() -> None:
         for p in (b, a)
     ]
     counted, timed = before_after(b, a), before_after(*hours)
-    for name in ("theta", "lo", "hi", "log_se", "day_lo", "placebo_hi"):
+    for name in ("value", "lo", "hi", "log_se", "day_lo", "placebo_hi"):
         assert getattr(timed, name) == pytest.approx(getattr(counted, name), rel=EXACT)
     assert timed.n_before == counted.n_before
     few = before_after(*(replace(p, events=p.events * 0 + 1) for p in hours))
-    assert few.theta is None
+    assert few.value is None
     assert few.reason is not None
     assert few.reason.code == "redesign.events_before"
 
@@ -328,7 +328,7 @@ def test_weights_need_ten_weeks_and_an_effect_with_them_is_that_of_weighted_log_
         * (math.log(p.n.sum() / p.x_h.sum()) - w @ np.log(p.comparison_n.sum(axis=1) / p.comparison_x_h.sum(axis=1)))
         for p, sign in ((a, 1), (b, -1))
     )
-    assert found.theta == pytest.approx(math.exp(log), rel=EXACT)
+    assert found.value == pytest.approx(math.exp(log), rel=EXACT)
 
 
 def _log_ratio(p: PeriodDays, days: np.ndarray) -> float:

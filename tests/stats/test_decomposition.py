@@ -150,7 +150,7 @@ def test_doubling_people_moves_crowding_alone() -> None:
     assert found.crowding == pytest.approx(4.0, rel=0.05)
     assert found.layout == pytest.approx(1.0, abs=0.02)
     assert found.behaviour is not None
-    assert found.behaviour.theta == pytest.approx(1.0, abs=0.05)
+    assert found.behaviour.value == pytest.approx(1.0, abs=0.05)
     assert found.behaviour.verdict == "cannot_tell", "one week without history says little of how weeks differ"
     assert found.crowding_share == pytest.approx(1.0, abs=0.03)
     shares = (found.crowding_share, found.layout_share, found.behaviour_share)
@@ -166,7 +166,7 @@ def test_companions_are_behaviour() -> None:
     assert found.behaviour is not None
     assert found.behaviour.verdict == "clear_rise"
     assert found.layout == pytest.approx(1.0, abs=0.05)
-    logs = [math.log(v or 0) for v in (found.crowding, found.layout, found.behaviour.theta)]
+    logs = [math.log(v or 0) for v in (found.crowding, found.layout, found.behaviour.value)]
     assert sum(logs) == pytest.approx(math.log(found.close or 0))
 
 

@@ -24,9 +24,9 @@ def test_intervals_of_a_week_hold_the_truth() -> None:
     held = 0
     for seed in range(150):
         found = durations(*days_of(seed), None, seed=seed, n_boot=99)
-        assert found.median.lo_s is not None
-        assert found.median.hi_s is not None
-        held += found.median.lo_s <= 8.0 <= found.median.hi_s
+        assert found.median.lo is not None
+        assert found.median.hi is not None
+        held += found.median.lo <= 8.0 <= found.median.hi
     assert held / 150 >= 0.91
 
 
@@ -36,12 +36,12 @@ def test_same_seed_same_interval() -> None:
     found = durations(seconds, day, None, seed=1)
     assert found == durations(seconds, day, None, seed=1)
     assert found == durations(seconds[again], day[again], None, seed=1)
-    assert found.median.lo_s != durations(seconds, day, None, seed=2).median.lo_s
+    assert found.median.lo != durations(seconds, day, None, seed=2).median.lo
 
 
 def test_median_and_ninety_percent_are_those_of_the_sorted_values() -> None:
     found = durations(np.arange(1.0, 101.0), np.arange(100) % 10, None, seed=1)
-    assert (found.median.value_s, found.p90.value_s, found.long_share.value) == (50.0, 90.0, 0.71)
+    assert (found.median.value, found.p90.value, found.long_share.value) == (50.0, 90.0, 0.71)
     assert (found.state, found.cut_share, found.is_at_least) == ("ok", None, False)
 
 
@@ -53,11 +53,11 @@ def test_more_than_a_fifth_seen_in_part_makes_durations_at_least(n_cut: int, is_
 
 def test_few_violations_have_no_durations_and_few_days_no_interval() -> None:
     few = durations([5.0] * 29, range(29), None, seed=1)
-    assert (few.median.value_s, few.long_share.value, few.state) == (None, None, "not_enough_data")
+    assert (few.median.value, few.long_share.value, few.state) == (None, None, "not_enough_data")
     assert few.reason == few.long_share.reason
     assert reason_text(few.reason) == "needs at least 30 violations, has 29"
     short = durations([5.0] * 30, [0, 1, 2] * 10, None, seed=1)
-    assert (short.median.value_s, short.median.lo_s, short.state) == (5.0, None, "not_enough_data")
+    assert (short.median.value, short.median.lo, short.state) == (5.0, None, "not_enough_data")
     assert reason_text(short.reason) == "an interval needs at least 5 days with violations, has 3"
 
 

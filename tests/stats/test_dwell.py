@@ -31,7 +31,7 @@ def test_quantiles_are_those_of_the_kaplan_meier_curve_of_scipy(seed: int, cut_p
     last_s = order[-1] if is_whole else order[-MIN_FOLLOWED]
     for quantile in (found.median, found.p90):
         reached = curve.quantiles[(curve.probabilities <= 1 - quantile.q + 1e-9) & (curve.quantiles <= last_s)]
-        assert quantile.value_s == (pytest.approx(reached[0]) if len(reached) else None)
+        assert quantile.value == (pytest.approx(reached[0]) if len(reached) else None)
     if found.long_share.value is not None:
         assert found.long_share.value == pytest.approx(float(curve.evaluate(30.0)))
 
@@ -39,7 +39,7 @@ def test_quantiles_are_those_of_the_kaplan_meier_curve_of_scipy(seed: int, cut_p
 def test_whole_tracks_give_the_quantiles_of_their_times() -> None:
     times = np.arange(1.0, 101.0)
     found = dwell(times, np.zeros(100, bool), np.arange(100) % N_DAYS, person_s=np.full(N_DAYS, 100.0), long_s=75.0)
-    assert (found.median.value_s, found.p90.value_s) == (50.0, 90.0)
+    assert (found.median.value, found.p90.value) == (50.0, 90.0)
     assert found.long_share.value == pytest.approx(0.25)
     assert (found.n_visits, found.n_cut, found.n_days, found.state) == (100, 0, N_DAYS, "ok")
 
@@ -67,7 +67,7 @@ def test_intervals_hold_the_true_median_however_many_tracks_are_cut(cut_per_s: f
     for seed in range(60):
         found = dwell_of(world, seed=seed)
         for k, (q, true) in enumerate(((found.median, median_s), (found.p90, p90_s))):
-            held[k] += (q.lo_s or 0) <= true and (q.hi_s is None or true <= q.hi_s)
+            held[k] += (q.lo or 0) <= true and (q.hi is None or true <= q.hi)
         long = found.long_share
         held[2] += long.value is None or (long.lo is not None and long.hi is not None and long.lo <= share <= long.hi)
     assert (held >= 52).all()  # 95 % of 60 is 57; 52 is exceeded with probability .997
@@ -78,7 +78,7 @@ def test_a_naive_median_of_pieces_is_far_too_short_where_tracks_are_cut() -> Non
     true_s = world.truth(120.0)[0]
     seen = see(world, n_days=28, seed=1)
     assert np.median(seen.pieces_s) < 0.7 * true_s
-    assert dwell_of(world, seed=1, n_days=28).median.value_s == pytest.approx(true_s, rel=0.15)
+    assert dwell_of(world, seed=1, n_days=28).median.value == pytest.approx(true_s, rel=0.15)
 
 
 def test_little_agrees_where_all_entries_are_seen_and_not_where_a_third_is_not() -> None:
@@ -87,17 +87,17 @@ def test_little_agrees_where_all_entries_are_seen_and_not_where_a_third_is_not()
     assert agrees.count(False) <= 2
     wrong = [dwell_of(unseen, seed=seed, n_days=14).little for seed in range(20)]
     assert sum(w.agrees is False for w in wrong) >= 18
-    assert all(w.ratio is not None and w.ratio > 1 for w in wrong)
+    assert all(w.value is not None and w.value > 1 for w in wrong)
 
 
 def test_an_empty_or_small_area_has_a_reason_and_no_number() -> None:
     found = dwell([], [], [], person_s=[0.0] * N_DAYS, long_s=60.0)
-    assert (found.state, found.median.value_s, found.little.ratio) == ("not_enough_data", None, None)
+    assert (found.state, found.median.value, found.little.value) == ("not_enough_data", None, None)
     assert reason_text(found.reason) == "needs at least 30 visits, has 0"
     every = dwell([5.0] * 40, [True] * 40, np.arange(40) % 5, person_s=[40.0] * 5, long_s=60.0)
     assert reason_text(every.reason) == "all 40 tracks are lost inside the area"
     short = dwell(np.arange(1.0, 41.0), [False] * 40, [0, 1] * 20, person_s=[400.0] * 2, long_s=10.0)
-    assert (short.state, short.median.value_s, short.median.lo_s) == ("not_enough_data", 20.0, None)
+    assert (short.state, short.median.value, short.median.lo) == ("not_enough_data", 20.0, None)
     assert reason_text(short.reason) == "an interval needs at least 5 days with visits, has 2"
 
 
@@ -105,8 +105,8 @@ def test_what_lies_beyond_the_curve_is_unknown_and_not_its_end() -> None:
     times = np.r_[np.full(60, 10.0), np.full(60, 20.0)]
     cut = np.r_[np.zeros(60, bool), np.ones(60, bool)]
     found = dwell(times, cut, np.arange(120) % N_DAYS, person_s=np.full(N_DAYS, 300.0), long_s=60.0)
-    assert found.median.value_s == 10.0
-    assert (found.p90.value_s, found.long_share.value) == (None, None)
+    assert found.median.value == 10.0
+    assert (found.p90.value, found.long_share.value) == (None, None)
     assert reason_text(found.long_share.reason) == "nobody was followed for longer than 20 s"
     assert reason_text(found.little.by_tracks.reason) == "50% of visits outlast all tracks"
 

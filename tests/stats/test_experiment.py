@@ -56,7 +56,7 @@ def test_the_power_promised_is_the_power_that_comes(m: int, sd: float, theta: fl
         after = rng.normal(math.log(theta), sd, plan.weeks_after or 10)
         since = running_verdict(y, after)
         promised.append(plan.power)
-        came.append(since.clear_since is not None and since.theta is not None and since.theta < 1)
+        came.append(since.clear_since is not None and since.value is not None and since.value < 1)
     assert np.mean(came) == pytest.approx(np.mean(promised), abs=0.05)
 
 

@@ -85,10 +85,10 @@ def test_the_share_of_time_too_close_is_that_of_its_own_week(world: tuple[np.nda
     for week, last in zip(made, (49, 56, 63, 70), strict=True):
         now = slice(last - 7, last)
         assert week.close is not None
-        assert week.close.rate == pytest.approx(close_h[:, now].sum() / exposure_h[:, now].sum())
+        assert week.close.value == pytest.approx(close_h[:, now].sum() / exposure_h[:, now].sum())
         assert week.close.n_events is None
         assert week.close.lo is not None
-        assert week.close.lo < week.close.rate
+        assert week.close.lo < week.close.value
     assert made[0].risky == weekly_trend(n, x_h, exposure_h, OPEN, coverage=np.ones(10), mondays=MONDAYS[-4:])[0].risky
 
 

@@ -214,11 +214,11 @@ def test_interval_of_a_place_is_that_of_a_ratio_over_days_as_clusters() -> None:
     place = place_rate(found.explained, inside)
     assert place is not None
     v_d, e_d = v[:, inside].sum(axis=1), found.explained.expected_h[:, inside].sum(axis=1)
-    assert place.ratio == pytest.approx(v_d.sum() / e_d.sum())
-    phi, rest = found.explained.inflation, v_d - place.ratio * e_d
+    assert place.value == pytest.approx(v_d.sum() / e_d.sum())
+    phi, rest = found.explained.inflation, v_d - place.value * e_d
     sd = math.sqrt(15 / 14 * float(rest @ rest) * phi * 14 / (15 - phi)) / v_d.sum()
     assert place.lo is not None
-    assert math.log(place.ratio / place.lo) == pytest.approx(stats.t.ppf(0.975, 14) * sd)
+    assert math.log(place.value / place.lo) == pytest.approx(stats.t.ppf(0.975, 14) * sd)
 
 
 def test_a_place_nobody_was_in_has_no_rate() -> None:

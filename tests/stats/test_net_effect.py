@@ -26,7 +26,7 @@ def test_the_net_effect_and_its_interval_equal_the_computation_by_hand() -> None
         squares += sum(((w - rate * h) / (sum(weeks) / len(weeks))) ** 2 for w, h in zip(weeks, x, strict=True))
     theta = rates[1] / rates[0]
     se = math.sqrt(squares / 5 * (1 / 4 + 1 / 3))
-    assert found.theta == pytest.approx(theta, rel=1e-12)
+    assert found.value == pytest.approx(theta, rel=1e-12)
     assert (found.log_se, found.df) == (pytest.approx(se, rel=1e-12), 5)
     half = stats.t.ppf(0.975, 5) * se
     assert (found.lo, found.hi) == pytest.approx((theta * math.exp(-half), theta * math.exp(half)), rel=1e-9)
@@ -42,11 +42,11 @@ def test_with_equal_hours_it_is_the_t_test_of_two_samples_of_relative_weeks() ->
 
 def test_contributions_of_areas_add_up_to_the_change_of_the_floor_exactly() -> None:
     found = net_effect(BEFORE, HOURS_BEFORE, AFTER, HOURS_AFTER)
-    assert found.theta is not None
-    assert math.fsum(found.contributions) == pytest.approx(found.theta - 1, abs=1e-15)
+    assert found.value is not None
+    assert math.fsum(found.contributions) == pytest.approx(found.value - 1, abs=1e-15)
     share = found.share_of(0)
     assert share is not None
-    assert share == pytest.approx(found.contributions[0] / (found.theta - 1))
+    assert share == pytest.approx(found.contributions[0] / (found.value - 1))
     assert found.share_of(1) is None, "it moved the other way than the floor"
 
 
@@ -59,7 +59,7 @@ def test_what_moves_to_other_areas_at_any_distance_shows(taken_up: float, moved:
     after[1:] += taken_up * 20
     found = net_effect(before * wave, [70] * 6, after * wave, [70] * 6)
     assert found.moved_elsewhere(0) == pytest.approx(moved, abs=1e-12)
-    assert found.theta == pytest.approx((290 - 60 * (1 - taken_up)) / 290)
+    assert found.value == pytest.approx((290 - 60 * (1 - taken_up)) / 290)
     assert (found.verdict == "clear_fall") == (taken_up < 1)
 
 
@@ -76,7 +76,7 @@ def test_weeks_without_hours_are_left_out_and_not_zero() -> None:
 
 def test_too_few_weeks_or_nothing_at_all_have_their_reason() -> None:
     few = net_effect([[1.0, 2.0]], [70, 70], [[1.0]], [70])
-    assert (few.theta, few.verdict) == (None, "too_little_data")
+    assert (few.value, few.verdict) == (None, "too_little_data")
     assert few.reason is not None
     assert few.reason.code == "redesign.reference_weeks"
     none = net_effect([[0.0] * 4], [70] * 4, [[1.0]], [70])

@@ -82,9 +82,9 @@ def test_the_range_reaches_as_far_as_without_any_one_comparison_area_and_the_ver
     assert found.hi == max(v.hi for v in (alone, without_1, without_0) if v.hi is not None)
     assert (found.all_lo, found.all_hi, found.e_by_week) == (alone.lo, alone.hi, alone.e_by_week)
     assert found.all_hi is not None
-    assert without_1.theta is not None
-    assert without_1.theta > found.all_hi
-    assert (found.rests_on, found.theta) == (1, without_1.theta)
+    assert without_1.value is not None
+    assert without_1.value > found.all_hi
+    assert (found.rests_on, found.value) == (1, without_1.value)
     assert found.unclear_without is None
 
 
@@ -122,7 +122,7 @@ def test_missing_weeks_are_left_out_and_only_the_last_twelve_before_count() -> N
 )
 def test_too_few_weeks_are_refused_with_their_number(reference: list[float], weeks: list[float], code: str) -> None:
     found = running_verdict(reference, weeks)
-    assert (found.theta, found.verdict, found.state) == (None, "too_little_data", "not_enough_data")
+    assert (found.value, found.verdict, found.state) == (None, "too_little_data", "not_enough_data")
     assert found.reason is not None
     assert found.reason.code == f"redesign.{code}"
 

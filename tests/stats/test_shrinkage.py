@@ -17,15 +17,15 @@ def test_many_places_that_differ_by_chance_alone_get_nearly_the_mean() -> None:
     found = pull(np.exp(logs), *limits(np.exp(logs), 0.3), confidence=0.95)
     assert found is not None
     assert [p.weight for p in found] == pytest.approx([2 / 200] * 201)
-    assert [np.log(p.rate) for p in found] == pytest.approx(list(logs / 100), abs=1e-9)
+    assert [np.log(p.value) for p in found] == pytest.approx(list(logs / 100), abs=1e-9)
 
 
 def test_a_place_that_knows_keeps_its_rate_and_one_that_does_not_is_pulled() -> None:
     rates, se = np.array([4.0, 1.0, 1.0, 0.25, 4.0]), np.array([0.01, 0.01, 0.01, 0.01, 2.0])
     found = pull(rates, *limits(rates, se), confidence=0.95)
     assert found is not None
-    assert found[0].rate == pytest.approx(4.0, rel=0.01)
-    assert 1.0 < found[4].rate < 3.0
+    assert found[0].value == pytest.approx(4.0, rel=0.01)
+    assert 1.0 < found[4].value < 3.0
     assert found[4].hi / found[4].lo < np.exp(2 * 1.96 * 2.0)
 
 
@@ -43,7 +43,7 @@ def test_the_highest_of_many_equal_places_is_not_believed() -> None:
         found = pull(rates, *limits(rates, 0.2), confidence=0.95)
         assert found is not None
         naive.append(logs.max())
-        pulled.append(max(np.log(p.rate) for p in found))
+        pulled.append(max(np.log(p.value) for p in found))
     assert np.mean(naive) > 0.25
     assert np.mean(pulled) < 0.12
 
@@ -92,5 +92,5 @@ def test_a_place_that_may_be_of_another_kind_keeps_the_truth_in_its_range() -> N
 def test_within_the_limit_a_place_is_pulled_as_among_normal_ones_and_of_three_none_is() -> None:
     near, far, *_ = pull_limited([0.1, 0.8, 0.0, 0.0, 0.0], [0.04] * 5, [1e9] * 5, tau=0.2, confidence=0.95)
     assert near.weight == pytest.approx(1 - 2 / 4 * 0.04 / 0.08)
-    assert far.rate == pytest.approx(np.exp(0.8 - 0.25 * np.sqrt(0.08)))
+    assert far.value == pytest.approx(np.exp(0.8 - 0.25 * np.sqrt(0.08)))
     assert [p.weight for p in pull_limited([0.3, 0.0, 0.1], [0.04] * 3, [9.0] * 3, tau=0.1, confidence=0.95)] == [1] * 3

@@ -53,7 +53,7 @@ def test_change_equals_the_house_plans_formula_when_all_cameras_recorded(
     n_a: np.ndarray, n_b: np.ndarray, x: np.ndarray
 ) -> None:
     change = compare_violation_rates(n_a, x, n_b, x)
-    assert (change.theta, change.lo, change.hi) == pytest.approx(brute_force_change(n_a, n_b, x), rel=1e-9)
+    assert (change.value, change.lo, change.hi) == pytest.approx(brute_force_change(n_a, n_b, x), rel=1e-9)
     assert change.df == pytest.approx(6)
 
 
@@ -63,7 +63,7 @@ def test_swapping_the_periods_inverts_the_change(n_a: np.ndarray, n_b: np.ndarra
     x = x.copy()
     x[0, 1:3] = 0
     there, back = compare_violation_rates(n_a, x, n_b, x), compare_violation_rates(n_b, x, n_a, x)
-    assert (there.theta, there.lo, there.hi) == pytest.approx((1 / back.theta, 1 / back.hi, 1 / back.lo))
+    assert (there.value, there.lo, there.hi) == pytest.approx((1 / back.value, 1 / back.hi, 1 / back.lo))
 
 
 @given(counts, counts, hours, st.permutations(range(7)))
@@ -71,7 +71,7 @@ def test_swapping_the_periods_inverts_the_change(n_a: np.ndarray, n_b: np.ndarra
 def test_order_of_pairs_changes_nothing(n_a: np.ndarray, n_b: np.ndarray, x: np.ndarray, order: list[int]) -> None:
     one = compare_violation_rates(n_a, x, n_b, x)
     other = compare_violation_rates(n_a[:, order], x[:, order], n_b[:, order], x[:, order])
-    assert (one.theta, one.lo, one.hi) == pytest.approx((other.theta, other.lo, other.hi))
+    assert (one.value, one.lo, one.hi) == pytest.approx((other.value, other.lo, other.hi))
 
 
 def test_camera_days_recorded_in_one_period_only_are_not_compared() -> None:
@@ -91,12 +91,12 @@ def test_camera_without_common_hours_is_left_out_of_both() -> None:
     n = np.array([PROFILE, PROFILE * 9])
     change = compare_violation_rates(n, HOURS, n, x_b)
     assert change.left_out == (1,)
-    assert (change.theta, change.n_a) == (1, PROFILE.sum())
+    assert (change.value, change.n_a) == (1, PROFILE.sum())
 
 
 def test_weekday_profile_cancels_when_weekdays_are_paired() -> None:
     change = compare_violation_rates([PROFILE * 20], HOURS[:1], [PROFILE * 10], HOURS[:1])
-    assert change.theta == pytest.approx(0.5)
+    assert change.value == pytest.approx(0.5)
     assert change.log_se == pytest.approx(math.sqrt(2) * 0.08, abs=1e-12), (
         "only weeks may differ: the prior of weekly steps"
     )
@@ -106,16 +106,16 @@ def test_weekday_profile_cancels_when_weekdays_are_paired() -> None:
 def test_few_days_or_violations_are_too_little_data() -> None:
     short = compare_violation_rates([PROFILE[:4]], HOURS[:1, :4], [PROFILE[:4]], HOURS[:1, :4])
     assert (short.verdict, short.state, short.lo) == ("too_little_data", "not_enough_data", None)
-    assert short.theta == 1
+    assert short.value == 1
     assert "5 pairs of days recorded in both, has 4" in reason_text(short.reason)
     rare = compare_violation_rates([[1, 0, 0, 0, 1, 0, 0]], HOURS[:1], [[0, 1, 1, 1, 0, 1, 0]], HOURS[:1])
-    assert (rare.verdict, rare.theta) == ("too_little_data", 2)
+    assert (rare.verdict, rare.value) == ("too_little_data", 2)
 
 
 def test_many_violations_to_none_is_a_clear_fall_and_few_to_none_is_not() -> None:
     none = [[0] * 7]
     fall = compare_violation_rates([PROFILE], HOURS[:1], none, HOURS[:1])
-    assert (fall.verdict, fall.theta, fall.lo, fall.is_conservative) == ("clear_fall", 0, 0, True)
+    assert (fall.verdict, fall.value, fall.lo, fall.is_conservative) == ("clear_fall", 0, 0, True)
     assert 3 / PROFILE.sum() < fall.hi < 0.05
     few = compare_violation_rates([[1, 1, 1, 1, 1, 1, 0]], HOURS[:1], none, HOURS[:1])
     assert (few.verdict, few.lo, few.hi) == ("too_little_data", None, None)
@@ -123,13 +123,13 @@ def test_many_violations_to_none_is_a_clear_fall_and_few_to_none_is_not() -> Non
 
 def test_none_to_many_violations_is_a_clear_rise_without_upper_limit() -> None:
     rise = compare_violation_rates([[0] * 7], HOURS[:1], [PROFILE], HOURS[:1])
-    assert (rise.verdict, rise.theta, rise.change, rise.hi) == ("clear_rise", None, None, None)
+    assert (rise.verdict, rise.value, rise.change, rise.hi) == ("clear_rise", None, None, None)
     assert rise.lo > 10
 
 
 def test_no_violation_in_either_period_is_too_little_data() -> None:
     nothing = compare_violation_rates(np.zeros((2, 7)), HOURS, np.zeros((2, 7)), HOURS)
-    assert (nothing.verdict, nothing.theta, nothing.rate_a) == ("too_little_data", None, 0)
+    assert (nothing.verdict, nothing.value, nothing.rate_a) == ("too_little_data", None, 0)
 
 
 def test_nothing_recorded_in_common_is_too_little_data() -> None:
@@ -173,7 +173,7 @@ def test_split_multiplies_back_to_the_whole_change() -> None:
         people=compare_exposure(people_a, HOURS[0], people_b, HOURS[0]),
         risky=compare_encounter_rates(n_a, people_a, n_b, people_b),
     )
-    assert split.people.theta * split.risky.theta * split.rest == pytest.approx(split.often.theta)
+    assert split.people.value * split.risky.value * split.rest == pytest.approx(split.often.value)
     assert split.rest == pytest.approx(1)
 
 

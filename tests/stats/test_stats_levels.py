@@ -57,7 +57,7 @@ def brute_force_m0(n: np.ndarray, x: np.ndarray) -> tuple[float, float, float]:
 @settings(max_examples=60, deadline=None)
 def test_violation_rate_equals_the_house_plans_formula_when_all_cameras_recorded(n: np.ndarray, x: np.ndarray) -> None:
     estimate = violation_rate(n, x)
-    assert (estimate.rate, estimate.lo, estimate.hi) == pytest.approx(brute_force_m0(n, x), rel=1e-9)
+    assert (estimate.value, estimate.lo, estimate.hi) == pytest.approx(brute_force_m0(n, x), rel=1e-9)
     assert estimate.df == pytest.approx(6)
     assert estimate.is_conservative
 
@@ -70,7 +70,7 @@ def test_encounter_rate_equals_the_ratio_estimator_of_r3(n: np.ndarray, x: np.nd
     rate = n_d.sum() / x_d.sum()
     var_log = brute_force_inflation(0.14, 7) * 7 / 6 * ((n_d - rate * x_d) ** 2).sum() / x_d.sum() ** 2 / rate**2
     factor = np.exp(stats.t.ppf(0.975, 6) * np.sqrt(var_log))
-    assert estimate.rate == pytest.approx(rate)
+    assert estimate.value == pytest.approx(rate)
     if n_d.sum() >= 30:
         assert (estimate.lo, estimate.hi) == pytest.approx((rate / factor, rate * factor))
 
@@ -103,14 +103,14 @@ def test_order_of_days_and_cameras_changes_nothing(
     x = x.copy()
     x[1, 2:4] = 0
     one, other = violation_rate(n, x), violation_rate(n[cameras][:, days], x[cameras][:, days])
-    assert (one.rate, one.lo, one.hi, one.df) == pytest.approx((other.rate, other.lo, other.hi, other.df))
+    assert (one.value, one.lo, one.hi, one.df) == pytest.approx((other.value, other.lo, other.hi, other.df))
 
 
 @given(counts, hours, st.floats(0.01, 100))
 @settings(max_examples=40, deadline=None)
 def test_unit_of_exposure_scales_rate_and_limits_alike(n: np.ndarray, x: np.ndarray, scale: float) -> None:
     one, other = violation_rate(n, x), violation_rate(n, x * scale)
-    assert (one.rate, one.lo, one.hi) == pytest.approx(tuple(scale * v for v in (other.rate, other.lo, other.hi)))
+    assert (one.value, one.lo, one.hi) == pytest.approx(tuple(scale * v for v in (other.value, other.lo, other.hi)))
 
 
 @given(counts, hours, st.sampled_from([0.0, np.nan]))
@@ -119,8 +119,8 @@ def test_camera_without_recorded_hour_is_left_out_and_named(n: np.ndarray, x: np
     with_dead = violation_rate(np.insert(n, 1, 99, axis=0), np.insert(x, 1, empty, axis=0))
     alone = violation_rate(n, x)
     assert with_dead.left_out == (1,)
-    assert (with_dead.rate, with_dead.lo, with_dead.hi, with_dead.n_events) == pytest.approx(
-        (alone.rate, alone.lo, alone.hi, alone.n_events)
+    assert (with_dead.value, with_dead.lo, with_dead.hi, with_dead.n_events) == pytest.approx(
+        (alone.value, alone.lo, alone.hi, alone.n_events)
     )
 
 
@@ -130,7 +130,7 @@ def test_an_unrecorded_day_is_not_a_day_without_violations(n: np.ndarray, x: np.
     more = violation_rate(np.insert(n, 3, 0, axis=1), np.insert(x, 3, np.nan, axis=1))
     same(more, violation_rate(n, x))
     empty_night = violation_rate(np.insert(n, 3, 0, axis=1), np.insert(x, 3, 12.0, axis=1))
-    assert empty_night.rate < more.rate
+    assert empty_night.value < more.value
 
 
 def test_empty_night_does_not_change_the_risk() -> None:
@@ -145,8 +145,8 @@ def test_camera_down_half_the_week_does_not_move_the_expectation() -> None:
     x_down[0, :4] = 0
     for _ in range(1500):
         n = rng.poisson(HOURS * np.array([[3.0], [2.0], [1.0]]) * rng.gamma(25, 1 / 25, 7))
-        up.append(violation_rate(n, HOURS).rate)
-        down.append(violation_rate(np.where(x_down > 0, n, 0), x_down).rate)
+        up.append(violation_rate(n, HOURS).value)
+        down.append(violation_rate(np.where(x_down > 0, n, 0), x_down).value)
     assert np.mean(up) == pytest.approx(6, rel=0.01)
     assert np.mean(down) == pytest.approx(6, rel=0.01)
 
@@ -169,7 +169,7 @@ def test_weekday_differences_leave_the_interval_with_four_weeks_of_history() -> 
     now = rng.poisson(np.tile(profile, (3, 1)))
     known = {"weekday": WEEK, "history_weekday": np.tile(WEEK, 4), "history_x_h": np.tile(HOURS, 4)}
     informed, plain = violation_rate(now, HOURS, history_n=past, **known), violation_rate(now, HOURS)
-    assert informed.rate == plain.rate
+    assert informed.value == plain.value
     assert not informed.is_conservative
     assert informed.hi / informed.lo < (plain.hi / plain.lo) ** 0.5
     three = {"weekday": WEEK, "history_weekday": np.tile(WEEK, 3), "history_x_h": np.tile(HOURS, 3)}
@@ -199,9 +199,9 @@ def test_interval_reaches_down_to_the_usual_rate_when_a_quiet_weekday_was_missed
         history_x_h=np.tile(HOURS, 4),
     )  # fmt: skip
     usual = 3 * counts.sum() / HOURS[0].sum()
-    assert estimate.rate is not None
-    assert estimate.rate > usual
-    assert (estimate.lo, estimate.hi) == (pytest.approx(usual), pytest.approx(estimate.rate))
+    assert estimate.value is not None
+    assert estimate.value > usual
+    assert (estimate.lo, estimate.hi) == (pytest.approx(usual), pytest.approx(estimate.value))
 
 
 @pytest.mark.parametrize(("n_missing", "is_conservative"), [(1, False), (2, True)])
@@ -232,7 +232,7 @@ def test_no_violation_gives_the_rule_of_three() -> None:
     x = HOURS.copy()
     x[1, :2] = 0
     estimate = violation_rate(np.zeros((3, 7)), x)
-    assert (estimate.rate, estimate.lo, estimate.state) == (0, 0, "ok")
+    assert (estimate.value, estimate.lo, estimate.state) == (0, 0, "ok")
     assert estimate.hi == pytest.approx(3 / (86 - 26))
     assert encounter_rate(np.zeros(7), np.full(7, 30.0)).hi == pytest.approx(3 / 210)
 
@@ -240,30 +240,30 @@ def test_no_violation_gives_the_rule_of_three() -> None:
 def test_too_few_days_or_violations_give_the_rate_without_an_interval() -> None:
     few_days = violation_rate([[20, 30, 25, 22]], [[13.0] * 4])
     assert (few_days.state, few_days.lo, few_days.hi) == ("not_enough_data", None, None)
-    assert few_days.rate == pytest.approx(97 / 52)
+    assert few_days.value == pytest.approx(97 / 52)
     assert "5 recorded days, has 4" in reason_text(few_days.reason)
     few_events = violation_rate([[1, 0, 0, 2, 0, 1, 0]], HOURS[:1])
-    assert few_events.rate == pytest.approx(4 / 86)
+    assert few_events.value == pytest.approx(4 / 86)
     assert few_events.lo is None
     assert "5 violations, has 4" in reason_text(few_events.reason)
 
 
 def test_nothing_recorded_is_not_zero() -> None:
     estimate = violation_rate(np.zeros((2, 7)), np.full((2, 7), np.nan))
-    assert (estimate.rate, estimate.state, estimate.left_out) == (None, "not_enough_data", (0, 1))
+    assert (estimate.value, estimate.state, estimate.left_out) == (None, "not_enough_data", (0, 1))
 
 
 def test_risk_needs_positions_and_exposure() -> None:
     assert encounter_rate([3] * 7, None).state == "not_measurable"
     thin = encounter_rate([3] * 7, [2.5] * 7)
-    assert (thin.rate, thin.state) == (None, "not_enough_data")
+    assert (thin.value, thin.state) == (None, "not_enough_data")
     assert "20 person-hours, has 17.5" in reason_text(thin.reason)
 
 
 def test_few_violations_spread_evenly_by_luck_do_not_look_certain() -> None:
     estimate = violation_rate([[1] * 7], [[10.0] * 7])
     assert estimate.log_se == pytest.approx(0, abs=1e-12)
-    assert np.log(estimate.hi / estimate.rate) == pytest.approx(1.96 / np.sqrt(7), rel=1e-3)
+    assert np.log(estimate.hi / estimate.value) == pytest.approx(1.96 / np.sqrt(7), rel=1e-3)
 
 
 @pytest.mark.parametrize(

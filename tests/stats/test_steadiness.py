@@ -70,7 +70,7 @@ def test_a_steady_past_narrows_a_change_and_moves_nothing_else() -> None:
     a, b = steady(4, sd=0.05, weeks=2)
     alone = compare_violation_rates(a, HOURS, b, HOURS)
     informed = compare_violation_rates(a, HOURS, b, HOURS, history_n=past, history_x_h=hours)
-    assert (informed.theta, informed.n_a, informed.n_days) == (alone.theta, alone.n_a, alone.n_days)
+    assert (informed.value, informed.n_a, informed.n_days) == (alone.value, alone.n_a, alone.n_days)
     assert informed.hi / informed.lo < alone.hi / alone.lo
 
 

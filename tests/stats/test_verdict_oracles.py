@@ -27,7 +27,7 @@ WEEKS = [[180, 210, 190, 205, 195, 200, 170, 220, 185, 198, 207, 192]]
 def test_a_level_by_hand() -> None:
     # 200 violations in 50 h; usual share of a day 40; residuals 0, 4, -3, 12, -13 -> squares 338
     level = violation_rate([A], [X])
-    assert level.rate == 4.0
+    assert level.value == 4.0
     variance = 5 / 4 * 338 / 200**2
     # correlation .14: 1 + 2 (4/5 .14 + 3/5 .0196 + 2/5 .002744 + 1/5 .00038416)
     mean_factor = 1 + 2 * (0.8 * 0.14 + 0.6 * 0.0196 + 0.4 * 0.002744 + 0.2 * 0.00038416)
@@ -47,7 +47,7 @@ def test_a_change_without_history_by_hand() -> None:
     by_weeks = by_days + max(2.6 * (by_days - noise), 2 * 0.08**2)
     halves = [2.7764451051977934 * math.sqrt(by_days), 2.4469118511449692 * math.sqrt(by_weeks)]  # t on 4 and on 6
     found = compare_violation_rates([A], [X], [B], [X])
-    assert found.theta == 0.8
+    assert found.value == 0.8
     assert (found.lo, found.hi) == pytest.approx((0.8 * math.exp(-max(halves)), 0.8 * math.exp(max(halves))), rel=1e-6)
     assert (compare_encounter_rates(A, X, B, X).lo, compare_exposure([A], [X], [B], [X]).lo) == pytest.approx(
         (found.lo, found.lo)
@@ -190,9 +190,9 @@ def test_areas_about_the_same_are_so_by_their_own_interval_too() -> None:
 
 def test_false_alarms_of_two_figures_count_all_their_verdicts_and_no_more_weeks_than_there_are() -> None:
     both = together([FalseAlarms(0.1, 0.0, 0.3, 26, 50), FalseAlarms(0.04, 0.0, 0.2, 20, 25)])
-    assert both.share == pytest.approx(6 / 75)
+    assert both.value == pytest.approx(6 / 75)
     assert (both.n_weeks, both.n_verdicts) == (20, 75)
-    assert (both.lo, both.hi) == wilson(both.share, n=20, confidence=0.95)
+    assert (both.lo, both.hi) == wilson(both.value, n=20, confidence=0.95)
 
 
 def test_wilson_is_that_of_scipy() -> None:
@@ -217,13 +217,13 @@ def test_false_alarms_are_counted_on_shuffled_weeks() -> None:
     found = false_alarm_rate(drawn.n[0], x)
     assert found is not None
     assert (found.n_weeks, found.n_verdicts) == (26, 50)
-    assert found.lo <= found.share <= found.hi
-    assert found.share <= 0.15
+    assert found.lo <= found.value <= found.hi
+    assert found.value <= 0.15
     assert false_alarm_rate(drawn.n[0, :9], x[:9]) is None
     stepped = drawn.n[0] * np.where(np.arange(26) < 13, 1.0, 0.3)[:, None, None]
     change_for_good = false_alarm_rate(stepped, x)
     assert change_for_good is not None
-    assert change_for_good.share <= 0.15, "a change for good is shuffled away"
+    assert change_for_good.value <= 0.15, "a change for good is shuffled away"
 
 
 @pytest.mark.simulation

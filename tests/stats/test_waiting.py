@@ -58,8 +58,8 @@ def test_without_lost_tracks_they_are_the_quantiles_of_those_served_and_the_shar
     ends = np.where(np.arange(100) % 4 == 3, LEFT, SERVED)
     found = waiting(seconds, ends, np.arange(100) % N_DAYS)
     served = seconds[ends == SERVED]
-    assert found.median.value_s == np.quantile(served, 0.5, method="inverted_cdf")
-    assert found.p90.value_s == np.quantile(served, 0.9, method="inverted_cdf")
+    assert found.median.value == np.quantile(served, 0.5, method="inverted_cdf")
+    assert found.p90.value == np.quantile(served, 0.9, method="inverted_cdf")
     assert found.left_share.value == pytest.approx(0.25)
     assert (found.n_entered, found.n_served, found.n_left, found.n_cut, found.state) == (100, 75, 25, 0, "ok")
 
@@ -78,14 +78,14 @@ def test_intervals_hold_the_truth_however_many_tracks_are_cut(cut_per_s: float) 
         seen = see(world, n_days=N_DAYS, seed=seed)
         found = waiting(seen.wait_s, seen.outcome, seen.day)
         for k, (q, value) in enumerate(((found.median, true["median"]), (found.p90, true["p90"]))):
-            held[k] += (q.lo_s or 0) <= value and (q.hi_s is None or value <= q.hi_s)
+            held[k] += (q.lo or 0) <= value and (q.hi is None or value <= q.hi)
         share = found.left_share
         held[2] += share.lo is not None and share.hi is not None and share.lo <= true["left"] <= share.hi
     assert (held >= 34).all()  # 95 % of 40 is 38; 34 is exceeded with probability .99
 
 
 def reason(found: WaitTimes) -> str:
-    assert found.median.value_s is None
+    assert found.median.value is None
     assert found.left_share.value is None
     return reason_text(found.reason)
 
@@ -98,7 +98,7 @@ def test_too_few_people_have_a_reason_and_no_number() -> None:
     lost = waiting(np.r_[np.full(20, 5.0), np.full(40, 6.0)], np.r_[np.full(20, SERVED), np.full(40, CUT)], day)
     assert reason(lost) == "67% of those who enter wait longer than all tracks last"
     short = waiting(np.arange(60.0), np.full(60, SERVED), np.arange(60) % 2)
-    assert (short.median.value_s, short.median.lo_s, short.left_share.hi) == (29.0, None, None)
+    assert (short.median.value, short.median.lo, short.left_share.hi) == (29.0, None, None)
     assert reason_text(short.reason) == "an interval needs at least 5 days with entries, has 2"
 
 

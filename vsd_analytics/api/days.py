@@ -401,7 +401,7 @@ def _in_zone(rows: pa.Table, timezone: str) -> pa.Table:
 
 def _estimate(name: str, found: RateEstimate) -> dict[str, Any]:
     return {
-        name: found.rate,
+        name: found.value,
         f"{name}_lo": found.lo,
         f"{name}_hi": found.hi,
         f"{name}_state": found.state,

@@ -140,11 +140,11 @@ class OpenProject:
                 "kind": place.kind,
                 "area_id": place.area_id,
                 "name": place.name if isinstance(place.name, str) else reason_text(place.name),
-                "violations_per_open_h_before": place.often_a.rate,
-                "violations_per_open_h_after": place.often_b.rate,
+                "violations_per_open_h_before": place.often_a.value,
+                "violations_per_open_h_after": place.often_b.value,
                 **_change("violations_per_open_h", place.split.often),
-                "close_share_before": place.close_share_a.rate,
-                "close_share_after": place.close_share_b.rate,
+                "close_share_before": place.close_share_a.value,
+                "close_share_after": place.close_share_b.value,
                 **_change("close_share", place.close_share),
             }
             for place in found.places
@@ -235,7 +235,7 @@ def _named(days: tuple[date, date]) -> str:
 
 
 def _change(name: str, found: ChangeEstimate) -> dict[str, Any]:
-    change, lo, hi = (None if v is None else v - 1 for v in (found.theta, found.lo, found.hi))
+    change, lo, hi = (None if v is None else v - 1 for v in (found.value, found.lo, found.hi))
     return {
         f"{name}_change": change,
         f"{name}_change_lo": lo,

@@ -68,9 +68,9 @@ def visit_rows(period: Period) -> Iterator[dict[str, Any]]:
         rate, share = of.often, of.dwell.long_share
         part = None if share.value is None else round(share.value * share.of)
         few_long = few or (None if part is None else _few(period, part) or _few(period, share.of - part))
-        yield _row(of.area, "visits", "per open hour", rate.rate, rate.lo, rate.hi, few or rate.reason)
+        yield _row(of.area, "visits", "per open hour", rate.value, rate.lo, rate.hi, few or rate.reason)
         for what, q in (("median dwell", of.dwell.median), ("90 % dwell", of.dwell.p90)):
-            yield _row(of.area, what, "seconds", q.value_s, q.lo_s, q.hi_s, few or of.dwell.reason)
+            yield _row(of.area, what, "seconds", q.value, q.lo, q.hi, few or of.dwell.reason)
         yield _row(of.area, "long visits", "share", share.value, share.lo, share.hi, few_long or share.reason)
 
 
@@ -96,16 +96,16 @@ def queue_rows(period: Period) -> Iterator[dict[str, Any]]:
         waits = None if of.waiting is None else of.waiting.waits
         few = None if waits is None else _few(period, waits.n_entered)
         people = of.people
-        yield _row(of.area, "people waiting", "people", people.rate, people.lo, people.hi, few or people.reason)
+        yield _row(of.area, "people waiting", "people", people.value, people.lo, people.hi, few or people.reason)
         for hour in of.by_hour if few is None else ():
             rate = hour.people
             held = None if hour.waits is None else _few(period, hour.waits.n_entered, "hidden.entries")
-            row = _row(of.area, "people waiting", "people", rate.rate, rate.lo, rate.hi, held or rate.reason)
+            row = _row(of.area, "people waiting", "people", rate.value, rate.lo, rate.hi, held or rate.reason)
             yield {**row, "local_hour": hour.hour}
         if waits is None:
             continue
         for what, q in (("median wait", waits.median), ("90 % wait", waits.p90)):
-            yield _row(of.area, what, "seconds", q.value_s, q.lo_s, q.hi_s, few or waits.reason)
+            yield _row(of.area, what, "seconds", q.value, q.lo, q.hi, few or waits.reason)
         share = waits.left_share
         part = None if share.value is None else round(share.value * waits.n_entered)
         held = few or (None if part is None else _few(period, part) or _few(period, waits.n_entered - part))
@@ -123,7 +123,7 @@ def capacity_rows(period: Period) -> Iterator[dict[str, Any]]:
             ("people beyond it", "people", of.surplus),
         ):
             area = of.place if isinstance(of.place, Area) else None
-            row = _row(area, what, unit, rate.rate, rate.lo, rate.hi, None)
+            row = _row(area, what, unit, rate.value, rate.lo, rate.hi, None)
             yield {**row, "name": of.place.name, "reason": reason_text(rate.reason) or None}
 
 

@@ -61,7 +61,7 @@ def capacity(project: Project, week: str | None, days: str | None, floor_id: str
     else:
         warn(notes)
         click.echo(plain(_text(found, period)))
-    return 0 if any(c.full.rate is not None for c in found) else 1
+    return 0 if any(c.full.value is not None for c in found) else 1
 
 
 def _as_dict(of: CapacityUse) -> dict[str, Any]:
@@ -104,11 +104,11 @@ def _text(found: tuple[CapacityUse, ...], period: Period) -> str:
 
 
 def _share(of: RateEstimate) -> str:
-    return with_limits(of.rate, of.lo, of.hi, "{:.1%}".format)
+    return with_limits(of.value, of.lo, of.hi, "{:.1%}".format)
 
 
 def _surplus(of: RateEstimate) -> str:
-    return with_limits(of.rate, of.lo, of.hi, lambda rate: f"{rate * _MINUTES:.2g}")
+    return with_limits(of.value, of.lo, of.hi, lambda rate: f"{rate * _MINUTES:.2g}")
 
 
 def _notes(of: CapacityUse) -> list[str]:
@@ -116,9 +116,9 @@ def _notes(of: CapacityUse) -> list[str]:
     if of.silent_cameras:
         lines.append(f"nothing was recorded by {', '.join(of.silent_cameras)}: without them people are not known")
     lines += missed_hours(of.unrecorded_hours)
-    if of.area_m2 is not None and of.people.rate:
-        levels = ", ".join(f"{r.level} {_share(r.share)}" for r in of.room if r.share.rate)
+    if of.area_m2 is not None and of.people.value:
+        levels = ", ".join(f"{r.level} {_share(r.share)}" for r in of.room if r.share.value)
         lines.append(f"{of.area_m2:.0f} m2; people's time by Fruin's levels of service of walkways: {levels}")
-    if of.people.rate is not None and of.people.reason is not None:
+    if of.people.value is not None and of.people.reason is not None:
         lines.append(reason_text(of.people.reason))
     return lines

@@ -206,7 +206,7 @@ def _share(people: float) -> str:
 def _share_level(rate: RateEstimate) -> str:
     """Return a share with its interval in percent, or why there is none."""
     missing = reason_text(rate.reason) or "–"
-    return with_limits(rate.rate, rate.lo, rate.hi, lambda share: f"{100 * share:.3g}%", missing=missing)
+    return with_limits(rate.value, rate.lo, rate.hi, lambda share: f"{100 * share:.3g}%", missing=missing)
 
 
 def _areas(places: Sequence[PlaceChange]) -> list[str]:
@@ -216,7 +216,7 @@ def _areas(places: Sequence[PlaceChange]) -> list[str]:
     for place in places:
         name = place.name if isinstance(place.name, str) else reason_text(place.name)
         often, close = place.split.often, place.close_share
-        levels = (figure(place.often_a.rate), figure(place.often_b.rate))
+        levels = (figure(place.often_a.value), figure(place.often_b.value))
         changed = (change(often)[0], verdict_text(often.verdict), change(close)[0], verdict_text(close.verdict))
         rows.append((name, *levels, *changed, percent(place.split.people.change)))
         unknown = [(word, e.reason) for word, e in (("violations", often), ("time too close", close)) if e.reason]

@@ -39,13 +39,13 @@ def ratio(theta: float | None, lo: float | None = None, hi: float | None = None)
 
 def level(rate: RateEstimate) -> str:
     """Return a rate with its interval, or why there is none."""
-    return with_limits(rate.rate, rate.lo, rate.hi, figure, missing=reason_text(rate.reason) or "–")
+    return with_limits(rate.value, rate.lo, rate.hi, figure, missing=reason_text(rate.reason) or "–")
 
 
 def change(estimate: ChangeEstimate) -> tuple[str, str]:
     """Return a change with its interval, and its verdict with the reason."""
     why = f": {reason_text(estimate.reason)}" if estimate.reason else ""
-    return ratio(estimate.theta, estimate.lo, estimate.hi), f"{verdict_text(estimate.verdict)}{why}"
+    return ratio(estimate.value, estimate.lo, estimate.hi), f"{verdict_text(estimate.verdict)}{why}"
 
 
 def change_text(found: BeforeAfterFigure) -> str:
@@ -76,8 +76,8 @@ def change_text(found: BeforeAfterFigure) -> str:
             rows.append((name, change(estimate)[0], ""))
     if (near := found.neighbours) is not None:
         rows.append(("2 to 5 m around the area", change(near.risky)[0], ""))
-        if near.effect is not None and near.effect.theta is not None:
-            relative = ratio(near.effect.theta, near.effect.lo, near.effect.hi)
+        if near.effect is not None and near.effect.value is not None:
+            relative = ratio(near.effect.value, near.effect.lo, near.effect.hi)
             rows.append(("  relative to the comparison areas", relative, ""))
     rows += [("", "", ""), ("people per open hour", "after against before", "verdict")]
     people = (("in the area", found.people), ("2 to 5 m around it", None if near is None else near.people))
@@ -120,23 +120,23 @@ def _effect(found: BeforeAfterFigure) -> list[str]:
     for name, effect in measured:
         if effect is None:
             continue
-        if effect.theta is None:
+        if effect.value is None:
             lines.append(f"  {name}: too little data: {reason_text(effect.reason)}")
             continue
         verdict = f": {verdict_text(effect.verdict)}" if found.is_credible and name != ENCOUNTERS else ""
-        lines.append(f"  {name}: {ratio(effect.theta, effect.lo, effect.hi)}{verdict}")
+        lines.append(f"  {name}: {ratio(effect.value, effect.lo, effect.hi)}{verdict}")
         lines += [f"    {text}" for text in _robustness(effect)]
     lines.append(
         "    they rise by themselves where people stand about less: time too close says what became of the risk"
     )
-    if found.routes is not None and found.burden is not None and found.burden.theta is not None:
+    if found.routes is not None and found.burden is not None and found.burden.value is not None:
         people, closeness = percent(found.routes.people), percent(found.routes.closeness)
         lines.append(
-            f"  of the change in time too close ({percent(found.burden.theta - 1)}), people who went elsewhere or came "
+            f"  of the change in time too close ({percent(found.burden.value - 1)}), people who went elsewhere or came "
             f"make {people}, people who keep another distance {closeness}"
         )
     if (trend := (found.burden or found.effect).trend or found.often.trend) is not None:
-        per_week = ratio(1 + trend.per_week, 1 + trend.lo, 1 + trend.hi)
+        per_week = ratio(1 + trend.value, 1 + trend.lo, 1 + trend.hi)
         lines.append(f"  before the change, against the comparison areas: {per_week} a week over {trend.n_weeks} weeks")
         if trend.detectable_per_week is not None:
             lines.append(f"    slower than {trend.detectable_per_week:.0%} a week would probably not have shown")
@@ -149,10 +149,10 @@ def _running(found: BeforeAfterFigure) -> list[str]:
     if (so_far := found.running) is None:
         return []
     name = "verdict that may be read every week"
-    if so_far.theta is None or so_far.e_value is None:
+    if so_far.value is None or so_far.e_value is None:
         return [f"{name}: too little data: {reason_text(so_far.reason)}", ""]
     weeks = f"{so_far.n_weeks} week{'' if so_far.n_weeks == 1 else 's'} beside {so_far.n_reference} before"
-    bounds = "any effect is possible" if so_far.hi is None else ratio(so_far.theta, so_far.lo, so_far.hi)
+    bounds = "any effect is possible" if so_far.hi is None else ratio(so_far.value, so_far.lo, so_far.hi)
     since = "" if so_far.clear_since is None else f", clear for the first time after week {so_far.clear_since}"
     verdict = f": {verdict_text(so_far.verdict)}" if found.is_credible else ""
     return [
@@ -166,11 +166,11 @@ def _running(found: BeforeAfterFigure) -> list[str]:
 def _without(so_far: RunningVerdict) -> list[str]:
     """Return how the effect moves with one comparison area left out, and beside all of them."""
     thetas = [theta for theta in so_far.without if theta is not None]
-    if not thetas or so_far.all_theta is None:
+    if not thetas or so_far.all_value is None:
         return []
     beside = "any effect is possible"
     if so_far.all_hi is not None:
-        beside = ratio(so_far.all_theta, so_far.all_lo, so_far.all_hi)
+        beside = ratio(so_far.all_value, so_far.all_lo, so_far.all_hi)
     if len(so_far.without) == 1:
         return [f"  beside its comparison area {beside}, the area by itself {percent(thetas[0] - 1)}"]
     out = f"with one left out {percent(min(thetas) - 1)} to {percent(max(thetas) - 1)}"
@@ -183,12 +183,12 @@ def _floor(found: BeforeAfterFigure) -> list[str]:
         return []
     net = found.floor.net
     name = "the whole floor, time too close per open hour, by itself"
-    if net.theta is None:
+    if net.value is None:
         return [f"{name}: too little data: {reason_text(net.reason)}", ""]
     own = net.contributions[found.floor.places.index(found.area_id)]
     return [
-        f"{name}: {ratio(net.theta, net.lo, net.hi)}: {verdict_text(net.verdict)}",
-        f"  of which {found.area_name} makes {percent(own)}, the rest of the floor {percent(net.theta - 1 - own)}",
+        f"{name}: {ratio(net.value, net.lo, net.hi)}: {verdict_text(net.verdict)}",
+        f"  of which {found.area_name} makes {percent(own)}, the rest of the floor {percent(net.value - 1 - own)}",
         "",
     ]
 
@@ -199,7 +199,7 @@ def _robustness(effect: BeforeAfter) -> list[str]:
         lowest, highest = (percent(theta - 1) for theta in (min(effect.placebo), max(effect.placebo)))
         lines.append(f"each comparison area, as if changed: {lowest} to {highest}")
     if effect.placebo_lo is not None:
-        lines[-1] += f"; interval by that spread: {ratio(effect.theta, effect.placebo_lo, effect.placebo_hi)}"
+        lines[-1] += f"; interval by that spread: {ratio(effect.value, effect.placebo_lo, effect.placebo_hi)}"
     parts = (
         ("leaving out any one comparison area", effect.without_lo, effect.without_hi),
         ("how days differ", effect.day_lo, effect.day_hi),
@@ -208,7 +208,7 @@ def _robustness(effect: BeforeAfter) -> list[str]:
     )
     lines += [f"interval by {name}: {percent(lo - 1)} to {percent(hi - 1)}" for name, lo, hi in parts if lo and hi]
     if (pulled := effect.shrunken) is not None:
-        text = f"{ratio(pulled.theta, pulled.lo, pulled.hi)}, as part of what is bad by chance passes by itself"
+        text = f"{ratio(pulled.value, pulled.lo, pulled.hi)}, as part of what is bad by chance passes by itself"
         lines.append(f"if the area was chosen because it was bad: {text}")
     return lines
 

@@ -30,12 +30,12 @@ def share_text(of: ShareEstimate | LinkedShare, *, missing: str = "–") -> str:
 
 def rate_text(of: RateEstimate, digits: int = 3) -> str:
     """Return a rate with its limits, or why there is none."""
-    return with_limits(of.rate, of.lo, of.hi, f"{{:.{digits}g}}".format, missing=reason_text(of.reason))
+    return with_limits(of.value, of.lo, of.hi, f"{{:.{digits}g}}".format, missing=reason_text(of.reason))
 
 
 def rate_dict(of: RateEstimate) -> dict[str, Any]:
     """Return a rate as the JSON output has it."""
-    return {"value": of.rate, "lo": of.lo, "hi": of.hi, "state": of.state, "reason": of.reason}
+    return {"value": of.value, "lo": of.lo, "hi": of.hi, "state": of.state, "reason": of.reason}
 
 
 def share_dict(of: ShareEstimate | LinkedShare) -> dict[str, Any]:

@@ -92,7 +92,7 @@ def _as_dict(found: Flow, below: int) -> dict[str, Any]:
 
     def rate(of: RateEstimate) -> dict[str, Any]:
         is_small = of.n_events is not None and small(of.n_events) is None
-        value, lo, hi = (None, None, None) if is_small else (of.rate, of.lo, of.hi)
+        value, lo, hi = (None, None, None) if is_small else (of.value, of.lo, of.hi)
         return {"value": value, "lo": lo, "hi": hi, "reason": of.reason}
 
     def lost(of: ShareEstimate) -> dict[str, Any]:
@@ -117,7 +117,7 @@ def _as_dict(found: Flow, below: int) -> dict[str, Any]:
             "not_followed": lost(n.not_followed),
             "unseen": n.unseen,
             "n_days": n.n_days,
-            "inflow": {"n_arrived": small(check.n_arrived), "ratio": check.ratio, "lo": check.lo, "hi": check.hi,
+            "inflow": {"n_arrived": small(check.n_arrived), "ratio": check.value, "lo": check.lo, "hi": check.hi,
                        "agrees": check.agrees},
             "reason": n.reason,
         }  # fmt: skip
@@ -153,7 +153,7 @@ def _csv(found: Flow) -> str:
         for to in of.to:
             s, r = to.share, to.often
             ids = " ".join(a.area_id for a in to.areas)
-            row("flow", of.area.area_id, ids, s.value, s.lo, s.hi, r.rate, r.lo, r.hi, reason_text(s.reason))
+            row("flow", of.area.area_id, ids, s.value, s.lo, s.hi, r.value, r.lo, r.hi, reason_text(s.reason))
         if not of.to:
             row("flow", of.area.area_id, "", *([None] * 6), reason_text(of.following.reason))
     for route in found.routes.routes:
@@ -170,7 +170,7 @@ def _csv(found: Flow) -> str:
 def _text(found: Flow, period: Period) -> str:
     rows = [("from", "to", "share of those who leave", "followed per open hour")]
     for of in found.areas:
-        rows.append((of.area.name, "", "", rate_text(of.often) + (" leave" if of.often.rate is not None else "")))
+        rows.append((of.area.name, "", "", rate_text(of.often) + (" leave" if of.often.value is not None else "")))
         rows += [("", _names(to), share_text(to.share), rate_text(to.often)) for to in of.to]
     days = f"{period.first} to {period.last}"
     lines = [f"Flow, {days}, {found.recorded_share:.0%} of the opening hours recorded", "", *table(rows), ""]
@@ -192,14 +192,14 @@ def _notes(of: AreaFlow) -> list[str]:
         lines.append(f"{n.not_followed.value:.0%} of those who leave were lost before they came to an area")
     if n.reason is not None:
         lines.append(reason_text(n.reason))
-    if check.agrees is False and check.ratio is not None:
+    if check.agrees is False and check.value is not None:
         way = (
             "people come in where no area is, or are lost on the way here"
-            if check.ratio > 1
+            if check.value > 1
             else "people leave where no area is, or are lost on the way elsewhere"
         )
         lines.append(
-            f"{check.ratio:.2f} times as many people come in as the flows bring: "
+            f"{check.value:.2f} times as many people come in as the flows bring: "
             f"shares that lead here are not certain. Likely {way}"
         )
     return lines

@@ -94,7 +94,7 @@ def _readings(of: GroupReadings) -> dict[str, Any]:
 
 
 def _rate(rate: RateEstimate, unit: str) -> dict[str, Any]:
-    shown = {"value": rate.rate, "lo": rate.lo, "hi": rate.hi, "n": rate.n_events, "denominator": rate.exposure_h}
+    shown = {"value": rate.value, "lo": rate.lo, "hi": rate.hi, "n": rate.n_events, "denominator": rate.exposure_h}
     return {**shown, "unit": unit, "state": rate.state, "reason": rate.reason}
 
 
@@ -143,7 +143,7 @@ def _reading_lines(found: Groups) -> list[str]:
 
 
 def _number(rate: RateEstimate) -> str:
-    return with_limits(rate.rate, rate.lo, rate.hi, "{:.3g}".format)
+    return with_limits(rate.value, rate.lo, rate.hi, "{:.3g}".format)
 
 
 def _camera_lines(cameras: tuple[CameraLives, ...]) -> list[str]:

@@ -83,7 +83,7 @@ def queue(
 
 def _is_known(of: AreaQueue) -> bool:
     has_end = of.area.served_in is not None
-    return of.people.rate is not None and not (has_end and (of.waiting is None or of.waiting.waits.reason is not None))
+    return of.people.value is not None and not (has_end and (of.waiting is None or of.waiting.waits.reason is not None))
 
 
 def _as_dict(of: AreaQueue) -> dict[str, Any]:

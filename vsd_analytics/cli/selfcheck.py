@@ -62,7 +62,7 @@ def _text(found: FloorSelfCheck) -> str:
     rows = [("verdict on", "false alarms", "likely between")]
     for name, figure in (("violation rate", found.often), ("risk per person-hour", found.risky)):
         if figure is not None:
-            rows.append((name, f"{figure.share:.0%}", f"{figure.lo:.0%} and {figure.hi:.0%}"))
+            rows.append((name, f"{figure.value:.0%}", f"{figure.lo:.0%} and {figure.hi:.0%}"))
     first, last = found.weeks
     return "\n".join(
         [
@@ -76,4 +76,4 @@ def _text(found: FloorSelfCheck) -> str:
 
 
 def _share(found: FalseAlarms) -> str:
-    return f"{found.share:.0%} ({found.lo:.0%} to {found.hi:.0%})"
+    return f"{found.value:.0%} ({found.lo:.0%} to {found.hi:.0%})"

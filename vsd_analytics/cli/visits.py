@@ -80,7 +80,7 @@ def _as_dict(of: AreaVisits, below: int) -> dict[str, Any]:
     hidden = Reason("hidden.visits", least=below) if is_small else None
     n_whole = dwell.n_visits - dwell.n_cut
     n_cut = None if shown(n_whole) is None or is_small else shown(dwell.n_cut)
-    rate = (None, None, None, None) if is_small else (often.rate, often.lo, often.hi, often.n_events)
+    rate = (None, None, None, None) if is_small else (often.value, often.lo, often.hi, often.n_events)
     per_open_h = dict(zip(("value", "lo", "hi", "n"), rate, strict=True))
     long_n = None if dwell.long_share.value is None else round(dwell.long_share.value * dwell.n_visits)
     is_long_small = long_n is not None and None in (shown(long_n), shown(dwell.n_visits - long_n))
@@ -130,12 +130,12 @@ def _text(found: tuple[AreaVisits, ...], period: Period) -> str:
 
 def time_text(of: QuantileEstimate) -> str:
     """Return a quantile of times with its limits, or a dash."""
-    if of.value_s is None:
+    if of.value is None:
         return "–"
-    if of.lo_s is None:
-        return seconds(of.value_s)
-    limits = f"{seconds(of.lo_s)} to {seconds(of.hi_s)}" if of.hi_s is not None else f"at least {seconds(of.lo_s)}"
-    return f"{seconds(of.value_s)} ({limits})"
+    if of.lo is None:
+        return seconds(of.value)
+    limits = f"{seconds(of.lo)} to {seconds(of.hi)}" if of.hi is not None else f"at least {seconds(of.lo)}"
+    return f"{seconds(of.value)} ({limits})"
 
 
 def seconds(value_s: float) -> str:
@@ -162,16 +162,16 @@ def _notes(of: AreaVisits) -> list[str]:
 
 def mean_stay(little: LittleCheck, *, known: Reason | None) -> list[str]:
     """Return a line on the mean stay by tracks beside the one by Little's law; none where `known` says why not."""
-    if little.ratio is None or little.by_tracks.value_s is None or little.by_little.value_s is None:
+    if little.value is None or little.by_tracks.value is None or little.by_little.value is None:
         if little.by_tracks.reason is not None and little.by_tracks.reason != known:
             return [f"mean stay not known: {reason_text(little.by_tracks.reason)}"]
         return []
-    tracks, by_little = (seconds(m.value_s) for m in (little.by_tracks, little.by_little) if m.value_s is not None)
+    tracks, by_little = (seconds(m.value) for m in (little.by_tracks, little.by_little) if m.value is not None)
     said = f"mean stay by tracks {tracks}, by Little's law (person-time / entries) {by_little}"
     if little.agrees is False:
         way = (
             "not all entries were seen, or people who stay are lost"
-            if little.ratio > 1
+            if little.value > 1
             else "one person enters several times, as when ids change at the border"
         )
         said += f": they disagree, so neither is certain. Likely {way}"

@@ -219,11 +219,11 @@ def before_after(
         burden = _effect(pair, place, others, windows=windows, per="x_h", times=times)
         close = _effect(pair, place, others, windows=windows, times=times)
     whole, so_far = floor_effect(data, area, windows), running(data, area, chosen, windows)
-    if effect.theta is None and often.theta is None:
+    if effect.value is None and often.value is None:
         return replace(made, reason=effect.reason, areas_left_out=tuple(left_out.items()))
     trend = effect.trend or often.trend
     if trend is not None and not trend.is_flat:
-        doubts = [Reason("redesign.trend", per_week=trend.per_week, lo=trend.lo, hi=trend.hi), *doubts]
+        doubts = [Reason("redesign.trend", per_week=trend.value, lo=trend.lo, hi=trend.hi), *doubts]
     if trend is None:
         notes = (*notes, Reason("redesign.no_trend"))
     doubt, unsteady = rests_on(so_far, left_alone(data, chosen, windows))
@@ -348,9 +348,9 @@ def _effect(
 
 def _routes(burden: test.BeforeAfter | None, close: test.BeforeAfter | None) -> EffectRoutes | None:
     """Return the parts of people and of closeness in the effect on the burden: its ratio is the product of theirs."""
-    if burden is None or close is None or burden.theta is None or close.theta is None:
+    if burden is None or close is None or burden.value is None or close.value is None:
         return None
-    return EffectRoutes(*additive_parts((burden.theta / close.theta, close.theta)))
+    return EffectRoutes(*additive_parts((burden.value / close.value, close.value)))
 
 
 def _cautions(
@@ -359,12 +359,12 @@ def _cautions(
     """Return what the data could not rule out."""
     found = list(elsewhere)
     trend = effect.trend
-    if trend is not None and trend.detectable_per_week is not None and effect.theta is not None:
+    if trend is not None and trend.detectable_per_week is not None and effect.value is not None:
         apart_weeks = (windows.after[0] - windows.before[0]).days / 7
-        if abs(np.log(effect.theta)) < apart_weeks * np.log1p(trend.detectable_per_week):
+        if abs(np.log(effect.value)) < apart_weeks * np.log1p(trend.detectable_per_week):
             slope = trend.detectable_per_week
             found.append(Reason("redesign.unseen_trend", per_week=slope, n=trend.n_weeks))
-    if effect.theta is not None and 1 < effect.n_areas < test.MIN_PLACEBO_AREAS:
+    if effect.value is not None and 1 < effect.n_areas < test.MIN_PLACEBO_AREAS:
         found.append(Reason("redesign.few_areas", n=effect.n_areas, least=test.MIN_PLACEBO_AREAS))
     if floor is not None and effect.verdict == "clear_fall" and (floor.moved_elsewhere or 0.0) >= MOVED:
         found.append(Reason("redesign.moved_elsewhere", share=min(1.0, floor.moved_elsewhere or 0.0)))

@@ -113,12 +113,12 @@ def rests_on(found: RunningVerdict | None, left: Sequence[Area]) -> tuple[Reason
     """
     if len(left) == 1:
         return None, [Reason("redesign.one_area", area=left[0].name)]
-    if found is None or found.all_theta is None:
+    if found is None or found.all_value is None:
         return None, []
     if (k := found.rests_on) is not None and (theta := found.without[k]) is not None:
-        is_turned = found.unclear_without is not None and (theta < 1) != (found.all_theta < 1)
+        is_turned = found.unclear_without is not None and (theta < 1) != (found.all_value < 1)
         code = "redesign.rests_wholly" if is_turned else "redesign.rests_on"
-        why = Reason(code, area=left[k].name, without=theta - 1, beside=found.all_theta - 1)
+        why = Reason(code, area=left[k].name, without=theta - 1, beside=found.all_value - 1)
         return (why, []) if is_turned else (None, [why])
     if found.unclear_without is not None:
         return None, [Reason("redesign.unclear_without", area=left[found.unclear_without].name)]

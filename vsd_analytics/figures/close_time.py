@@ -63,7 +63,7 @@ def close_share(period: Period, place: Place, *, has_history: bool = True) -> Ra
         **settings.for_intervals,
         **history(period, past.n.sum(axis=0), history_exposure_h=past.exposure_h.sum(axis=0)),
     )
-    if found.rate is None:
+    if found.value is None:
         return replace(found, reason=Reason("nobody.seen_open"))
     found = in_units(found, SECONDS, Reason("nobody.close"))
     if found.lo is not None and found.exposure_h < settings.min_exposure_h:
@@ -123,19 +123,19 @@ def knows_distances(period: Period) -> Flags:
 
 def in_units(found: RateEstimate, per_unit: float, nothing: Reason) -> RateEstimate:
     """Return an estimate of person-seconds as one of so many seconds each; `nothing` is the reason of a rate of 0."""
-    if found.rate is None:
+    if found.value is None:
         return found
     if found.n_events == 0:
         return replace(found, lo=None, hi=None, state="ok", reason=nothing)
     lo, hi = (None if v is None else v / per_unit for v in (found.lo, found.hi))
-    return replace(found, rate=found.rate / per_unit, lo=lo, hi=hi, n_events=None)
+    return replace(found, value=found.value / per_unit, lo=lo, hi=hi, n_events=None)
 
 
 def at_most_one(found: RateEstimate) -> RateEstimate:
     """Return a share that its interval puts at no more than 1."""
-    if found.rate is None:
+    if found.value is None:
         return found
-    return replace(found, rate=min(1.0, found.rate), hi=None if found.hi is None else min(1.0, found.hi))
+    return replace(found, value=min(1.0, found.value), hi=None if found.hi is None else min(1.0, found.hi))
 
 
 def _change_in_units(found: ChangeEstimate, per_unit: float) -> ChangeEstimate:

@@ -91,7 +91,7 @@ def episode_figures(
 
     Example:
         >>> median = vsd.episode_figures(warehouse).durations.median
-        >>> median.lo_s < median.value_s < median.hi_s
+        >>> median.lo < median.value < median.hi
         True
     """
     site = warehouse.site

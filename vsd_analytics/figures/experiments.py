@@ -193,7 +193,7 @@ def score(found: BeforeAfterFigure, plans: tuple[Plan, ...], *, zone_day: date) 
     if not made or found.running is None:
         return None
     plan, so_far = made[-1], found.running
-    theta = so_far.theta
+    theta = so_far.value
     direction = "clear_fall" if plan.effect < 0 else "clear_rise"
     return PlanScore(
         plan=plan,

@@ -189,7 +189,7 @@ def _gathering(warehouse: Warehouse, row: Mapping[str, Any]) -> Gathering:
 
 def _per_100_h(rate: RateEstimate) -> RateEstimate:
     """Return a rate of gatherings an hour as one of gatherings in 100 hours."""
-    values: dict[str, Any] = {k: None if (v := getattr(rate, k)) is None else HOURS * v for k in ("rate", "lo", "hi")}
+    values: dict[str, Any] = {k: None if (v := getattr(rate, k)) is None else HOURS * v for k in ("value", "lo", "hi")}
     reason = rate.reason
     if reason is not None and reason.code in COUNTED:
         reason = Reason(COUNTED[reason.code], **reason.values)

@@ -240,6 +240,7 @@ def _spot(
         FloorSpot,
         rate,
         **asdict(identity),
+        ratio=rate.value,
         number=spot.number,
         place=place_of(grid, cells.label == spot.label, weights=cells.observed - cells.expected, areas=areas),
         n=sum(by_week),
@@ -262,8 +263,8 @@ def _past(one: PastSpot, now: Window, then: Window, grid: Grid, areas: Sequence[
     return ResolvedSpot(
         spot_id=one.spot_id,
         place=place_of(grid, inside, weights=cells.observed - cells.expected, areas=areas),
-        ratio_before=next(s.rate.ratio for s in then.found.spots if s.label == one.label),
-        ratio=None if rate is None else rate.ratio,
+        ratio_before=next(s.rate.value for s in then.found.spots if s.label == one.label),
+        ratio=None if rate is None else rate.value,
         lo=None if rate is None else rate.lo,
         hi=None if rate is None else rate.hi,
         n=None if rate is None else sum(by_week),

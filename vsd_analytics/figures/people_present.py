@@ -132,13 +132,13 @@ class Presence:
         found: list[int | None] = [None, None, None]
         for n in range(self.seconds.shape[1]):
             above = self.time_share(n + 1, hour=hour)
-            if above.rate is None:
+            if above.value is None:
                 break
-            lo, hi = (0.0, 0.0) if above.rate == 0 else (above.lo, above.hi)
-            for k, share in enumerate((above.rate, lo, hi)):
+            lo, hi = (0.0, 0.0) if above.value == 0 else (above.lo, above.hi)
+            for k, share in enumerate((above.value, lo, hi)):
                 if found[k] is None and share is not None and share <= 1 - q:
                     found[k] = n
-            if above.rate == 0:
+            if above.value == 0:
                 break
         value, low, high = found
         has_interval = low is not None and self.time_share(0, hour=hour).lo is not None
@@ -204,6 +204,6 @@ def why_not_all(recorded: RecordedHours) -> Reason:
 
 def _of_other_hours(found: RateEstimate, recorded: RecordedHours) -> RateEstimate:
     """Return a level that is one of the recorded hours alone: no interval holds that of the open hours."""
-    if found.rate is None:
+    if found.value is None:
         return found
     return replace(found, lo=None, hi=None, state="not_enough_data", reason=why_not_all(recorded))

@@ -197,7 +197,7 @@ def _of_open_hours(found: WaitTimes, recorded: Sequence[RecordedHours]) -> WaitT
     if not missed or found.reason is not None:
         return found
     why = why_not_all(max(missed, key=lambda r: r.unknown_share))
-    median, p90 = (QuantileEstimate(q.q, q.value_s, None, None) for q in (found.median, found.p90))
+    median, p90 = (QuantileEstimate(q.q, q.value, None, None) for q in (found.median, found.p90))
     share = replace(found.left_share, lo=None, hi=None, state="not_enough_data", reason=why)
     return replace(found, median=median, p90=p90, left_share=share, state="not_enough_data", reason=why)
 

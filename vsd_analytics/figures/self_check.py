@@ -62,7 +62,7 @@ class FloorSelfCheck:
         """Return how many of them are false, and the limits of that number."""
         if self.both is None:
             return None
-        share, lo, hi = (self.verdicts_a_year * value for value in (self.both.share, self.both.lo, self.both.hi))
+        share, lo, hi = (self.verdicts_a_year * value for value in (self.both.value, self.both.lo, self.both.hi))
         return share, lo, hi
 
 

@@ -368,7 +368,7 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
 def _with_change(data: TwoWeeks, share: Estimate, of_time: Place) -> Estimate:
     """Return a share of time too close with its change from the other week, as `vsd compare` gives it."""
     found = change_close_share(data.pair, of_time)
-    return share if found.theta is None or share.value is None else with_change(share, found)
+    return share if found.value is None or share.value is None else with_change(share, found)
 
 
 def _week(data: TwoWeeks, period: Period, counted: Counted) -> PlannerWeek:

@@ -114,7 +114,7 @@ def _change(floor: ComparedFloor) -> Estimate:
     p = floor.said
     if p is None:
         return Estimate(value=None)
-    return Estimate(value=p.rate, change=p.rate - 1, change_lo=p.lo - 1, change_hi=p.hi - 1)
+    return Estimate(value=p.value, change=p.value - 1, change_lo=p.lo - 1, change_hi=p.hi - 1)
 
 
 def _notes(found: SiteComparison) -> Iterable[str]:

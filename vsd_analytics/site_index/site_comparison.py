@@ -285,7 +285,7 @@ def _plain(floor: ComparedFloor) -> dict[str, Any]:
         "ratio": _rounded(floor.ratio),
         "ratio_lo": _rounded(floor.lo),
         "ratio_hi": _rounded(floor.hi),
-        "said": None if said is None else _rounded(said.rate),
+        "said": None if said is None else _rounded(said.value),
         "said_lo": None if said is None else _rounded(said.lo),
         "said_hi": None if said is None else _rounded(said.hi),
         "differs": floor.differs if floor.status == "compared" else None,

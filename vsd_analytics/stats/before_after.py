@@ -69,11 +69,11 @@ class Shrunken:
     """The effect when the changed area was chosen for its bad figure, so that part of it would have passed by itself.
 
     Attributes:
-        theta, lo, hi: As in `BeforeAfter`, from the before-rate pulled towards the areas' mean.
+        value, lo, hi: As in `BeforeAfter`, from the before-rate pulled towards the areas' mean.
         weight: What the area's own before-rate counts, 0 to 1; the rest is the mean of all areas.
     """
 
-    theta: float
+    value: float
     lo: float
     hi: float
     weight: float
@@ -84,7 +84,7 @@ class BeforeAfter:
     """What a change did to an area (M27).
 
     Attributes:
-        theta: Ratio of rates after / before relative to the comparison areas; 0.8 = 20 % less than without the change.
+        value: Ratio of rates after / before relative to the comparison areas; 0.8 = 20 % less than without the change.
             None when it cannot be given.
         lo, hi: Its interval: as wide as the widest of those below reach together.
         day_lo, day_hi: From how days differ.
@@ -108,7 +108,7 @@ class BeforeAfter:
             need `without_lo` and `without_hi`.
     """
 
-    theta: float | None
+    value: float | None
     lo: float | None
     hi: float | None
     log_se: float | None
@@ -213,7 +213,7 @@ def before_after(
         verdict = verdict_of(lo, hi)
     return replace(
         _counted(b, a, None),
-        theta=math.exp(log_theta), lo=lo, hi=hi, log_se=log_se, df=df, is_paired=pairs is not None,
+        value=math.exp(log_theta), lo=lo, hi=hi, log_se=log_se, df=df, is_paired=pairs is not None,
         day_lo=days[0], day_hi=days[1], placebo=placebo, placebo_lo=others[0][0], placebo_hi=others[0][1],
         week_lo=others[1][0], week_hi=others[1][1], line_lo=others[2][0], line_hi=others[2][1],
         weights=None if weights is None else tuple(weights.tolist()),
@@ -364,7 +364,7 @@ def _shrunken(b: PeriodDays, a: PeriodDays, weights: Floats | None, *, confidenc
 def _counted(b: PeriodDays, a: PeriodDays, reason: Reason | None) -> BeforeAfter:
     """Return what was counted, without an effect."""
     return BeforeAfter(
-        theta=None, lo=None, hi=None, log_se=None, df=None,
+        value=None, lo=None, hi=None, log_se=None, df=None,
         alone=_change(b.n, b.x_h, a.n, a.x_h),
         comparison=_change(b.comparison_n, b.comparison_x_h, a.comparison_n, a.comparison_x_h),
         n_before=b.n_events, n_after=a.n_events,

@@ -191,10 +191,10 @@ def split_change(*, often: ChangeEstimate, people: ChangeEstimate, risky: Change
         The three changes, the rest, and the share people explain (None unless `often` is a clear fall or rise).
     """
     rest = share = None
-    if often.theta and people.theta and risky.theta:
-        rest = often.theta / (people.theta * risky.theta)
+    if often.value and people.value and risky.value:
+        rest = often.value / (people.value * risky.value)
         if often.verdict in {"clear_fall", "clear_rise"}:
-            share = math.log(people.theta) / math.log(often.theta)
+            share = math.log(people.value) / math.log(often.value)
     return ChangeSplit(often=often, people=people, risky=risky, rest=rest, people_share=share)
 
 
@@ -333,7 +333,7 @@ def _without_interval(a: DayCounts, b: DayCounts, reason: Reason | None) -> Chan
         float((counts.n.sum(axis=1) / counts.x.sum(axis=1)).sum()) if counts.kept else None for counts in (a, b)
     )
     return ChangeEstimate(
-        theta=rate_b / rate_a if rate_a and rate_b is not None else None, lo=None, hi=None, rate_a=rate_a,
+        value=rate_b / rate_a if rate_a and rate_b is not None else None, lo=None, hi=None, rate_a=rate_a,
         rate_b=rate_b, n_a=float(a.n.sum()), n_b=float(b.n.sum()), exposure_a_h=float(a.x.sum()),
         exposure_b_h=float(b.x.sum()), n_days=a.n_days, df=None, log_se=None, verdict="too_little_data",
         state="not_enough_data", reason=reason, is_conservative=False, left_out=a.left_out,

@@ -39,14 +39,14 @@ class QuantileEstimate:
 
     Attributes:
         q: Which, 0 to 1.
-        value_s: The quantile, seconds; None without enough violations.
-        lo_s, hi_s: Limits of its interval; None without one.
+        value: The quantile, seconds; None without enough violations.
+        lo, hi: Limits of its interval; None without one.
     """
 
     q: float
-    value_s: float | None
-    lo_s: float | None
-    hi_s: float | None
+    value: float | None
+    lo: float | None
+    hi: float | None
 
 
 @dataclass(frozen=True, slots=True)

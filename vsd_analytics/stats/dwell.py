@@ -43,14 +43,14 @@ class MeanDwell:
     """A mean dwell time with its interval from how days differ.
 
     Attributes:
-        value_s: Seconds; None when unknown.
-        lo_s, hi_s: Limits of its interval; None without one.
+        value: Seconds; None when unknown.
+        lo, hi: Limits of its interval; None without one.
         reason: Why there is no value or no interval.
     """
 
-    value_s: float | None
-    lo_s: float | None
-    hi_s: float | None
+    value: float | None
+    lo: float | None
+    hi: float | None
     reason: Reason | None
 
 
@@ -62,7 +62,7 @@ class LittleCheck:
         by_tracks: Area below the Kaplan-Meier curve. Visits that outlast it are assumed to end at the rate of those
             that lasted longer than the median; its interval reaches from none to twice of that rest.
         by_little: Person-seconds in the area / entries that were seen.
-        ratio: by_little / by_tracks; None where either is unknown.
+        value: by_little / by_tracks; None where either is unknown.
         lo, hi: Limits of its interval, for the same range of that rest; None without one.
         agrees: False where the interval leaves 1 out and the ratio is off by more than `LITTLE_TOLERANCE`; None
             without an interval.
@@ -70,7 +70,7 @@ class LittleCheck:
 
     by_tracks: MeanDwell
     by_little: MeanDwell
-    ratio: float | None
+    value: float | None
     lo: float | None
     hi: float | None
     agrees: bool | None

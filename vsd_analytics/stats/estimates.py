@@ -14,9 +14,9 @@ class RateEstimate:
     """A rate and what is known about it.
 
     Attributes:
-        rate: Violations per open hour (M0) or per person-hour (M7); None when it cannot be given at all. It may be
+        value: Violations per open hour (M0) or per person-hour (M7); None when it cannot be given at all. It may be
             given where the interval is not: then `state` is "not_enough_data" and the rate is to be printed grey.
-        lo: Lower limit of the interval, in the unit of `rate`; None without an interval.
+        lo: Lower limit of the interval, in the unit of `value`; None without an interval.
         hi: Upper limit, likewise. After no violation at all: the one-sided upper limit (rule of three).
         n_events: Violations counted in recorded hours; None when unknown.
         exposure_h: Recorded open camera-hours (M0) or person-hours (M7) the violations are divided by.
@@ -30,7 +30,7 @@ class RateEstimate:
         left_out: Indices of cameras without one recorded hour.
     """
 
-    rate: float | None
+    value: float | None
     lo: float | None
     hi: float | None
     n_events: float | None
@@ -49,7 +49,7 @@ class ChangeEstimate:
     """A change from period A (before) to period B (after), over camera-hours recorded in both.
 
     Attributes:
-        theta: Ratio of rates B / A (0.86 = 14 % fewer); None when A's rate is 0 or unknown.
+        value: Ratio of rates B / A (0.86 = 14 % fewer); None when A's rate is 0 or unknown.
         lo: Lower limit of the ratio; None without an interval.
         hi: Upper limit of the ratio; None without an interval, or where none can be given (A without events).
         rate_a: Rate of A over the compared hours, in the unit of the figure compared.
@@ -68,7 +68,7 @@ class ChangeEstimate:
         left_out: Indices of cameras without one hour recorded in both periods.
     """
 
-    theta: float | None
+    value: float | None
     lo: float | None
     hi: float | None
     rate_a: float | None
@@ -89,7 +89,7 @@ class ChangeEstimate:
     @property
     def change(self) -> float | None:
         """Return the relative change, theta - 1: -0.14 is 14 % fewer."""
-        return None if self.theta is None else self.theta - 1
+        return None if self.value is None else self.value - 1
 
     @property
     def change_lo(self) -> float | None:
@@ -133,7 +133,7 @@ def no_rate(reason: Reason, state: State = "not_measurable") -> RateEstimate:
 def no_change(reason: Reason, state: State = "not_measurable") -> ChangeEstimate:
     """Return the estimate of a change that cannot be given."""
     return ChangeEstimate(
-        theta=None, lo=None, hi=None, rate_a=None, rate_b=None, n_a=None, n_b=None, exposure_a_h=0.0, exposure_b_h=0.0,
+        value=None, lo=None, hi=None, rate_a=None, rate_b=None, n_a=None, n_b=None, exposure_a_h=0.0, exposure_b_h=0.0,
         n_days=0, df=None, log_se=None, verdict="too_little_data", state=state, reason=reason, is_conservative=False,
     )  # fmt: skip
 

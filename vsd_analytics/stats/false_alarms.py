@@ -29,13 +29,13 @@ class FalseAlarms:
     """How often weeks that differ by chance only got a clear verdict.
 
     Attributes:
-        share: Clear verdicts over verdicts.
+        value: Clear verdicts over verdicts.
         lo, hi: Its interval: Wilson's, with the weeks of the history in place of the shuffles, which repeat them.
         n_weeks: Weeks of history used.
         n_verdicts: Comparisons made.
     """
 
-    share: float
+    value: float
     lo: float
     hi: float
     n_weeks: int
@@ -97,7 +97,7 @@ def together(figures: Sequence[FalseAlarms], *, confidence: float = DEFAULTS.con
         confidence: Of the interval, which has the weeks of the figure with the fewest.
     """
     n_weeks, n_verdicts = min(f.n_weeks for f in figures), sum(f.n_verdicts for f in figures)
-    share = sum(f.share * f.n_verdicts for f in figures) / n_verdicts
+    share = sum(f.value * f.n_verdicts for f in figures) / n_verdicts
     lo, hi = wilson(share, n=n_weeks, confidence=confidence)
     return FalseAlarms(share, lo, hi, n_weeks, n_verdicts)
 

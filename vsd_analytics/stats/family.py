@@ -46,13 +46,13 @@ class FamilyVerdict:
     Attributes:
         verdict: The verdict.
         q_value: The smallest false discovery rate at which it is clear; None without an interval.
-        theta: The ratio B / A pulled towards the floor's; None without an interval.
+        value: The ratio B / A pulled towards the floor's; None without an interval.
         lo, hi: Its interval; likewise.
     """
 
     verdict: Verdict
     q_value: float | None
-    theta: float | None
+    value: float | None
     lo: float | None
     hi: float | None
 
@@ -98,10 +98,10 @@ def p_value(change: ChangeEstimate, *, confidence: float) -> float | None:
     """
     if change.lo is None and change.hi is None:
         return None
-    if change.df is not None and change.theta and change.lo and change.hi:
+    if change.df is not None and change.value and change.lo and change.hi:
         arm, quantile = math.log(change.hi / change.lo) / 2, t_quantile(change.df, confidence=confidence)
-        t = abs(math.log(change.theta)) / arm * quantile if arm > 0 else math.inf
-        return float(2 * stdtr(change.df, -t)) if change.theta != 1 else 1.0
+        t = abs(math.log(change.value)) / arm * quantile if arm > 0 else math.inf
+        return float(2 * stdtr(change.df, -t)) if change.value != 1 else 1.0
     near = change.hi if change.verdict == "clear_fall" else change.lo if change.verdict == "clear_rise" else None
     if near is None or change.n_a is None or change.n_b is None:
         return 1.0
@@ -152,17 +152,17 @@ def _pulled(
 ) -> list[tuple[float, float, float] | None]:
     """Return ratio and limits of each area pulled towards the floor; its own where there is nothing to pull."""
     z = z_quantile(confidence=confidence)
-    able = [i for i, area in enumerate(areas) if area.theta and area.lo and area.hi]
-    found = [(a.theta, a.lo, a.hi) if a.theta and a.lo and a.hi else None for a in areas]
-    if not floor.theta or not floor.lo or not floor.hi or len(able) < MIN_AREAS:
+    able = [i for i, area in enumerate(areas) if area.value and area.lo and area.hi]
+    found = [(a.value, a.lo, a.hi) if a.value and a.lo and a.hi else None for a in areas]
+    if not floor.value or not floor.lo or not floor.hi or len(able) < MIN_AREAS:
         return found
     chosen = [areas[i] for i in able]
-    logs = np.array([math.log(a.theta or 1.0) for a in chosen])
+    logs = np.array([math.log(a.value or 1.0) for a in chosen])
     v, floor_v = (
         np.maximum([(math.log((c.hi or 1.0) / (c.lo or 1.0)) / 2 / z) ** 2 for c in of], 1e-12)
         for of in (chosen, [floor])
     )
-    pulled, variance = pull_changes(logs, v, floor=math.log(floor.theta), floor_v=float(floor_v[0]))
+    pulled, variance = pull_changes(logs, v, floor=math.log(floor.value), floor_v=float(floor_v[0]))
     for i, log_theta, half in zip(able, pulled.tolist(), (z * np.sqrt(variance)).tolist(), strict=True):
         found[i] = (math.exp(log_theta), math.exp(log_theta - half), math.exp(log_theta + half))
     return found
@@ -179,7 +179,7 @@ def _judged(
         return FamilyVerdict(change.verdict, None, None, None, None)
     if pulled is None:  # no violation in one of the periods: a ratio of 0, or none
         verdict = change.verdict if q_value <= FALSE_SHARE else "cannot_tell"
-        return FamilyVerdict(verdict, q_value, change.theta, change.lo, change.hi)
+        return FamilyVerdict(verdict, q_value, change.value, change.lo, change.hi)
     theta, lo, hi = pulled
     said: Verdict = verdict_of(lo, hi, about_same_share=about_same_share)
     own: Verdict = verdict_of(change.lo, change.hi, about_same_share=about_same_share)

@@ -100,7 +100,7 @@ class PlaceRate:
         expected_h: Those that its crowding explains.
         exposure_h: Person-hours in the place.
         n_days: Days on which any of it was recorded.
-        ratio: violation_h / expected_h.
+        value: violation_h / expected_h.
         lo, hi: Day-clustered interval of the ratio, widened as days next to each other are alike on this floor; None
             where the days do not allow one.
     """
@@ -109,7 +109,7 @@ class PlaceRate:
     expected_h: float
     exposure_h: float
     n_days: int
-    ratio: float
+    value: float
     lo: float | None
     hi: float | None
 

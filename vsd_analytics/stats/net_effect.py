@@ -32,7 +32,7 @@ class NetEffect:
     """The change of the whole floor, after a logged change over before.
 
     Attributes:
-        theta: Ratio of the floor's rates after / before; None when it cannot be given.
+        value: Ratio of the floor's rates after / before; None when it cannot be given.
         lo, hi: Its interval, from how weeks differ.
         log_se, df: Standard error of ln theta and degrees of freedom.
         rate_before, rate_after: The floor's rates.
@@ -41,7 +41,7 @@ class NetEffect:
         verdict, state, reason: As for every change.
     """
 
-    theta: float | None
+    value: float | None
     lo: float | None
     hi: float | None
     log_se: float | None
@@ -60,18 +60,18 @@ class NetEffect:
 
         None where the floor did not change at all, or the place moved the other way than the floor.
         """
-        if self.theta is None or self.theta == 1 or self.contributions[place] * (self.theta - 1) <= 0:
+        if self.value is None or self.value == 1 or self.contributions[place] * (self.value - 1) <= 0:
             return None
-        return self.contributions[place] / (self.theta - 1)
+        return self.contributions[place] / (self.value - 1)
 
     def moved_elsewhere(self, place: int) -> float | None:
         """Return how much of the fall of a place the others together took up: 0 nothing, 1 all of it.
 
         None where the place did not fall.
         """
-        if self.theta is None or self.contributions[place] >= 0:
+        if self.value is None or self.contributions[place] >= 0:
             return None
-        others = self.theta - 1 - self.contributions[place]
+        others = self.value - 1 - self.contributions[place]
         return max(0.0, others / -self.contributions[place])
 
 
@@ -114,7 +114,7 @@ def net_effect(
     half, theta = t_quantile(df, confidence=confidence) * log_se, after / before
     lo, hi = theta * math.exp(-half), theta * math.exp(half)
     return NetEffect(
-        theta=theta, lo=lo, hi=hi, log_se=log_se, df=float(df), rate_before=before, rate_after=after,
+        value=theta, lo=lo, hi=hi, log_se=log_se, df=float(df), rate_before=before, rate_after=after,
         contributions=tuple(((rates_a - rates_b) / before).tolist()), n_reference=m, n_weeks=n,
         verdict=verdict_of(lo, hi), state="ok", reason=None,
     )  # fmt: skip

@@ -66,7 +66,7 @@ class InflowCheck:
     Attributes:
         n_arrived: People seen to come in, whatever is known of where they came from.
         expected: People who leave any area times the share of them who go there.
-        ratio: n_arrived / expected; None where either is 0.
+        value: n_arrived / expected; None where either is 0.
         lo, hi: Limits of its interval, which also holds what the flows do not know; None without one.
         agrees: False where the interval leaves 1 out and the ratio is off by more than `FLOW_TOLERANCE`; None without
             an interval.
@@ -74,7 +74,7 @@ class InflowCheck:
 
     n_arrived: int
     expected: float
-    ratio: float | None
+    value: float | None
     lo: float | None
     hi: float | None
     agrees: bool | None

@@ -30,7 +30,7 @@ class PriorTrend:
     """How the ratio of the changed area to the comparison areas moved per week before the change.
 
     Attributes:
-        per_week: Relative change per week, exp(slope) - 1.
+        value: Relative change per week, exp(slope) - 1.
         lo, hi: Its interval.
         n_weeks: Weeks it was fitted over.
         is_flat: The interval holds 0. It says little where `detectable_per_week` is large.
@@ -38,7 +38,7 @@ class PriorTrend:
             slower may have gone unseen. None where the weeks lie on a line exactly.
     """
 
-    per_week: float
+    value: float
     lo: float
     hi: float
     n_weeks: int
@@ -65,7 +65,7 @@ def prior_trend(history: PeriodDays, weights: Floats | None, *, confidence: floa
     lo, hi = slope - half, slope + half
     seen = float(nctdtrinc(df, 1 - POWER, t_quantile(df, confidence=confidence))) * se
     return PriorTrend(
-        per_week=math.expm1(slope),
+        value=math.expm1(slope),
         lo=math.expm1(lo),
         hi=math.expm1(hi),
         n_weeks=len(weeks),

@@ -223,7 +223,7 @@ def _past(
 
 def _without_interval(counts: DayCounts, rate: float | None, reason: Reason | None) -> RateEstimate:
     return RateEstimate(
-        rate=rate, lo=None, hi=None, n_events=float(counts.n.sum()), exposure_h=float(counts.x.sum()),
+        value=rate, lo=None, hi=None, n_events=float(counts.n.sum()), exposure_h=float(counts.x.sum()),
         n_days=counts.n_days, df=None, log_se=None, state="not_enough_data", reason=reason, is_conservative=False,
         left_out=counts.left_out,
     )  # fmt: skip

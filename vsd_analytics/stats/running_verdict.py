@@ -39,7 +39,7 @@ class RunningVerdict:
     """What is known of a change so far.
 
     Attributes:
-        theta: Ratio of the weeks since the change over the reference weeks, beside the comparison areas; None without.
+        value: Ratio of the weeks since the change over the reference weeks, beside the comparison areas; None without.
             Without the area of `rests_on` where that claims less.
         lo, hi: Range of the effect: the running interval, as far as it reaches with any one comparison area left out;
             None where nothing is excluded on that side yet.
@@ -49,14 +49,14 @@ class RunningVerdict:
         n_reference: Reference weeks.
         n_weeks: Weeks read since the change.
         verdict, state, reason: As for every change.
-        all_theta, all_lo, all_hi: The same ratio and its running interval beside all comparison areas.
+        all_value, all_lo, all_hi: The same ratio and its running interval beside all comparison areas.
         without: theta without each comparison area, in their order; None where too few weeks are known without it.
         rests_on: Which comparison area the size of the effect rests on: without it theta lies outside the running
             interval. None = on no single one.
         unclear_without: Without which one a clear change would not be clear; None = it would be without any.
     """
 
-    theta: float | None
+    value: float | None
     lo: float | None
     hi: float | None
     e_value: float | None
@@ -67,7 +67,7 @@ class RunningVerdict:
     verdict: Verdict
     state: State
     reason: Reason | None
-    all_theta: float | None = None
+    all_value: float | None = None
     all_lo: float | None = None
     all_hi: float | None = None
     without: tuple[float | None, ...] = ()
@@ -110,10 +110,10 @@ def running_verdict(
     lo, hi = (None, None) if half is None else (math.exp(log_theta - half), math.exp(log_theta + half))
     reached = np.flatnonzero(e >= 1 / (1 - confidence))
     found = RunningVerdict(
-        theta=math.exp(log_theta), lo=lo, hi=hi, e_value=float(e[-1]), e_by_week=tuple(e.tolist()),
+        value=math.exp(log_theta), lo=lo, hi=hi, e_value=float(e[-1]), e_by_week=tuple(e.tolist()),
         clear_since=int(reached[0]) + 1 if len(reached) else None, n_reference=m, n_weeks=n,
         verdict=verdict_of(0.0 if lo is None else lo, hi), state="ok", reason=None,
-        all_theta=math.exp(log_theta), all_lo=lo, all_hi=hi,
+        all_value=math.exp(log_theta), all_lo=lo, all_hi=hi,
     )  # fmt: skip
     parts = [running_verdict(*y, confidence=confidence, min_reference_weeks=min_reference_weeks) for y in without]
     return _as_far_as(found, parts) if parts else found
@@ -121,7 +121,7 @@ def running_verdict(
 
 def _as_far_as(found: RunningVerdict, parts: Sequence[RunningVerdict]) -> RunningVerdict:
     """Return a verdict whose range reaches as far as those that leave one comparison area out."""
-    each = [found, *(p for p in parts if p.theta is not None)]
+    each = [found, *(p for p in parts if p.value is not None)]
     lo = None if any(p.lo is None for p in each) else min(p.lo for p in each if p.lo is not None)
     hi = None if any(p.hi is None for p in each) else max(p.hi for p in each if p.hi is not None)
     verdict = found.verdict
@@ -131,16 +131,16 @@ def _as_far_as(found: RunningVerdict, parts: Sequence[RunningVerdict]) -> Runnin
         lo = 1.0 if lo is None else max(lo, 1.0)
     else:
         verdict = verdict_of(0.0 if lo is None else lo, hi)
-    log_theta = math.log(found.theta or 1.0)
-    logs = {k: math.log(p.theta) for k, p in enumerate(parts) if p.theta is not None}
+    log_theta = math.log(found.value or 1.0)
+    logs = {k: math.log(p.value) for k, p in enumerate(parts) if p.value is not None}
     is_clear = found.verdict in ("clear_fall", "clear_rise")
     least, most = (-math.inf if found.lo is None else math.log(found.lo)), math.log(found.hi or math.inf)
     rests_on = _farthest(logs, [k for k, log in logs.items() if not least <= log <= most], log_theta)
-    theta = found.theta
+    theta = found.value
     if rests_on is not None and len(parts) > 1 and 0 < logs[rests_on] * log_theta < log_theta**2:
         theta = math.exp(logs[rests_on])
     return replace(
-        found, theta=theta, lo=lo, hi=hi, verdict=verdict, without=tuple(p.theta for p in parts), rests_on=rests_on,
+        found, value=theta, lo=lo, hi=hi, verdict=verdict, without=tuple(p.value for p in parts), rests_on=rests_on,
         unclear_without=_farthest(
             logs, [k for k in logs if is_clear and parts[k].verdict != found.verdict], log_theta
         ),

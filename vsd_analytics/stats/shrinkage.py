@@ -35,12 +35,12 @@ class Pulled:
     """A rate pulled towards the mean of all.
 
     Attributes:
-        rate: The rate, in the unit it came in.
+        value: The rate, in the unit it came in.
         lo, hi: Its interval.
         weight: Weight of its own rate in the shrunken one, 0 to 1.
     """
 
-    rate: float
+    value: float
     lo: float
     hi: float
     weight: float

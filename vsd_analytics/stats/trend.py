@@ -142,8 +142,8 @@ def _per_person_hour(
 
 def _as_share(close: RateEstimate) -> RateEstimate:
     """Return person-seconds per person-hour as a share; they are no count of violations."""
-    rate, lo, hi = (None if v is None else min(1.0, v / SECONDS) for v in (close.rate, close.lo, close.hi))
-    return replace(close, rate=rate, lo=lo, hi=hi, n_events=None)
+    rate, lo, hi = (None if v is None else min(1.0, v / SECONDS) for v in (close.value, close.lo, close.hi))
+    return replace(close, value=rate, lo=lo, hi=hi, n_events=None)
 
 
 def why_no_trend(weeks: Sequence[WeekRates]) -> Reason | None:

@@ -33,7 +33,7 @@ def sizes(inputs: FigureInputs) -> Figure:
 def gatherings(inputs: FigureInputs) -> Figure:
     """Return gatherings per 100 recorded open hours, the longest of them as rows."""
     found = _own(inputs)
-    if found is None or found.n is None or found.per_100_h.rate is None:
+    if found is None or found.n is None or found.per_100_h.value is None:
         state = "not_enough_data" if found is None else found.per_100_h.state
         return inputs.missing(state, NOTHING_OPEN if found is None else found.per_100_h.reason)
     if inputs.small(found.n):
@@ -43,7 +43,7 @@ def gatherings(inputs: FigureInputs) -> Figure:
     rows = tuple(row(g, *names) for g in found.top) if inputs.is_ranked else ()
     return Figure(
         unit=inputs.unit,
-        value=rate.rate,
+        value=rate.value,
         lo=rate.lo,
         hi=rate.hi,
         denominator=inputs.recorded_h,
@@ -79,7 +79,7 @@ def _factors(found: Mixing, change: MixingChange | None) -> list[Row]:
         moved = (
             (change.crowding, change.crowding_share),
             (change.layout, change.layout_share),
-            (None if behaviour is None else behaviour.theta, change.behaviour_share),
+            (None if behaviour is None else behaviour.value, change.behaviour_share),
         )
     values = (
         ("crowding", found.copresent_h),
@@ -123,7 +123,7 @@ def _redesign(inputs: FigureInputs, found: BeforeAfterFigure) -> Row:
     state, reason = found.state, found.reason
     if state == "ok" and is_held_back(inputs.data, found):
         state, reason = "not_enough_data", too_few(inputs.below)
-    elif state == "ok" and (ratio is None or ratio.theta is None):
+    elif state == "ok" and (ratio is None or ratio.value is None):
         state, reason = "not_enough_data", None if ratio is None else ratio.reason
     is_printed = state == "ok"
     ratio = ratio if is_printed else None
@@ -135,16 +135,16 @@ def _redesign(inputs: FigureInputs, found: BeforeAfterFigure) -> Row:
         "area": found.area_id,
         "name": found.area_name,
         "design": Reason(f"design.{found.design}"),
-        "ratio": None if ratio is None else ratio.theta,
+        "ratio": None if ratio is None else ratio.value,
         "lo": None if ratio is None else ratio.lo,
         "hi": None if ratio is None else ratio.hi,
         "verdict": None if ratio is None else ratio.verdict,
-        "often_ratio": None if often is None else often.theta,
+        "often_ratio": None if often is None else often.value,
         "often_lo": None if often is None else often.lo,
         "often_hi": None if often is None else often.hi,
         "placebo_lo": None if effect is None else effect.placebo_lo,
         "placebo_hi": None if effect is None else effect.placebo_hi,
-        "shrunken": None if shrunken is None else shrunken.theta,
+        "shrunken": None if shrunken is None else shrunken.value,
         "comparison_areas": len(found.comparison_areas),
         "is_credible": found.is_credible if is_printed else None,
         "doubts": Reason("joined", reasons=found.doubts) if found.doubts else None,

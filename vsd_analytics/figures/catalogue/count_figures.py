@@ -90,10 +90,10 @@ def durations(inputs: FigureInputs) -> Figure:
     found = inputs.found.episodes.durations
     if not inputs.is_counted:
         return inputs.not_printed()
-    if found.median.value_s is None:
+    if found.median.value is None:
         return inputs.missing(found.state, found.reason)
     rows: list[Row] = [
-        {"what": Reason(f"row.{what}"), "unit": "s", "value": q.value_s, "lo": q.lo_s, "hi": q.hi_s}
+        {"what": Reason(f"row.{what}"), "unit": "s", "value": q.value, "lo": q.lo, "hi": q.hi}
         for what, q in (("median", found.median), ("p90_lasts", found.p90))
     ]
     share = found.long_share

@@ -62,7 +62,7 @@ def directions(inputs: FigureInputs) -> Figure:
 
 def _of_area(inputs: FigureInputs, of: AreaFlow) -> list[Row]:
     place: Row = {"area": of.area.area_id, "place": of.area.name}
-    why = _hidden(inputs, of.following.n) or (of.often.reason if of.often.rate is None else of.following.reason)
+    why = _hidden(inputs, of.following.n) or (of.often.reason if of.often.value is None else of.following.reason)
     lost = of.following.not_followed
     is_in_view_only = of.following.reason is not None and of.following.reason.code == LEFT_VIEW
     is_printed = not inputs.small(of.following.n, lost.n, lost.of - lost.n)
@@ -71,7 +71,7 @@ def _of_area(inputs: FigureInputs, of: AreaFlow) -> list[Row]:
         "fits_arrivals": of.inflow.agrees,
         "in_view_only": is_in_view_only,
     }
-    if inputs.small(of.following.n) or of.often.rate is None or all(to.share.value is None for to in of.to):
+    if inputs.small(of.following.n) or of.often.value is None or all(to.share.value is None for to in of.to):
         return [{**place, "to": None, "to_areas": None, "value": None, **more, "reason": why}]
     return [
         {
@@ -80,7 +80,7 @@ def _of_area(inputs: FigureInputs, of: AreaFlow) -> list[Row]:
             "to_areas": " ".join(a.area_id for a in to.areas),
             **_limits(to.share),
             "per_open_h": _per_open_h(inputs, of, to, is_in_view_only=is_in_view_only),
-            "followed_per_open_h": None if inputs.small(to.share.n) else to.often.rate,
+            "followed_per_open_h": None if inputs.small(to.share.n) else to.often.value,
             **more,
         }
         for to in of.to
@@ -90,8 +90,8 @@ def _of_area(inputs: FigureInputs, of: AreaFlow) -> list[Row]:
 def _per_open_h(inputs: FigureInputs, of: AreaFlow, to: Destination, *, is_in_view_only: bool) -> float | None:
     """Return how many go there in an open hour; only those followed, where others are known to go on unseen."""
     if is_in_view_only:
-        return None if inputs.small(to.share.n) else to.often.rate
-    return None if of.often.rate is None or to.share.value is None else of.often.rate * to.share.value
+        return None if inputs.small(to.share.n) else to.often.value
+    return None if of.often.value is None or to.share.value is None else of.often.value * to.share.value
 
 
 def _limits(share: ShareEstimate) -> Row:

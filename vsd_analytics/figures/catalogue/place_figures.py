@@ -65,9 +65,9 @@ def _pull(inputs: FigureInputs, rows: list[dict[str, Plain]], areas: Sequence[Ar
     for one in rows:
         one |= {"pulled": None, "pulled_lo": None, "pulled_hi": None, "excess_per_week": None}
     for (one, _, exposure_h), found in zip(known, pulled or (), strict=pulled is not None):
-        one |= {"pulled": found.rate, "pulled_lo": found.lo, "pulled_hi": found.hi}
+        one |= {"pulled": found.value, "pulled_lo": found.lo, "pulled_hi": found.hi}
         if floor is not None and exposure_h is not None:
-            one["excess_per_week"] = (found.rate - floor) * exposure_h
+            one["excess_per_week"] = (found.value - floor) * exposure_h
 
 
 def _area(area: AreaRow, border_note: Reason | None) -> dict[str, Plain]:

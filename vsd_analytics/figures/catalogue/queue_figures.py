@@ -52,7 +52,7 @@ def waiting_time(inputs: FigureInputs) -> Figure:
         n_entered += 0 if hidden else whole.n_entered
         rows += [*_times(of, None, whole, hidden), _left(inputs, of, None, whole, hidden)]
         rows += _means(of, hidden)
-        if hidden or whole.median.value_s is None:
+        if hidden or whole.median.value is None:
             continue
         hours = [(h.hour, h.waits, _hidden(inputs, h.waits)) for h in of.by_hour if h.waits is not None]
         for hour, waits, why in hours:
@@ -104,7 +104,7 @@ def _recorded(of: AreaQueue | CapacityUse) -> Row:
 
 
 def _limits(rate: RateEstimate) -> Row:
-    return {"value": rate.rate, "lo": rate.lo, "hi": rate.hi, "reason": rate.reason}
+    return {"value": rate.value, "lo": rate.lo, "hi": rate.hi, "reason": rate.reason}
 
 
 def _row(
@@ -119,12 +119,12 @@ def _row(
 
 
 def _of_rate(rate: RateEstimate) -> _Found:
-    return rate.rate, rate.lo, rate.hi, rate.reason
+    return rate.value, rate.lo, rate.hi, rate.reason
 
 
 def _times(of: AreaQueue, hour: int | None, waits: WaitTimes, hidden: Reason | None) -> Iterator[Row]:
     for key, q in (("median", waits.median), ("p90", waits.p90)):
-        yield _row(of.area, key, hour, (q.value_s, q.lo_s, q.hi_s, waits.reason), hidden)
+        yield _row(of.area, key, hour, (q.value, q.lo, q.hi, waits.reason), hidden)
 
 
 def _left(inputs: FigureInputs, of: AreaQueue, hour: int | None, waits: WaitTimes, hidden: Reason | None) -> Row:
@@ -140,7 +140,7 @@ def _means(of: AreaQueue, hidden: Reason | None) -> Iterator[Row]:
         return
     little = of.waiting.stays.little
     for key, mean in (("mean_tracks", little.by_tracks), ("mean_little", little.by_little)):
-        found = mean.value_s, mean.lo_s, mean.hi_s, mean.reason
+        found = mean.value, mean.lo, mean.hi, mean.reason
         row = _row(of.area, key, None, found, agrees=little.agrees)
         yield {**row, "what": mean_name(f"stay_{key}", agrees=little.agrees)}
 

@@ -15,7 +15,7 @@ def visits_per_open_hour(inputs: FigureInputs) -> Figure:
     rows: list[Row] = []
     for of in found:
         hidden = _why_hidden(inputs, of)
-        value, lo, hi = (None, None, None) if hidden else (of.often.rate, of.often.lo, of.often.hi)
+        value, lo, hi = (None, None, None) if hidden else (of.often.value, of.often.lo, of.often.hi)
         seen: Row = {"recorded_share": of.recorded_share, "silent_cameras": ", ".join(of.silent_cameras)}
         why = hidden or of.often.reason
         rows.append({**_place(of), "value": value, "lo": lo, "hi": hi, **seen, "reason": why})
@@ -31,13 +31,13 @@ def dwell_times(inputs: FigureInputs) -> Figure:
     found = visits(inputs.data.this)
     rows: list[Row] = []
     for of in found:
-        is_unknown = of.often.rate is None or of.dwell.median.value_s is None
+        is_unknown = of.often.value is None or of.dwell.median.value is None
         if (why := _why_hidden(inputs, of)) is not None or is_unknown:
-            why = why or (of.often.reason if of.often.rate is None else of.dwell.reason)
+            why = why or (of.often.reason if of.often.value is None else of.dwell.reason)
             rows.append({**_place(of), "what": Reason("row.median"), "value": None, "reason": why})
             continue
         for what, q in (("median", of.dwell.median), ("p90_leave", of.dwell.p90)):
-            rows.append({**_place(of), "what": Reason(f"row.{what}"), "value": q.value_s, "lo": q.lo_s, "hi": q.hi_s})
+            rows.append({**_place(of), "what": Reason(f"row.{what}"), "value": q.value, "lo": q.lo, "hi": q.hi})
         rows += [_long_share(inputs, of), *_means(of)]
     n_visits = sum(of.dwell.n_visits for of in found if not inputs.small(of.dwell.n_visits))
     return inputs.of_rows(rows, n_visits, Reason("note.visits"))
@@ -62,7 +62,7 @@ def _means(of: AreaVisits) -> list[Row]:
     rows: list[Row] = []
     for key, mean in (("mean_tracks", little.by_tracks), ("mean_little", little.by_little)):
         what: Row = {**_place(of), "what": mean_name(key, agrees=little.agrees)}
-        value: Row = {"value": mean.value_s, "lo": mean.lo_s, "hi": mean.hi_s}
+        value: Row = {"value": mean.value, "lo": mean.lo, "hi": mean.hi}
         rows.append({**what, **value, "agrees": little.agrees, "reason": mean.reason})
     return rows
 

@@ -109,7 +109,7 @@ def without_change(estimate: Estimate, reason: Reason) -> Estimate:
 def _often(data: WeekData, place: Place, *, is_compared: bool, since: int | None, until: int | None) -> Estimate:
     level = rates.violation_rate_level(data.this, place, since=since, until=until)
     is_recorded = data.hours.recorded_s[place.cameras][:, data.week()].any()
-    if level.rate is None and level.state != "not_measurable" and is_recorded:
+    if level.value is None and level.state != "not_measurable" and is_recorded:
         why = Reason("level.hour_share", share=data.site.settings.partial_hour_share)
         return Estimate(value=None, state="not_enough_data", reason=why)
     return _judged(data, place, level, rates.violation_rate_change if is_compared else None, since)
@@ -136,11 +136,11 @@ def _estimate(level: RateEstimate, change: ChangeEstimate | None = None, hours_c
     reason = level.reason if level.lo is None else None
     if reason is None and change is not None and change.state != "ok":
         reason = change.reason
-    state = level.state if level.rate is None else "ok"
-    plain = Estimate(value=level.rate, lo=level.lo, hi=level.hi, state=state, reason=reason)
+    state = level.state if level.value is None else "ok"
+    plain = Estimate(value=level.value, lo=level.lo, hi=level.hi, state=state, reason=reason)
     if change is None:
         return plain
-    if level.rate is None:  # without a level there is no change either
+    if level.value is None:  # without a level there is no change either
         return replace(plain, verdict="too_little_data")
     return with_change(replace(plain, hours_compared=hours_compared), change)
 

@@ -22,18 +22,18 @@ def level(rate: RateEstimate | None, *, below: int) -> Estimate | None:
         return None
     if rate.n_events is not None and is_small(rate.n_events, below=below):
         return Estimate(value=None, state="not_enough_data", reason=too_few(below))
-    if rate.rate is None:
+    if rate.value is None:
         return Estimate(value=None, state=_missing(rate.state), reason=rate.reason)
-    return Estimate(value=rate.rate, lo=rate.lo, hi=rate.hi, reason=rate.reason if rate.lo is None else None)
+    return Estimate(value=rate.value, lo=rate.lo, hi=rate.hi, reason=rate.reason if rate.lo is None else None)
 
 
 def change(ratio: ChangeEstimate | BeforeAfter | RunningVerdict | NetEffect) -> Estimate:
     """Return a ratio as an estimate that has a change and no level."""
-    if ratio.theta is None:
+    if ratio.value is None:
         return Estimate(value=None, verdict="too_little_data", state=_missing(ratio.state), reason=ratio.reason)
     return Estimate(
         value=None,
-        change=ratio.theta - 1,
+        change=ratio.value - 1,
         change_lo=None if ratio.lo is None else ratio.lo - 1,
         change_hi=None if ratio.hi is None else ratio.hi - 1,
         verdict=ratio.verdict,

@@ -48,14 +48,14 @@ def causes(found: MixingChange, *, people_moved_by: tuple[int, ...] = ()) -> Cau
         people_moved_by: The logged changes whose doing the part of people is: `moved_people`.
     """
     behaviour = found.behaviour
-    if found.state != "ok" or found.close is None or behaviour is None or behaviour.theta is None:
+    if found.state != "ok" or found.close is None or behaviour is None or behaviour.value is None:
         state = found.state if found.state != "ok" else "not_enough_data"
         return Causes(state=state, reason=found.reason)
     return Causes(
         close=found.close - 1,
         people=None if found.crowding is None else found.crowding - 1,
         layout=None if found.layout is None else found.layout - 1,
-        behaviour=behaviour.theta - 1,
+        behaviour=behaviour.value - 1,
         behaviour_lo=behaviour.change_lo,
         behaviour_hi=behaviour.change_hi,
         people_part=found.crowding_part,
@@ -84,7 +84,7 @@ def redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
             hidden = Estimate(value=None, verdict="too_little_data", state="not_enough_data", reason=why)
             measured |= {"effect": hidden}
         else:
-            is_known = found.often is not None and found.often.theta is not None
+            is_known = found.often is not None and found.often.value is not None
             measured |= {"often": _change(found.often) if is_known else None, **_over_weeks(found)}
     return same_fields(
         Redesign,
@@ -110,7 +110,7 @@ def _over_weeks(found: BeforeAfterFigure) -> dict[str, Any]:
         known |= {"e_value": found.running.e_value, "n_watched": found.running.n_weeks}
     if found.routes is not None:
         known |= {"through_people": found.routes.people, "through_closeness": found.routes.closeness}
-    if found.floor is not None and found.floor.net.theta is not None:
+    if found.floor is not None and found.floor.net.value is not None:
         known["net"] = page_estimates.change(found.floor.net)
         known["contribution"] = found.floor.net.contributions[found.floor.places.index(found.area_id)]
         known["moved_elsewhere"] = found.floor.moved_elsewhere
