@@ -1,4 +1,4 @@
-"""What the names in an analyst's query stand for: the tables of `sql/tables`, or `internal.NAME` for everything behind them.
+"""What the names in an analyst's query stand for: a table of `sql/tables`, or `internal.NAME` for all that lies behind.
 
 A query is parsed by DuckDB itself, so a name in a text, an alias or a step of the query is never taken for a table.
 """
@@ -55,6 +55,13 @@ class NamedQuery:
     tables: tuple[str, ...]
     relations: tuple[str, ...]
 
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """Return the internal relations that it reads, by itself or through a table."""
+        files = relations("tables")
+        behind = (name for table in self.tables if table in files for name in files[table].reads)
+        return tuple(dict.fromkeys([*self.relations, *behind]))
+
 
 def table_view(name: str) -> str:
     """Return what a table is called on the connection, where the bare name is that of a mart."""
@@ -94,7 +101,7 @@ def named_query(
         elif not schema and name in tables:
             named[name] = None
             _rename(node, table_view(name), shown=node["table_name"])
-        elif not schema and name in _internal_names() and name not in given:
+        elif not schema and name in internal_names() and name not in given:
             instead = INSTEAD.get(name)
             raise SqlError(
                 f"{name} is internal",
@@ -108,7 +115,8 @@ def named_query(
     return NamedQuery(text, tuple(named), tuple(internal))
 
 
-def _internal_names() -> Collection[str]:
+def internal_names() -> Collection[str]:
+    """Return the names of facts, marts and staging."""
     return {*queried_relations(), *relations("staging")}
 
 

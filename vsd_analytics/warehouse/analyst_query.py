@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from datetime import datetime
 from decimal import Decimal
 from itertools import count
@@ -24,20 +24,20 @@ def run_query(
     warehouse: Warehouse,
     query: str,
     *,
-    computed: Mapping[str, Callable[[], pa.Table]] | None = None,
+    computed: Mapping[str, pa.Table] | None = None,
     given: Mapping[str, Any] | None = None,
 ) -> pa.Table:
     """Return the rows of one `select` over the tables of a range of days.
 
-    A bare name is a table of `sql/tables` or of `computed`; `internal.NAME` is a fact, a mart, `located` or `pairs`. The
-    statement can read the project's store and facts only: no other file, no network, no extension, no setting. It must
-    be a query, so it cannot write. Instants are shown in the site's zone, and a text or an instant without zone that
-    meets one is read in it. The connection stays restricted afterwards.
+    A bare name is a table of `sql/tables` or of `computed`; `internal.NAME` is a fact, a mart, `located` or `pairs`.
+    The statement can read the project's store and facts only: no other file, no network, no extension, no setting. It
+    must be a query, so it cannot write. Instants are shown in the site's zone, and an instant without zone that meets
+    one is read in it. The connection stays restricted afterwards.
 
     Args:
         warehouse: Open over the days.
         query: The query.
-        computed: Tables that are no SQL file, by name; each is computed when the query names it.
+        computed: Rows of the tables that are no SQL file, by name; those that the query names are enough.
         given: The caller's own tables, by the names of the query.
 
     Returns:
@@ -61,20 +61,18 @@ def run_query(
                 fix='vsd sql "select * from hours"',
             )
         named = named_query(warehouse.con, query, tables={*files, *computed}, given=own)
-        rows = {name: computed[name]() for name in named.tables if name not in files}
+        rows = {table_view(name): computed[name] for name in named.tables if name not in files}
         views = [files[name] for name in named.tables if name in files]
 
         def restrict_and_read(con: duckdb.DuckDBPyConnection) -> pa.Table:
-            for name, values in (*own.items(), *((table_view(name), values) for name, values in rows.items())):
+            for name, values in {**own, **rows}.items():
                 con.register(name, values)
             for relation in views:
                 con.execute(f"create or replace temp view {table_view(relation.name)} as {relation.sql}")
             _restrict(con, warehouse)
             return _whole_sums(con.sql(con.extract_statements(named.text)[0]))
 
-        read = [*named.relations, *(name for relation in views for name in relation.reads)]
-        needed = " ".join(f"from {name}" for name in read)
-        return warehouse.run(needed, restrict_and_read)
+        return warehouse.run(" ".join(f"from {name}" for name in named.reads), restrict_and_read)
     except (duckdb.Error, OverflowError, ValueError) as error:  # the latter: rows that Python cannot hold
         raise SqlError(
             "the query could not be run",
