@@ -36,9 +36,9 @@ with places as (
     select distinct
         floor_id,
         'rest' as area_id,
-        1000000 as area_no,
-        cast(null as bigint) as from_ms,
-        cast(null as bigint) as to_ms
+        null::integer as area_no,
+        null::bigint as from_ms,
+        null::bigint as to_ms
     from cameras
 ),
 
@@ -68,7 +68,9 @@ seers as (
     where
         owners.camera_id is not null
         or not exists (
-            select 1 from owners as o where o.floor_id = places.floor_id and o.area_id = places.area_id
+            select 1
+            from owners as o
+            where o.floor_id = places.floor_id and o.area_id = places.area_id
         )
 ),
 
@@ -155,4 +157,4 @@ left join counted
         judged.floor_id = counted.floor_id
         and judged.area_id = counted.area_id
         and judged.hour_start_ms = counted.hour_start_ms
-order by judged.hour_start_ms, judged.floor_id, judged.area_no
+order by judged.hour_start_ms, judged.floor_id, judged.area_no nulls last

@@ -44,6 +44,8 @@ REASONS: Final[Mapping[str, Mapping[str, str]]] = {
         "8": "the cubic through four points at its middle",
     },
     "staging/pairs": {"40": CROWD},
+    "tables/area_hours": {"0.5": "the middle of a cell"},
+    "tables/cells": {"0.5": "the middle of a cell"},
     "facts/same_pairs": {
         "3": "a stretch of at most 4 s holds at most four whole seconds",
         "4000": "how far a place may be carried on without a record: after 4 s people may be anywhere",

@@ -102,6 +102,7 @@ def named_query(
             named[name] = None
             _rename(node, table_view(name), shown=node["table_name"])
         elif not schema and name in internal_names() and name not in given:
+            _check_internal(name, tables)
             instead = INSTEAD.get(name)
             raise SqlError(
                 f"{name} is internal",
