@@ -1,5 +1,5 @@
 -- name: tables/cells
--- One row per floor and cell of 1 m in which anybody was in the days asked for.
+-- One row per floor and cell of 1 m in which anybody stood in the days asked for.
 -- grain: floor_id, x_m, y_m
 -- reads: floor_cells, calendar, cameras, camera_hours
 -- params: cell_mm
@@ -23,6 +23,7 @@ with stood as (
     cross join params
     inner join calendar on floor_cells.bucket_quarter = calendar.quarter
     inner join cameras on floor_cells.camera_id = cameras.camera_id
+    where floor_cells.exposure_ms > 0
     group by
         cameras.floor_id,
         floor_cells.camera_id,

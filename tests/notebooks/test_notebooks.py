@@ -102,7 +102,9 @@ def test_relations_named_in_the_docs_can_be_queried(demo_project: Path) -> None:
     introduction, _, rest = rest.partition("## Marts")
     names = {*re.findall(r"^### (\w+)$", tables, re.M)} - {*COMPUTED_TABLES}
     assert names | {*COMPUTED_TABLES} == {*sql_tables(), *COMPUTED_TABLES}
-    names |= {*re.findall(r"`(\w+)`", introduction.partition("Settings reach SQL")[2].partition("a site day starts")[0])}
+    names |= {
+        *re.findall(r"`(\w+)`", introduction.partition("Settings reach SQL")[2].partition("a site day starts")[0])
+    }
     internal = {*re.findall(r"^### (\w+)$", rest.partition("## Staging")[0], re.M), "located", "pairs"}
     assert {"params", "calendar", "owner_cells", "violations"} <= names
     assert {"exposure", "violations"} <= internal

@@ -73,7 +73,9 @@ def test_the_old_bare_name_of_every_relation_says_what_to_use(con: duckdb.DuckDB
     assert name not in INSTEAD or f"the table {INSTEAD[name]}" in str(caught.value)
 
 
-def test_a_step_of_the_build_is_refused_with_the_table_that_answers_such_questions(con: duckdb.DuckDBPyConnection) -> None:
+def test_a_step_of_the_build_is_refused_with_the_table_that_answers_such_questions(
+    con: duckdb.DuckDBPyConnection,
+) -> None:
     for name in sorted({*internal_names()} - {*queried_relations()} - TABLES):
         with pytest.raises(SqlError, match="exists only meanwhile") as caught:
             named(con, f"select * from {name}")

@@ -32,9 +32,9 @@ def warehouse(folder: Path) -> Iterator[Warehouse]:
 def test_tables_facts_marts_and_dimensions_can_be_read(warehouse: Warehouse) -> None:
     assert run_query(warehouse, "select count(*) as n from internal.pairs;")["n"].to_pylist() == [5]
     assert run_query(warehouse, "from violations select duration_s")["duration_s"].to_pylist() == [5.0]
-    assert run_query(warehouse, "with c as (select * from cameras) select camera_id from c")["camera_id"].to_pylist() == [
-        "cam"
-    ]
+    assert run_query(warehouse, "with c as (select * from cameras) select camera_id from c")[
+        "camera_id"
+    ].to_pylist() == ["cam"]
     assert len(run_query(warehouse, "select * from hours")) == 24
     store = f"{warehouse.site.root}/store/observations/**/*.parquet".replace("'", "''")
     assert run_query(warehouse, f"select count(*) as n from read_parquet('{store}')")["n"].to_pylist() == [10]

@@ -126,9 +126,8 @@ class Days:
         Columns as in `sql/tables/area_hours.sql`.
 
         Example:
-            >>> hours = week.area_hours.df().query("area_id == 'checkout-queue' and is_in_rates")
-            >>> round(float(hours["n_violations_open"].mean()), 1)
-            69.2
+            >>> week.area_hours.total("n_violations_open") == week.hours.total("n_violations_open")
+            True
         """
         return self._table("area_hours")
 
@@ -139,8 +138,9 @@ class Days:
         Violations of the weekly page are those of the camera-hours that enter rates:
 
         Example:
-            >>> int(week.camera_hours.df().query("is_in_rates")["n_violations_open"].sum())
-            15996
+            >>> page = week.camera_hours.df().query("is_in_rates")["n_violations_open"].sum()
+            >>> bool(page < week.hours.total("n_violations_open"))
+            True
         """
         return self._table("camera_hours")
 
@@ -198,8 +198,8 @@ class Days:
         count.
 
         Example:
-            >>> len(site.days("2026-11-10").trajectories)
-            123819
+            >>> len(week.trajectories) == week.hours.total("person_records")
+            True
         """
         return self._table("trajectories")
 
