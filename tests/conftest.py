@@ -144,7 +144,7 @@ def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     that needs it makes it.
     """
     from vsd_analytics.config import load_site
-    from vsd_analytics.ingest import pipeline
+    from vsd_analytics.ingest.intake import pipeline
     from vsd_analytics.simulate import demo_project as demo
     from vsd_analytics.simulate import write_demo_project
     from vsd_analytics.simulate.demo import ingest_demo

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from vsd_analytics.cli.card import print_card
-from vsd_analytics.ingest.understanding import SourceCard
+from vsd_analytics.ingest.checks.understanding import SourceCard
 
 
 def printed(capsys: pytest.CaptureFixture[str], **changes: Any) -> str:

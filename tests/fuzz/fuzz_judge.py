@@ -21,10 +21,10 @@ from fuzz_worlds import CONFIG, World
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import VsdError
-from vsd_analytics.ingest import pipeline
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.frames import MessageRows
-from vsd_analytics.ingest.normalise import Normaliser
+from vsd_analytics.ingest.formats.frames import MessageRows
+from vsd_analytics.ingest.intake import pipeline
+from vsd_analytics.ingest.intake.normalise import Normaliser
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import FoldResult

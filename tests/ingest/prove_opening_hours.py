@@ -23,8 +23,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from site_text import site_text
 
 from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 
 ZONES = (
     "Europe/Rome",

@@ -17,10 +17,10 @@ from walks import Step, project, walks
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.doubts_of_times import open_share
-from vsd_analytics.ingest.pipeline import SourceResult, ingest
-from vsd_analytics.ingest.units import unit_in_name
+from vsd_analytics.ingest.checks.time_checks import open_share
+from vsd_analytics.ingest.intake.pipeline import SourceResult, ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
+from vsd_analytics.ingest.reading.units import unit_in_name
 
 NOW = datetime(2025, 12, 1, tzinfo=UTC)
 OURS = {"x_m": "x", "y_m": "y", "track_id": "id"}

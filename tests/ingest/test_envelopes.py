@@ -13,9 +13,9 @@ from engine_files import SIZE, axis, axis_v1, azure, deepstream, frames, nvidia
 from walks import START, project, walks
 
 from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.envelopes import as_object
-from vsd_analytics.ingest.pipeline import IngestResult, ingest
+from vsd_analytics.ingest.intake.pipeline import IngestResult, ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
+from vsd_analytics.ingest.reading.envelopes import as_object
 
 NOW = datetime(2025, 12, 1, tzinfo=UTC)
 METRES, SHARES = frames(), frames(width=1.0, height=1.0)

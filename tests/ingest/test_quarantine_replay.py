@@ -20,13 +20,13 @@ from site_text import site_text
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
-from vsd_analytics.ingest import quarantine_writer as room
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.frames import MessageRows
-from vsd_analytics.ingest.normalise import Normaliser
-from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
-from vsd_analytics.ingest.replay import replay
+from vsd_analytics.ingest.formats.frames import MessageRows
+from vsd_analytics.ingest.intake import quarantine_writer as room
+from vsd_analytics.ingest.intake.normalise import Normaliser
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.intake.quarantine_writer import Quarantine, SourceReading
+from vsd_analytics.ingest.intake.replay import replay
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.schema import KEYS, TABLES
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Site, SourceProfile

@@ -12,12 +12,12 @@ import pytest
 from walks import project
 
 from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions, RawBatch
-from vsd_analytics.ingest.doubt_case import Case
-from vsd_analytics.ingest.doubts import doubts_of
-from vsd_analytics.ingest.raw import raw_table
-from vsd_analytics.ingest.sample import LIFE_STEPS, Sample, sample_of
-from vsd_analytics.ingest.sketch import sketch_of
+from vsd_analytics.ingest.checks.check_case import Case
+from vsd_analytics.ingest.checks.check_table import doubts_of
+from vsd_analytics.ingest.checks.sample import LIFE_STEPS, Sample, sample_of
+from vsd_analytics.ingest.checks.sketch import sketch_of
+from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch
+from vsd_analytics.ingest.reading.raw import raw_table
 
 Row = tuple[str, str | None, int, float, float]
 

@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.live.watch import WatchStatus, watch
 
 MOST_ROUNDS = 500

@@ -23,7 +23,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import LiveError
-from vsd_analytics.ingest.quarantine_writer import Quarantine
+from vsd_analytics.ingest.intake.quarantine_writer import Quarantine
 from vsd_analytics.live import listener as listening
 from vsd_analytics.live.alone import alone
 from vsd_analytics.live.listener import Listener

@@ -22,7 +22,7 @@ from site_text import site_text
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import LiveError
-from vsd_analytics.ingest.replay import replay
+from vsd_analytics.ingest.intake.replay import replay
 from vsd_analytics.live import posts
 from vsd_analytics.live.listener import Listener
 from vsd_analytics.live.mapped import mapped_readers

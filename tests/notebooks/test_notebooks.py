@@ -12,7 +12,7 @@ import pytest
 from notebooks.executed import NOTEBOOKS, execute, figures
 
 from vsd_analytics import load_site, open_warehouse
-from vsd_analytics.ingest import pipeline
+from vsd_analytics.ingest.intake import pipeline
 from vsd_analytics.simulate import demo_project as demo
 from vsd_analytics.simulate import write_canteen_project, write_demo_project
 from vsd_analytics.simulate.demo import ingest_demo

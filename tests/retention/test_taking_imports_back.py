@@ -15,8 +15,8 @@ from store.stored_rows import litter_of
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import StoreError, UsageError
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.retention.purge import purge_older, purge_range
 from vsd_analytics.retention.purge_import import purge_import
 from vsd_analytics.schema import TABLES

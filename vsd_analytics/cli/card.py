@@ -12,8 +12,8 @@ from vsd_analytics.cli.output import count, plain, rounded
 
 if TYPE_CHECKING:
     from vsd_analytics.cli.project import Project
-    from vsd_analytics.ingest.sample import Extent
-    from vsd_analytics.ingest.understanding import SourceCard
+    from vsd_analytics.ingest.checks.sample import Extent
+    from vsd_analytics.ingest.checks.understanding import SourceCard
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _WIDTH = 10
@@ -58,7 +58,7 @@ def _lines(project: Project, card: SourceCard) -> list[tuple[str, str]]:
     if card.missing:
         lines.append(("missing", ", ".join(card.missing)))
     if card.confidence is not None and card.confidence_limit is not None:
-        from vsd_analytics.ingest.doubt_case import quoted
+        from vsd_analytics.ingest.checks.check_case import quoted
 
         name = card.confidence[:40]
         lines.append(("", f'{name} can be a limit: --where "{quoted(name)} >= {card.confidence_limit:g}"'))

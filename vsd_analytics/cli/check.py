@@ -70,8 +70,8 @@ def check(
 
 def _draw(project: Project, files: tuple[str, ...], picture: str, given: dict[str, Any]) -> None:
     """Draw the first positions of one file."""
-    from vsd_analytics.ingest.adapter import Source
-    from vsd_analytics.ingest.first_positions import first_positions
+    from vsd_analytics.ingest.intake.first_positions import first_positions
+    from vsd_analytics.ingest.reading.adapter import Source
     from vsd_analytics.report.draw.positions_file import draw_positions
     from vsd_analytics.store.durable import publish
 
@@ -90,9 +90,9 @@ def _draw(project: Project, files: tuple[str, ...], picture: str, given: dict[st
 
 def _camera_in_name(project: Project, file: str, given: dict[str, Any]) -> CameraName | None:
     """Return the camera that a file's name says, where its records do not say it, and neither do options or profile."""
-    from vsd_analytics.ingest.adapter import Source
-    from vsd_analytics.ingest.pipeline import options_for
-    from vsd_analytics.ingest.profile_camera import name_to_save
+    from vsd_analytics.ingest.intake.pipeline import options_for
+    from vsd_analytics.ingest.intake.profile_camera import name_to_save
+    from vsd_analytics.ingest.reading.adapter import Source
 
     source = Source(Path(file), settings=project.site.settings)
     try:

@@ -17,7 +17,7 @@ from vsd_analytics.cli.standard_input import with_standard_input
 from vsd_analytics.errors import UsageError
 
 if TYPE_CHECKING:
-    from vsd_analytics.ingest.pipeline import SourceResult
+    from vsd_analytics.ingest.intake.pipeline import SourceResult
 
 
 @click.command()
@@ -80,7 +80,7 @@ def read_files(
 
     The formats of files that could be read, and are not almost surely understood wrongly, are added to `read_as`.
     """
-    from vsd_analytics.ingest.pipeline import ingest as ingest_files
+    from vsd_analytics.ingest.intake.pipeline import ingest as ingest_files
 
     options = ingest_options(project, given)
     is_quiet = project.quiet or as_json
@@ -146,7 +146,7 @@ def _watch(project: Project, folder: Path, given: dict[str, Any], *, as_json: bo
 
 
 def _size(path: Path) -> int:
-    from vsd_analytics.ingest.adapter import Source
+    from vsd_analytics.ingest.reading.adapter import Source
 
     try:
         return Source(path).size_bytes

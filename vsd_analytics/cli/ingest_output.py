@@ -13,7 +13,7 @@ from vsd_analytics.cli.project import Project
 from vsd_analytics.errors import VsdError, Where
 
 if TYPE_CHECKING:
-    from vsd_analytics.ingest.pipeline import IngestResult, SourceResult
+    from vsd_analytics.ingest.intake.pipeline import IngestResult, SourceResult
     from vsd_analytics.schema import TableName
     from vsd_analytics.store import FoldResult
 
@@ -29,7 +29,7 @@ def print_source(project: Project, source: SourceResult, *, has_card: bool = Fal
         source: The file.
         has_card: Print also what was understood of it.
     """
-    from vsd_analytics.ingest.reasons import UNKNOWN_FIELD, fix_of
+    from vsd_analytics.ingest.reading.reasons import UNKNOWN_FIELD, fix_of
 
     n = source.n_records
     if not source.error or n:
@@ -119,7 +119,7 @@ def warn_of_full_disk(fold: FoldResult) -> None:
 
 
 def _warn_of_sealed(fold: FoldResult) -> None:
-    from vsd_analytics.ingest.reasons import FIXES
+    from vsd_analytics.ingest.reading.reasons import FIXES
     from vsd_analytics.store.seals import SEALED
 
     if fold.n_sealed:

@@ -35,8 +35,8 @@ from vsd_analytics.cluster.exchange import (
     site_notice,
 )
 from vsd_analytics.errors import StoreError
-from vsd_analytics.ingest.pseudonyms import Pseudonyms
-from vsd_analytics.ingest.sealed_hours import FORGOTTEN
+from vsd_analytics.ingest.intake.pseudonyms import Pseudonyms
+from vsd_analytics.ingest.intake.sealed_hours import FORGOTTEN
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import FoldResult, Store, durable, late_records, quarantine

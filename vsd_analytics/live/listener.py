@@ -21,7 +21,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from vsd_analytics.errors import LiveError, VsdError
-from vsd_analytics.ingest.adapter import Rejected
+from vsd_analytics.ingest.reading.adapter import Rejected
 from vsd_analytics.live.batches import (
     FOLD_ROWS,
     FOLD_SEGMENTS,

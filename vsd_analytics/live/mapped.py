@@ -8,13 +8,13 @@ from functools import partial
 from typing import Any
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.ingest.adapter import IngestOptions, RawBatch
-from vsd_analytics.ingest.adapters import adapter
-from vsd_analytics.ingest.frame_rows import FrameRows
-from vsd_analytics.ingest.json_messages import JsonMessages
-from vsd_analytics.ingest.pipeline import options_of_profile
-from vsd_analytics.ingest.quarantine_writer import SourceReading
-from vsd_analytics.ingest.raw import without_zones
+from vsd_analytics.ingest.formats.adapters import adapter
+from vsd_analytics.ingest.intake.pipeline import options_of_profile
+from vsd_analytics.ingest.intake.quarantine_writer import SourceReading
+from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch
+from vsd_analytics.ingest.reading.frame_rows import FrameRows
+from vsd_analytics.ingest.reading.json_messages import JsonMessages
+from vsd_analytics.ingest.reading.raw import without_zones
 from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.posts import FRAMES, TOPIC
 from vsd_analytics.site.model import Site, SourceProfile

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from vsd_analytics.errors import InputError, UsageError, VsdError, disk_error
-from vsd_analytics.ingest.adapter import IngestOptions, Source
-from vsd_analytics.ingest.pipeline import SourceResult, ingest, with_site
+from vsd_analytics.ingest.intake.pipeline import SourceResult, ingest, with_site
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.live.batches import delays_s
 from vsd_analytics.live.gathering import GatheringStore
 from vsd_analytics.live.inbox import DONE, FAILED, Waiting, alone, as_it_is, refuse_folder, to_done, to_failed, waiting

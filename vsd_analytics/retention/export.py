@@ -18,7 +18,7 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.ingest.quarantine_scope import quarantined_in_scope
+from vsd_analytics.ingest.intake.quarantine_scope import quarantined_in_scope
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, durable

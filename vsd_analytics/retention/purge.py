@@ -16,7 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import StoreError
-from vsd_analytics.ingest.quarantine_scope import quarantined_in_scope
+from vsd_analytics.ingest.intake.quarantine_scope import quarantined_in_scope
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import Store, durable, quarantine

@@ -14,8 +14,8 @@ import pytest
 from report.pages.test_report_numbers import strangers
 
 from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.week import render_html
