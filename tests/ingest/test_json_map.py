@@ -17,7 +17,8 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import ConfigError, UsageError
-from vsd_analytics.ingest.formats.json_map import JsonMap, message_paths, value_at
+from vsd_analytics.ingest.formats.json_map import JsonMap, message_paths
+from vsd_analytics.ingest.reading.json_paths import value_at
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.ingest.reading.frame_rows import FrameRows, instant_of
 from vsd_analytics.ingest.reading.json_guess import guessed_mapping

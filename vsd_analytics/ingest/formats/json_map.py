@@ -24,6 +24,7 @@ from vsd_analytics.ingest.reading.columns import ColumnPlan
 from vsd_analytics.ingest.reading.frame_rows import FrameRows, SeenPerson, finite, id_of, instant_of
 from vsd_analytics.ingest.reading.instants import ms_of_unix
 from vsd_analytics.ingest.reading.json_messages import JsonMessages, messages
+from vsd_analytics.ingest.reading.json_paths import KEY, leaves, value_at
 from vsd_analytics.ingest.reading.picture_sizes import size_of
 from vsd_analytics.ingest.reading.raw import BadRowError
 from vsd_analytics.ingest.reading.table_head import VALUES_MAX, TableHead
@@ -31,10 +32,8 @@ from vsd_analytics.ingest.reading.table_rows import LEFT_OUT
 from vsd_analytics.ingest.reading.units import LENGTHS, unit_in_name
 from vsd_analytics.ingest.reading.where import OPERATORS, parse_where
 
-KEY: Final = "@key"
 _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _HEAD_MESSAGES: Final = 500
-_LEAF_DEPTH: Final = 4
 _KEYS_MAX: Final = 10
 _KEY_CHARS: Final = 40
 _TELLING: Final[tuple[Role, ...]] = ("camera", "id", "class", "confidence", "absent", "state", "storey", "file")
@@ -147,22 +146,6 @@ def message_paths(options: IngestOptions) -> MessagePaths:
             units[ours] = unit
     where = () if options.where is None else parse_where(options.where)
     return MessagePaths(options.persons, theirs, units, where)
-
-
-def value_at(thing: Any, path: str) -> Any:
-    """Return the value at a path, or None where there is none. A key that has the dots in it counts as well."""
-    while path:
-        if isinstance(thing, dict):
-            if path in thing:
-                return thing[path]
-            name, _, path = path.partition(".")
-            thing = thing.get(name)
-        elif isinstance(thing, list):
-            name, _, path = path.partition(".")
-            thing = thing[int(name)] if name.isdecimal() and len(name) < 10 and int(name) < len(thing) else None
-        else:
-            return None
-    return thing
 
 
 def _persons(message: Mapping[str, Any], path: str | None) -> list[tuple[str | None, Any]]:
@@ -280,13 +263,3 @@ def _holds(condition: RowCondition, person: Any) -> bool:
         return False
     text = str(value).lower() if isinstance(value, bool) else str(value).strip()
     return bool(text) and bool(compare(text, condition.value))
-
-
-def leaves(thing: Any, front: str = "", depth: int = 0) -> Iterator[tuple[str, Any]]:
-    """Yield path and value of what is neither object nor list, also inside objects."""
-    for name, value in thing.items() if isinstance(thing, dict) else ():
-        path = f"{front}{name}"
-        if isinstance(value, dict) and depth < _LEAF_DEPTH:
-            yield from leaves(value, f"{path}.", depth + 1)
-        elif not isinstance(value, dict | list):
-            yield path, value
