@@ -33,11 +33,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from simulate.small_scenes import START_MS
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.intake.pipeline import ingest
 from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.schema import SCHEMAS, TableName
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 BATCH_ROWS = 10_000
 CAMERAS = 18

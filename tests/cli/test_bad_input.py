@@ -254,7 +254,7 @@ _SLOW = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background starts with it ignored
 from vsd_analytics.cli import main
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 def fold(self, **more):
     print("ready", flush=True)
     time.sleep(60)

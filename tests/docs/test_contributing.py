@@ -98,7 +98,7 @@ def with_the_setting() -> Iterator[types.ModuleType]:
 
 def test_the_setting_example_is_one_line_of_one_file(with_the_setting: types.ModuleType, tmp_path: Path) -> None:
     """All that reads the table knows the setting: vsd.toml, environment, doctor, manual, SQL, and the reports' id."""
-    from vsd_analytics.config import load_site
+    from vsd_analytics.config.project import load_site
     from vsd_analytics.doctor.checks import settings_in_force
     from vsd_analytics.warehouse.dimensions import params
 

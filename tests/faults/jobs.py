@@ -97,7 +97,7 @@ def vsd(root: Path, *arguments: str, ack: Ack = lambda value: None) -> str:
     """
     from vsd_analytics.cli import cli
     from vsd_analytics.cli.exit_codes import run
-    from vsd_analytics.store import Store
+    from vsd_analytics.store.store import Store
 
     append = Store.append
 
@@ -125,7 +125,7 @@ def _given(root: Path, name: str) -> Path:
 
 def tables(root: Path, file: Path) -> Iterator[tuple[Any, Any]]:
     """Return the rows that `vsd ingest` makes of a file."""
-    from vsd_analytics.config import load_site
+    from vsd_analytics.config.project import load_site
     from vsd_analytics.ingest.formats.frames import Frames
     from vsd_analytics.ingest.intake.normalise import Normaliser
     from vsd_analytics.ingest.intake.pipeline import with_site
@@ -139,7 +139,7 @@ def tables(root: Path, file: Path) -> Iterator[tuple[Any, Any]]:
 
 
 def _store(root: Path) -> Any:
-    from vsd_analytics.store import Store
+    from vsd_analytics.store.store import Store
 
     return Store(root / "store", site_id="shop")
 

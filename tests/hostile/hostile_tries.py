@@ -96,7 +96,7 @@ def _as_file(lab: Lab, text: str) -> str:
 def _as_payload(lab: Lab, text: str) -> str:
     from datetime import datetime
 
-    from vsd_analytics.config import load_site
+    from vsd_analytics.config.project import load_site
     from vsd_analytics.ingest.formats.frames import MessageRows
     from vsd_analytics.ingest.intake.normalise import Normaliser
     from vsd_analytics.ingest.reading.adapter import IngestOptions

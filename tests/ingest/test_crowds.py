@@ -10,7 +10,7 @@ from typing import Any
 import pyarrow as pa
 import pytest
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.checks.crowds import Crowds
 from vsd_analytics.ingest.intake.pipeline import IngestResult, ingest
 from vsd_analytics.ingest.intake.replay import replay

@@ -16,7 +16,7 @@ from walks import Step, project, walks
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.checks.time_checks import open_share
 from vsd_analytics.ingest.intake.pipeline import SourceResult, ingest
 from vsd_analytics.ingest.reading.adapter import IngestOptions

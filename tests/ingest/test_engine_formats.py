@@ -31,12 +31,12 @@ from engine_files import (
 )
 from walks import project
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.intake.pipeline import IngestResult, ingest
 from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.schema import TABLES
-from vsd_analytics.store import Store
 from vsd_analytics.store.part_files import read_part
+from vsd_analytics.store.store import Store
 
 METRES = frames()
 SHARES = frames(width=1.0, height=1.0)

@@ -12,7 +12,7 @@ import pytest
 from engine_files import SIZE, axis, axis_v1, azure, deepstream, frames, nvidia
 from walks import START, project, walks
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.intake.pipeline import IngestResult, ingest
 from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.ingest.reading.envelopes import as_object

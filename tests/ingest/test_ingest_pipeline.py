@@ -20,7 +20,7 @@ from vsd_analytics.ingest.intake.quarantine_writer import Quarantine
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Rejected, Source
 from vsd_analytics.ingest.reading.text_lines import line_blocks
 from vsd_analytics.settings import Settings
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 GOOD = '{"v":1,"camera":"%s","ts":"2026-11-09T09:00:%02dZ","persons":[{"id":1,"x_m":%d,"y_m":2}]}\n'
 TABLE = "ts,camera_id,track_id,x_m,y_m\n"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from walks import Step, project, walks
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.checks import late_look, sample
 from vsd_analytics.ingest.intake import pipeline
 from vsd_analytics.ingest.intake.pipeline import IngestResult, ingest

@@ -19,7 +19,7 @@ from site_text import site_text
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.formats.frames import MessageRows
 from vsd_analytics.ingest.intake import quarantine_writer as room
 from vsd_analytics.ingest.intake.normalise import Normaliser
@@ -30,8 +30,9 @@ from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.schema import KEYS, TABLES
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Site, SourceProfile
-from vsd_analytics.store import Store, durable
+from vsd_analytics.store import durable
 from vsd_analytics.store.quarantine import QuarantineEntry, entries, files
+from vsd_analytics.store.store import Store
 
 HEADER = "ts,camera_id,track_id,x_m,y_m\n"
 MESSAGE = (

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from walks import project
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.checks.check_case import Case
 from vsd_analytics.ingest.checks.check_table import doubts_of
 from vsd_analytics.ingest.checks.sample import LIFE_STEPS, Sample, sample_of

@@ -15,7 +15,7 @@ from watched_folders import watched
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.config.source_profiles import NewProfile, profile_of
 from vsd_analytics.errors import ConfigError
 from vsd_analytics.site.model import SourceProfile

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from live.local_broker import frame, write_project
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.intake.normalise import NORMALISED
 from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.decode import Prepared, Preparer

@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 import pytest
 from site_text import site_text
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import InputError, LiveError, UsageError
 from vsd_analytics.ingest.intake.pipeline import SourceResult
 from vsd_analytics.ingest.reading.adapter import IngestOptions
@@ -26,7 +26,7 @@ from vsd_analytics.live import inbox
 from vsd_analytics.live.inbox import as_it_is, waiting
 from vsd_analytics.live.watch import WatchStatus, read_watch_status, watch
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 NOW = datetime(2026, 11, 20, tzinfo=UTC)
 CONFIG = site_text()

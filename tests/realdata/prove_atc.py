@@ -15,7 +15,7 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.intake.pipeline import ingest
 from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.report.model.assemble import week_report

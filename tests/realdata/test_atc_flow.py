@@ -16,7 +16,7 @@ import scipy.stats
 import shapely
 from prove_atc import NOW, OPTIONS, TOML
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.figures.flow import flow
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from simulate.small_scenes import make_week
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.intake.pipeline import ingest
 from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.report.model.assemble import week_report

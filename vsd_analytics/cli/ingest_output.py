@@ -15,7 +15,7 @@ from vsd_analytics.errors import VsdError, Where
 if TYPE_CHECKING:
     from vsd_analytics.ingest.intake.pipeline import IngestResult, SourceResult
     from vsd_analytics.schema import TableName
-    from vsd_analytics.store import FoldResult
+    from vsd_analytics.store.store import FoldResult
 
 
 _CODE = re.compile(r"^W\d{3}: ")

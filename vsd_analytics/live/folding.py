@@ -21,7 +21,8 @@ from typing import IO
 
 from vsd_analytics.errors import VsdError
 from vsd_analytics.live.process import peak_mb
-from vsd_analytics.store import Store, TableCounts, quarantine
+from vsd_analytics.store import quarantine
+from vsd_analytics.store.store import Store, TableCounts
 
 NICE = 5
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vsd_analytics.schema import TABLES, TableName
-from vsd_analytics.store import Store
 from vsd_analytics.store.owners import owned_by
+from vsd_analytics.store.store import Store
 
 if TYPE_CHECKING:
     import pyarrow as pa

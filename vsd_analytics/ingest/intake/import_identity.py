@@ -11,8 +11,9 @@ from vsd_analytics.ingest.checks.check_case import Doubt
 from vsd_analytics.ingest.checks.sketch import is_same_recording
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store, durable
+from vsd_analytics.store import durable
 from vsd_analytics.store.imports import ImportLine, holdings, imports_of
+from vsd_analytics.store.store import Store
 
 Content = list[list[str]]
 """Name and hash of each file."""

@@ -40,9 +40,9 @@ from vsd_analytics.ingest.reading.raw import n_rows, without_zones
 from vsd_analytics.ingest.reading.table_rows import LEFT_OUT
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site, SourceProfile
-from vsd_analytics.store import FoldResult, Store
 from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
+from vsd_analytics.store.store import FoldResult, Store
 from vsd_analytics.store.stretches import FAR_OFF_FIX, day_range, far_off
 
 if TYPE_CHECKING:

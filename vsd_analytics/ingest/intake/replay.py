@@ -22,9 +22,9 @@ from vsd_analytics.ingest.intake.quarantine_writer import SourceReading, entry_o
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Rejected
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import FoldResult, Store
 from vsd_analytics.store.quarantine import FOLDER, QuarantineEntry, entries, files, locked, rewrite
 from vsd_analytics.store.secrets import DayKeys
+from vsd_analytics.store.store import FoldResult, Store
 
 _DEFAULTS = IngestOptions()
 

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from vsd_analytics.schema import PLACES
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.owners import OWNER
 from vsd_analytics.store.part_files import read_owned
 from vsd_analytics.store.removal import reading
+from vsd_analytics.store.store import Store
 
 ROWS_MAX: Final = 2_000
 KNOWN_MIN: Final = 10

@@ -9,12 +9,12 @@ from itertools import islice
 from typing import Any, Final
 
 from vsd_analytics.errors import VsdError
-from vsd_analytics.ingest.reading.json_paths import KEY, leaves, value_at
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.ingest.reading.column_guess import note_on_place
 from vsd_analytics.ingest.reading.column_hints import ids_like, is_whole_box, letters, named_like, place_like, time_like
 from vsd_analytics.ingest.reading.envelopes import body_of
 from vsd_analytics.ingest.reading.json_messages import messages
+from vsd_analytics.ingest.reading.json_paths import KEY, leaves, value_at
 
 _DEPTH: Final = 4
 _PLAIN: Final = re.compile(r"[\w.$\-]+")
