@@ -37,7 +37,7 @@ LONGEST = 450
 INGEST = {"reading": set(), "formats": {"reading"}, "checks": {"reading"}, "intake": {"reading", "formats", "checks"}}
 """Folders of ingest/, and the other ones that each imports, as its docstring says."""
 ENTRANCES = {"vsd_analytics", "vsd_analytics.cli"}
-"""Packages whose `__init__` is the door of the program: the public API and the command line, which name their modules."""
+"""Packages whose `__init__` is the door of the program: the public API, and the command line."""
 
 
 def modules() -> Iterator[tuple[str, Path]]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
-import resource
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from vsd_analytics.errors import LiveError
+from vsd_analytics.store import file_locks
 
 
 @contextlib.contextmanager
@@ -23,10 +22,12 @@ def only_one(lock: Path, *, refusal: Callable[[], LiveError]) -> Iterator[None]:
 
     Raises:
         LiveError: Another process holds the lock.
+        DiskError: E130, the platform has no locks.
     """
+    file_locks.require_locks(lock)
     with lock.open("a") as file:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            file_locks.take(file.fileno(), is_waiting=False)
         except OSError:
             raise refusal() from None
         yield
@@ -47,5 +48,7 @@ def is_alive(pid: object) -> bool:
 
 def peak_mb() -> float:
     """Return the peak resident memory of this process, in megabytes (10^6 bytes)."""
+    import resource  # missing on Windows
+
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return round(peak * (1 if sys.platform == "darwin" else 1024) / 1e6, 1)
