@@ -73,8 +73,8 @@ def publish(path: Path, data: bytes | memoryview, *, is_synced: bool = True, is_
         is_private: Only the owner may read it (mode 0600).
 
     Raises:
-        DiskError: E304 to E306, the disk is full, read-only or broken; E130, it must be synced and the platform
-            has no locks (any other refusal is a plain OSError). Then nothing new is at `path`, and this process leaves no temporary file.
+        DiskError: E304 to E306, the disk is full, read-only or broken; E130, it must be synced and the platform has no
+            locks (any other refusal is a plain OSError). Then nothing new is at `path`, and this process leaves no temporary file.
     """
     if is_synced:
         file_locks.require_locks(path)
