@@ -21,7 +21,7 @@ from vsd_analytics.ingest.formats.json_map import JsonMap, message_paths
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.ingest.reading.frame_rows import FrameRows, instant_of
 from vsd_analytics.ingest.reading.json_guess import guessed_mapping
-from vsd_analytics.ingest.reading.json_paths import value_at
+from vsd_analytics.ingest.reading.json_values import value_at
 from vsd_analytics.ingest.reading.raw import BadRowError
 from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.decode import Preparer

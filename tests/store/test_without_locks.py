@@ -34,7 +34,7 @@ from pathlib import Path
 import pyarrow as pa
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import VsdError
-from vsd_analytics.live.process import only_one
+from vsd_analytics.live.single_instance import only_one
 from vsd_analytics.report.send.sent_mails import SentLog
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.store.removal import removing

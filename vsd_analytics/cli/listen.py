@@ -86,9 +86,9 @@ def listen(
 
     from vsd_analytics.cli.alarms import live_alarms
     from vsd_analytics.cli.stop_signals import stop_signals
-    from vsd_analytics.live.alone import alone
     from vsd_analytics.live.listener import Listener
     from vsd_analytics.live.mqtt import password_of, recommended_config
+    from vsd_analytics.live.single_instance import alone
 
     if broker_config:
         click.echo(recommended_config(_own_port(project)), nl=False)

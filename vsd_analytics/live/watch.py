@@ -21,9 +21,9 @@ from vsd_analytics.errors import InputError, UsageError, VsdError, disk_error
 from vsd_analytics.ingest.intake.pipeline import SourceResult, ingest, with_site
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.live.batches import delays_s
-from vsd_analytics.live.gathering import GatheringStore
+from vsd_analytics.live.group_commit import GatheringStore
 from vsd_analytics.live.inbox import DONE, FAILED, Waiting, alone, as_it_is, refuse_folder, to_done, to_failed, waiting
-from vsd_analytics.live.process import is_alive
+from vsd_analytics.live.single_instance import is_alive
 from vsd_analytics.live.status import CANNOT_STORE, iso_utc, read_json, write_status
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import make_dirs

@@ -74,7 +74,8 @@ def publish(path: Path, data: bytes | memoryview, *, is_synced: bool = True, is_
 
     Raises:
         DiskError: E304 to E306, the disk is full, read-only or broken; E130, it must be synced and the platform has no
-            locks (any other refusal is a plain OSError). Then nothing new is at `path`, and this process leaves no temporary file.
+            locks (any other refusal is a plain OSError). Then nothing new is at `path`, and this process leaves no
+            temporary file.
     """
     if is_synced:
         file_locks.require_locks(path)
@@ -212,3 +213,16 @@ def _held_if_abandoned(path: Path) -> Iterator[bool]:
         yield is_free and stat.S_ISREG(os.fstat(fd).st_mode)
     finally:
         os.close(fd)
+
+
+_OURS = re.compile(r"\.(?:\d{4}-W\d{2}[a-z0-9_-]*\.[a-z]+|index\.html)\.(?:[0-9a-f]{16}|\d+)\.tmp")
+
+
+def sweep_pages(folder: Path) -> None:
+    """Remove temporary files of pages, JSON files and figures that dead processes left directly in a folder.
+
+    Temporary files of other programs stay, because a report may be written anywhere (`--out`).
+    """
+    for path in folder.glob(".*.tmp"):
+        if _OURS.fullmatch(path.name) and is_abandoned(path):
+            remove(path)

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, Doubt
-from vsd_analytics.ingest.checks.jumps import steps
-from vsd_analytics.ingest.checks.sample import Bools, Floats, Ints, Sample, Ways, is_last, is_new
+from vsd_analytics.ingest.checks.sample import Bools, Floats, Ints, Sample, Ways, is_last, is_new, steps
 
 NEAR_M, NEAR_SHARE = 1.5, 0.05
 """Nobody walks further in a second; of pixels, a share of the extent of all of them."""

@@ -12,8 +12,7 @@ import pandas as pd
 
 from vsd_analytics.config.file_columns import FILE_BOX, METRES
 from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, Doubt, floor_bounds_m, quoted
-from vsd_analytics.ingest.checks.jumps import steps
-from vsd_analytics.ingest.checks.sample import Floats, Sample, Ways, extent, is_known, is_last
+from vsd_analytics.ingest.checks.sample import Floats, Sample, Ways, extent, is_known, is_last, steps
 from vsd_analytics.ingest.reading.column_hints import named_like, names_degrees, names_motion
 from vsd_analytics.ingest.reading.units import LENGTHS, PIXELS, unit_in_name
 

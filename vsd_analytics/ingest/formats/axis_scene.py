@@ -15,9 +15,8 @@ from typing import Any, ClassVar
 
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.ingest.reading.envelopes import unwrapped
-from vsd_analytics.ingest.reading.frame_rows import FrameRows, SeenPerson, finite, id_of, instant_of
+from vsd_analytics.ingest.reading.frame_rows import FrameRows, SeenPerson, finite, id_of, instant_of, size_of
 from vsd_analytics.ingest.reading.json_messages import JsonMessages, has_marks, inner, listed
-from vsd_analytics.ingest.reading.picture_sizes import size_of
 from vsd_analytics.ingest.reading.raw import BadRowError
 from vsd_analytics.ingest.reading.reasons import NO_CLASS, NOT_A_PERSON
 

@@ -21,11 +21,10 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.ingest.reading.column_hints import Role, named_like
 from vsd_analytics.ingest.reading.columns import ColumnPlan
-from vsd_analytics.ingest.reading.frame_rows import FrameRows, SeenPerson, finite, id_of, instant_of
+from vsd_analytics.ingest.reading.frame_rows import FrameRows, SeenPerson, finite, id_of, instant_of, size_of
 from vsd_analytics.ingest.reading.instants import ms_of_unix
 from vsd_analytics.ingest.reading.json_messages import JsonMessages, messages
-from vsd_analytics.ingest.reading.json_paths import KEY, leaves, value_at
-from vsd_analytics.ingest.reading.picture_sizes import size_of
+from vsd_analytics.ingest.reading.json_values import KEY, leaves, value_at
 from vsd_analytics.ingest.reading.raw import BadRowError
 from vsd_analytics.ingest.reading.table_head import VALUES_MAX, TableHead
 from vsd_analytics.ingest.reading.table_rows import LEFT_OUT

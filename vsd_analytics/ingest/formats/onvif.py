@@ -20,8 +20,7 @@ from xml.parsers import expat
 
 from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.reading.adapter import BATCH_ROWS, IngestOptions, RawBatch, Source, bytes_read
-from vsd_analytics.ingest.reading.frame_rows import FrameRows, SeenPerson, finite, instant_of
-from vsd_analytics.ingest.reading.picture_sizes import size_of
+from vsd_analytics.ingest.reading.frame_rows import FrameRows, SeenPerson, finite, instant_of, size_of
 from vsd_analytics.ingest.reading.raw import BadRowError
 from vsd_analytics.ingest.reading.reasons import NO_CLASS, NOT_A_PERSON, PART_OF_A_PERSON
 

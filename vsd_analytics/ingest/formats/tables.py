@@ -16,7 +16,7 @@ from dataclasses import replace
 
 from vsd_analytics.config.file_columns import FILE_COLUMNS
 from vsd_analytics.errors import InputError, Where
-from vsd_analytics.ingest.formats.no_table import kind_of_no_table
+from vsd_analytics.ingest.formats.recognise import kind_of_no_table
 from vsd_analytics.ingest.reading import arrow_file
 from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.ingest.reading.archive import archive_kind

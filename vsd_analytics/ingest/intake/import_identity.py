@@ -1,17 +1,21 @@
-"""What makes two imports the same one: the bytes of the file, and how they are read."""
+"""What makes two imports the same one, and two files alike: their bytes, columns, and how they are read."""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import json
 from pathlib import Path
 
 import msgspec
 
+from vsd_analytics.errors import VsdError
 from vsd_analytics.ingest.checks.check_case import Doubt
 from vsd_analytics.ingest.checks.sketch import is_same_recording
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable
+from vsd_analytics.store.durable import make_dirs, publish
 from vsd_analytics.store.imports import ImportLine, holdings, imports_of
 from vsd_analytics.store.store import Store
 
@@ -110,3 +114,24 @@ def content_of(path: Path) -> Content:
         return [["", durable.file_digest(path)]]
     files = sorted(p for p in path.rglob("*") if p.is_file())
     return [[str(p.relative_to(path).as_posix().encode("utf-8", "replace")), durable.file_digest(p)] for p in files]
+
+
+FILE = Path("status") / "shapes.json"
+MOST = 1_000
+
+
+def known_shapes(root: Path) -> list[str]:
+    """Return the shapes (`SourceCard.shape`) imported into a project, the oldest first; [] when they cannot be read."""
+    try:
+        found = json.loads((root / FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return []
+    return [shape for shape in found if isinstance(shape, str)] if isinstance(found, list) else []
+
+
+def note_shape(root: Path, shape: str) -> None:
+    """Remember a shape; where that cannot be written, its card is shown once more."""
+    shapes = [known for known in known_shapes(root) if known != shape]
+    with contextlib.suppress(OSError, VsdError):
+        make_dirs((root / FILE).parent)
+        publish(root / FILE, json.dumps([*shapes, shape][-MOST:]).encode())

@@ -25,9 +25,10 @@ from vsd_analytics.ingest.intake.import_identity import (
     content_of,
     doubt_of_earlier_reading,
     import_id,
+    known_shapes,
+    note_shape,
     reading_id,
 )
-from vsd_analytics.ingest.intake.known_shapes import known_shapes, note_shape
 from vsd_analytics.ingest.intake.normalise import Normaliser
 from vsd_analytics.ingest.intake.profile_camera import with_named_camera
 from vsd_analytics.ingest.intake.pseudonyms import keys_of

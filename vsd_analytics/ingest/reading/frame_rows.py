@@ -223,3 +223,23 @@ def id_of(value: object) -> str | None:
     if isinstance(value, bool) or not isinstance(value, str | int | float):
         raise BadRowError("bad-message", f"an id is {str(value)[:40]!r}")
     return f"{value:.0f}" if isinstance(value, float) and value.is_integer() else str(value)
+
+
+def size_of(options: IngestOptions, camera: str | None, *, own: tuple[int, int] | None = None) -> tuple[int, int]:
+    """Return width and height of a camera's picture in pixels.
+
+    The user's `--size` comes first, then the size in vsd.toml, for which the calibration was made, then the message's.
+
+    Args:
+        options: What the user says, completed from vsd.toml.
+        camera: The camera as the engine calls it; None = the user's.
+        own: What the message itself says.
+
+    Raises:
+        BadRowError: Nobody says it.
+    """
+    name = options.camera if camera is None else camera
+    found = options.size_px or options.pictures.get(name or "") or own
+    if found is None:
+        raise BadRowError("no-size", "positions are shares of the picture, and nobody says how large it is")
+    return found

@@ -14,7 +14,7 @@ from vsd_analytics.ingest.reading.column_guess import note_on_place
 from vsd_analytics.ingest.reading.column_hints import ids_like, is_whole_box, letters, named_like, place_like, time_like
 from vsd_analytics.ingest.reading.envelopes import body_of
 from vsd_analytics.ingest.reading.json_messages import messages
-from vsd_analytics.ingest.reading.json_paths import KEY, leaves, value_at
+from vsd_analytics.ingest.reading.json_values import KEY, leaves, value_at
 
 _DEPTH: Final = 4
 _PLAIN: Final = re.compile(r"[\w.$\-]+")

@@ -1,15 +1,39 @@
-"""Processes of this machine: is one running, how much memory has this one taken, and work only one may do."""
+"""Work that only one process may do, such as listening: a lock that the kernel releases when the process dies."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from vsd_analytics.errors import LiveError
+from vsd_analytics.errors import LiveError, Where
+from vsd_analytics.live.status import read_status
 from vsd_analytics.store import file_locks
+from vsd_analytics.store.durable import make_dirs
+
+
+@contextlib.contextmanager
+def alone(root: Path) -> Iterator[None]:
+    """Hold the lock of a project's listener; the kernel releases it when the process dies.
+
+    Raises:
+        LiveError: E706, another listener of this project holds it.
+    """
+    lock = root / "status" / "listen.lock"
+    make_dirs(lock.parent)
+
+    def refusal() -> LiveError:
+        return LiveError(
+            "a listener of this project is running already",
+            code="E706",
+            where=Where(str(lock)),
+            why=f"its process id is {(read_status(root) or {}).get('pid', 'unknown')}",
+            fix="stop it first (systemctl stop vsd-listen), or look at it: vsd doctor",
+        )
+
+    with only_one(lock, refusal=refusal):
+        yield
 
 
 @contextlib.contextmanager
@@ -44,11 +68,3 @@ def is_alive(pid: object) -> bool:
     except OSError:
         return True
     return True
-
-
-def peak_mb() -> float:
-    """Return the peak resident memory of this process, in megabytes (10^6 bytes)."""
-    import resource  # missing on Windows
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return round(peak * (1 if sys.platform == "darwin" else 1024) / 1e6, 1)
