@@ -35,12 +35,12 @@ class Taken:
     @property
     def codes(self) -> list[str]:
         assert self.result.card is not None
-        return [d.code for d in self.result.card.doubts]
+        return [d.code for d in self.result.card.warnings]
 
     @property
     def fix(self) -> str:
         assert self.result.card is not None
-        return self.result.card.doubts[0].fix
+        return self.result.card.warnings[0].fix
 
 
 def take(folder: Path, header: str, rows: Sequence[str], *, more: str = "", name: str = "a.csv", **given: Any) -> Taken:
@@ -111,7 +111,7 @@ def test_a_concourse_of_half_a_kilometre_is_no_wrong_unit_where_people_walk(
     found = ingest(load_site(root), [path], IngestOptions(), now=NOW)
     card = found.sources[0].card
     assert card is not None
-    assert {d.code for d in card.doubts} == {"W220"}
+    assert {d.code for d in card.warnings} == {"W220"}
     assert (found.sources[0].error is None, found.fold.n_new) == (is_stored, 360 if is_stored else 0)
 
 
@@ -185,8 +185,8 @@ def test_times_on_no_stated_clock_are_shown_in_both_readings(tmp_path: Path) -> 
     taken = take(tmp_path / "a", header, rows, more='engine_ids = ["north"]')
     assert (taken.codes, taken.n_new) == (["W223"], 360)
     assert taken.result.card is not None
-    assert "10:00" in taken.result.card.doubts[0].what
-    assert "09:00" in taken.result.card.doubts[0].why
+    assert "10:00" in taken.result.card.warnings[0].what
+    assert "09:00" in taken.result.card.warnings[0].why
     for name, given in (("b", {"more": 'clock = "UTC"'}), ("c", {"zone": "Europe/Berlin", "more": "hz = 1.0"})):
         assert take(tmp_path / name, header, rows, **given).codes == []
     berlin = take(tmp_path / "d", header, rows, zone="Europe/Berlin").result
@@ -226,7 +226,7 @@ def test_an_offset_that_would_bring_all_records_into_opening_hours_is_doubted(
     ]
     taken = take(tmp_path, "ts,track_id,x_m,y_m", rows)
     assert taken.result.card is not None
-    doubts = [d for d in taken.result.card.doubts if "opening hours" in d.what]
+    doubts = [d for d in taken.result.card.warnings if "opening hours" in d.what]
     assert [said in d.why for d in doubts] == [True] if said else doubts == []
 
 
@@ -245,7 +245,7 @@ def test_whole_minutes_are_refused_and_a_stated_period_is_believed(tmp_path: Pat
     taken = take(tmp_path, "ts,track_id,x_m,y_m", rows)
     assert (taken.codes[0], taken.n_new) == ("W224", 0)
     assert taken.result.card is not None
-    assert "whole minutes" in taken.result.card.doubts[0].what + taken.result.card.doubts[0].why
+    assert "whole minutes" in taken.result.card.warnings[0].what + taken.result.card.warnings[0].why
     stated = take(tmp_path, "ts,track_id,x_m,y_m", rows, period_s=60.0)
     assert "W224" not in stated.codes
     assert stated.n_new == (18 if has_ids else 1080)
@@ -322,7 +322,7 @@ def test_check_counts_second_sightings_as_ingest_leaves_them_out(
     stored = json.loads(capsys.readouterr().out)["stored"]["observations"]
     assert checked["counted"]["observations"] == {k: stored[k] for k in ("new", "known", "second_sightings")}
     assert (stored["new"], stored["second_sightings"]) == (12, 708)
-    assert [d["code"] for d in checked["sources"][0]["card"]["doubts"]] == ["W224"]
+    assert [d["code"] for d in checked["sources"][0]["card"]["warnings"]] == ["W224"]
     assert checked["sources"][0]["card"]["rows"][0]["theirs"]["track_id"] == "1"
 
 
@@ -376,4 +376,4 @@ def test_a_list_xywh_that_is_read_from_its_corner_may_be_the_centre(
     options = IngestOptions(format="json", map=given)
     (source,) = ingest(load_site(root), [root / "a.jsonl"], options, now=NOW).sources
     assert source.card is not None
-    assert any("write its centre under this name" in d.what for d in source.card.doubts) == is_doubted
+    assert any("write its centre under this name" in d.what for d in source.card.warnings) == is_doubted

@@ -109,7 +109,7 @@ def test_topics_of_several_cameras_are_doubted_where_none_is_read(
     given = {"ts": "payload.t", "track_id": "id", "x_m": "x", "y_m": "y"}
     (source,) = read(project(tmp_path / "p"), acme(topic), persons="payload.people", map=given).sources
     assert source.card is not None
-    assert ([d.code for d in source.card.doubts], source.error is not None) == (codes, is_refused)
+    assert ([d.code for d in source.card.warnings], source.error is not None) == (codes, is_refused)
 
 
 def test_a_camera_that_no_message_names_is_one_topic(tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ def test_what_looks_wrong_behind_the_first_records_is_said_with_the_way_back(
     (result,) = take(project(tmp_path / "project"), a=body).sources
     assert result.error is None
     assert result.card is not None
-    assert result.card.doubts == ()
+    assert result.card.warnings == ()
     assert [says in note for note in result.notes] == [True] if says else result.notes == []
     if says:
         assert result.notes[0].startswith("W229: from about line 302 on")

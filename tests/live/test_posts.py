@@ -58,7 +58,7 @@ class Run:
 
     def __init__(self, root: Path) -> None:
         site = load_site(root)
-        sources = [reader.profile_id for reader in mapped_readers(site)]
+        sources = [reader.rule_id for reader in mapped_readers(site)]
         limit = int(site.settings.line_max_bytes)
         self.posts = PostInbox("127.0.0.1:0", token=TOKEN, sources=sources, body_max_bytes=limit)
         self.listener = Listener(

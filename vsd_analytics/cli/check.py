@@ -91,7 +91,7 @@ def _draw(project: Project, files: tuple[str, ...], picture: str, given: dict[st
 def _camera_in_name(project: Project, file: str, given: dict[str, Any]) -> CameraName | None:
     """Return the camera that a file's name says, where its records do not say it, and neither do options or profile."""
     from vsd_analytics.ingest.intake.pipeline import options_for
-    from vsd_analytics.ingest.intake.profile_camera import name_to_save
+    from vsd_analytics.ingest.intake.rule_camera import name_to_save
     from vsd_analytics.ingest.reading.adapter import Source
 
     source = Source(Path(file), settings=project.site.settings)
@@ -106,16 +106,16 @@ def _save(
     project: Project, name: str, file_name: str, kind: str, given: dict[str, Any], named: CameraName | None
 ) -> None:
     from vsd_analytics.config.new_source import save_source
-    from vsd_analytics.config.source_profiles import NewProfile
-    from vsd_analytics.site.model import SourceProfile
+    from vsd_analytics.config.reading_rules import NewReadingRule
+    from vsd_analytics.site.model import ReadingRule
 
     options = ingest_options(project, given)
-    names = [f.name for f in fields(SourceProfile) if hasattr(options, f.name)]
+    names = [f.name for f in fields(ReadingRule) if hasattr(options, f.name)]
     stated = {name.removesuffix("_px"): getattr(options, name) for name in names}
     stated |= {"format": kind, "map": options.map or None}
     if named is not None:
         stated |= {"camera": None, "camera_from_name": named.pattern}
-    profile = NewProfile(name, file_name, stated, () if named is None else named.files)
+    profile = NewReadingRule(name, file_name, stated, () if named is None else named.files)
     written = save_source(project.site, profile)
     project.say(f"saved in vsd.toml:\n{written.rstrip()}")
     if named is not None:

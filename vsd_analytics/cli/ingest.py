@@ -113,13 +113,15 @@ def read_files(
             print_source(project, source, has_card=is_dry_run)
         print_total(result, is_dry_run=is_dry_run)
     if read_as is not None:
-        is_right = [s for s in result.sources if not s.error and s.card is not None and not s.card.sure_doubts]
+        is_right = [s for s in result.sources if not s.error and s.card is not None and not s.card.sure_warnings]
         read_as += [s.format for s in is_right if s.n_records]
     if any(s.error for s in result.sources):
         return 2
     warned = any(not n.startswith("info:") for s in result.sources for n in s.notes)
-    doubted = any(is_dry_run or not d.is_note for s in result.sources if s.card is not None for d in s.card.doubts)
-    return 1 if result.n_rejected or warned or doubted or result.fold.is_ballast_spent else 0
+    has_warnings = any(
+        is_dry_run or not d.is_note for s in result.sources if s.card is not None for d in s.card.warnings
+    )
+    return 1 if result.n_rejected or warned or has_warnings or result.fold.is_ballast_spent else 0
 
 
 def _watch(project: Project, folder: Path, given: dict[str, Any], *, as_json: bool) -> int:

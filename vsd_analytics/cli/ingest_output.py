@@ -22,7 +22,7 @@ _CODE = re.compile(r"^W\d{3}: ")
 
 
 def print_source(project: Project, source: SourceResult, *, has_card: bool = False) -> None:
-    """Print what came of one file: records, their times, notes, doubts, quarantined records by reason, the error.
+    """Print what came of one file: records, their times, notes, warnings, quarantined records by reason, the error.
 
     Args:
         project: For its zone.
@@ -54,9 +54,9 @@ def print_source(project: Project, source: SourceResult, *, has_card: bool = Fal
         else:
             code, _, text = note.partition(": ") if _CODE.match(note) else ("W209", "", note)
             click.echo(plain(f"warning[{code}]: {text}\n more: vsd explain {code}"), err=True)
-    for doubt in () if source.card is None else source.card.doubts:
-        if has_card or source.is_new_shape or not doubt.is_note:
-            warning = VsdError(doubt.what, code=doubt.code, where=Where(source.source), why=doubt.why, fix=doubt.fix)
+    for seen in () if source.card is None else source.card.warnings:
+        if has_card or source.is_new_shape or not seen.is_note:
+            warning = VsdError(seen.what, code=seen.code, where=Where(source.source), why=seen.why, fix=seen.fix)
             click.echo(render_error(warning, word="warning"), err=True)
     for reason, n_records in sorted(source.n_rejected.items()):
         example = source.examples[reason]

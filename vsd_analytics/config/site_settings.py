@@ -1,4 +1,4 @@
-"""The settings of `vsd.toml` and of the environment, checked against the table of `vsd_analytics.settings`; `[engine]`."""
+"""The settings of `vsd.toml` and of the environment, checked against `vsd_analytics.settings`; and `[engine]`."""
 
 from __future__ import annotations
 

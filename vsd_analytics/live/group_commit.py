@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 HELD_ROWS = 200_000
 
 
-class GatheringStore(Store):
+class GroupCommitStore(Store):
     """A store whose `append` is durable only after `commit`, which it calls itself after `HELD_ROWS` rows."""
 
     def __init__(self, root: Path, *, site_id: str, ballast_mb: float | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Doubts about pixels by the floor that the camera's calibration makes of them (W226)."""
+"""Checks of pixels by the floor that the camera's calibration makes of them (W226)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from vsd_analytics.geometry.homography import to_floor
 from vsd_analytics.ingest.checks.axis_checks import AXIS_LOOKS
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, Doubt
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning
 from vsd_analytics.ingest.checks.frame_checks import several_frames
 from vsd_analytics.ingest.checks.place_checks import PLACE_LOOKS
 from vsd_analytics.site.model import Camera
@@ -18,7 +18,7 @@ from vsd_analytics.site.model import Camera
 SKY_SHARE: Final = 0.1
 
 
-def _on_the_floor(case: Case) -> Iterator[Doubt]:
+def _on_the_floor(case: Case) -> Iterator[SourceWarning]:
     """W226: pixels that are outside the floor, inside fixtures or in the sky by the calibration."""
     sample = case.sample
     if sample.is_pairs or sample.has_floor or sample.n < 5 * ROWS_MIN or not any(c.calibrations for c in case.cameras):
@@ -38,7 +38,7 @@ def _on_the_floor(case: Case) -> Iterator[Doubt]:
     sky = float(np.isnan(floor_m[is_seen, 0]).mean())
     if sky > SKY_SHARE:
         what = f"{sky:.0%} of the positions are above the horizon of the calibration"
-        yield Doubt("W226", what, "nobody can be in the sky", fix, is_sure=sky > 0.5)
+        yield SourceWarning("W226", what, "nobody can be in the sky", fix, is_sure=sky > 0.5)
         return
     on_floor = replace(case, sample=replace(sample, floor_m=floor_m), head=None)
     for look in (*PLACE_LOOKS[:1], *AXIS_LOOKS):
@@ -55,4 +55,4 @@ def _floor_m(camera: Camera, uv_px: np.ndarray) -> np.ndarray:
     return to_floor(camera.calibrations[-1].homography, uv_px, picture_px=camera.picture_px)
 
 
-CALIBRATED_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_on_the_floor,)
+CALIBRATED_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (_on_the_floor,)

@@ -20,7 +20,7 @@ ROWS_MIN: Final = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Doubt:
+class SourceWarning:
     """One thing that looks wrong.
 
     Attributes:

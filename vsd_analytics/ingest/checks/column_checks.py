@@ -1,4 +1,4 @@
-"""Doubts about columns: cameras, classes, ids, people that are not read (W221, W222, W225, W228)."""
+"""Checks of columns: cameras, classes, ids, people that are not read (W221, W222, W225, W228)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.config.file_columns import METRES
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, Doubt, quoted
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning, quoted
 from vsd_analytics.ingest.reading.cell_values import full_score, is_number
 from vsd_analytics.ingest.reading.column_hints import (
     GONE,
@@ -43,7 +43,7 @@ _NO: Final = frozenset({"0", "0.0", "false", "f", "no", "n", "falsch", "nein", "
 """How programs and databases write them."""
 
 
-def _cameras_of_files(case: Case) -> Iterator[Doubt]:
+def _cameras_of_files(case: Case) -> Iterator[SourceWarning]:
     """W221: files whose names tell of several cameras, where nobody said which camera is meant."""
     camera = case.options.camera
     is_named = case.head is not None and "camera_id" in case.head.plan.theirs
@@ -52,7 +52,7 @@ def _cameras_of_files(case: Case) -> Iterator[Doubt]:
     if not case.options.is_only_camera:
         own, meant = (cameras_in([name]) for name in (case.file.rpartition("/")[2], camera))
         if own and meant and not own & meant:
-            yield Doubt(
+            yield SourceWarning(
                 "W221",
                 f"the name of the file tells of {', '.join(sorted(own))}, and all rows go to {camera}, as you say",
                 "people of another place would be counted there",
@@ -69,7 +69,7 @@ def _cameras_of_files(case: Case) -> Iterator[Doubt]:
     known = cameras_in(name for c in case.site.cameras for name in (c.camera_id, c.name, *c.engine_ids))
     own = cameras_in(name.rpartition("/")[2] for name in [case.file])
     if known and own and not own & known:
-        yield Doubt(
+        yield SourceWarning(
             "W221",
             f"the name of the file tells of {', '.join(sorted(own))}, and all rows go to {camera}",
             "people of another place would be counted there",
@@ -78,7 +78,7 @@ def _cameras_of_files(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _cameras(case: Case) -> Iterator[Doubt]:
+def _cameras(case: Case) -> Iterator[SourceWarning]:
     """W221: a column of cameras that is not read."""
     if case.head is None or "camera_id" in case.head.plan.theirs:
         return
@@ -98,7 +98,7 @@ def _cameras(case: Case) -> Iterator[Doubt]:
             what = f"{column[:80]!r} names {len(found)} cameras"
             yield _merged_cameras(case, what, found, f"--map camera_id={column}")
         elif letters(column) in _TOPICS and 1 < len(topics := case.head.values[column]) <= TOPICS_MAX:
-            yield Doubt(
+            yield SourceWarning(
                 "W221",
                 f"{column[:80]!r} has {len(topics)} values ({', '.join(v[:40] for v, _ in topics.most_common(3))}), "
                 f"and all rows go to {case.options.camera}",
@@ -108,7 +108,7 @@ def _cameras(case: Case) -> Iterator[Doubt]:
     for column in named_like(case.head.values, "storey"):
         values = case.head.values[column]
         if 1 < len(values) <= 20 and not case.is_settled_by_where(column):
-            yield Doubt(
+            yield SourceWarning(
                 "W221",
                 f"{column[:80]!r} names {len(values)} floors ({', '.join(v[:20] for v, _ in values.most_common(4))}), "
                 f"and all rows go to {case.options.camera}",
@@ -129,7 +129,7 @@ def _cameras(case: Case) -> Iterator[Doubt]:
         if len(values) > 50 and len(values) > sum(values.values()) / 10:  # such as the picture's file name
             continue
         shown = ", ".join(value[:20] for value, _ in values.most_common(4))
-        yield Doubt(
+        yield SourceWarning(
             "W221",
             f"{column[:80]!r} names {len(values)} cameras ({shown}), and all rows go to {case.options.camera}",
             "people of several places would be counted as if they stood together",
@@ -138,7 +138,7 @@ def _cameras(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _heights(case: Case) -> Iterator[Doubt]:
+def _heights(case: Case) -> Iterator[SourceWarning]:
     """W221: heights of two floors in a column that is not read."""
     if case.head is None or not case.sample.has_floor:
         return
@@ -151,7 +151,7 @@ def _heights(case: Case) -> Iterator[Doubt]:
         if len(inner) < ROWS_MIN or (gap := np.diff(inner)).max() < STOREY_MIN_M or case.is_settled_by_where(column):
             continue
         low, high = inner[np.argmax(gap)], inner[np.argmax(gap) + 1]
-        yield Doubt(
+        yield SourceWarning(
             "W221",
             f"{column[:80]!r} holds two heights: up to {low:.1f} m, and from {high:.1f} m on",
             "people of two floors would be counted as if they stood together",
@@ -164,8 +164,8 @@ def _plain(name: str) -> str:
     return re.sub(r"[ _=-]", "", name.strip().lower())
 
 
-def _merged_cameras(case: Case, what: str, found: AbstractSet[str], fix: str) -> Doubt:
-    return Doubt(
+def _merged_cameras(case: Case, what: str, found: AbstractSet[str], fix: str) -> SourceWarning:
+    return SourceWarning(
         "W221",
         f"{what} ({', '.join(sorted(found)[:4])}), and all rows go to {case.options.camera}",
         "people of several places would be counted as if they stood together",
@@ -174,7 +174,7 @@ def _merged_cameras(case: Case, what: str, found: AbstractSet[str], fix: str) ->
     )
 
 
-def _classes(case: Case) -> Iterator[Doubt]:
+def _classes(case: Case) -> Iterator[SourceWarning]:
     """W222: rows that are no people."""
     if case.head is None or case.sample.is_pairs:
         return
@@ -198,7 +198,7 @@ def _classes(case: Case) -> Iterator[Doubt]:
         # words that are neither may name kinds of people, such as staff and customers
         is_sure = bool(words & (PERSON | OBJECTS)) or (bool(numbers) and len(values) > 1)
         n_others = sum(values[value] for value in others)
-        yield Doubt(
+        yield SourceWarning(
             "W222",
             f"{column[:80]!r} has other values than persons: {', '.join(v[:20] for v in others[:5])} "
             f"({n_others:,} of {sum(values.values()):,} rows)",
@@ -209,7 +209,7 @@ def _classes(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _marked(case: Case) -> Iterator[Doubt]:
+def _marked(case: Case) -> Iterator[SourceWarning]:
     """W222: rows that a tracker marks as not in view, or as no person."""
     if case.head is None or case.sample.is_pairs:
         return
@@ -220,7 +220,7 @@ def _marked(case: Case) -> Iterator[Doubt]:
         n_out = sum(n for value, n in values.items() if value.lower() in out)
         seen = next((value for value in values if value.lower() in wanted), None)
         if n_out and seen is not None and len(values) == 2 and not case.is_settled_by_where(column):
-            yield Doubt(
+            yield SourceWarning(
                 "W222",
                 f"{column[:80]!r} marks {n_out:,} of {sum(values.values()):,} rows",
                 "what is no person, or nobody sees where the tracker guesses it, would count as one",
@@ -229,7 +229,7 @@ def _marked(case: Case) -> Iterator[Doubt]:
             )
 
 
-def _unseen(case: Case) -> Iterator[Doubt]:
+def _unseen(case: Case) -> Iterator[SourceWarning]:
     """W222: rows in which the tracker counts how long it has not seen the person."""
     if case.head is None or case.sample.is_pairs:
         return
@@ -238,7 +238,7 @@ def _unseen(case: Case) -> Iterator[Doubt]:
         n_seen = sum(n for value, n in values.items() if value in ("0", "0.0"))
         n_out = sum(values.values()) - n_seen
         if n_seen and n_out and not case.is_settled_by_where(column):
-            yield Doubt(
+            yield SourceWarning(
                 "W222",
                 f"{column[:80]!r} is above 0 in {n_out:,} of {sum(values.values()):,} rows",
                 "people whom the tracker does not see would count where it guesses them",
@@ -247,7 +247,7 @@ def _unseen(case: Case) -> Iterator[Doubt]:
             )
 
 
-def _unit_column(case: Case) -> Iterator[Doubt]:
+def _unit_column(case: Case) -> Iterator[SourceWarning]:
     """W220: a column that states another unit than the one positions are read in."""
     if case.head is None or not any(ours in LENGTHS for ours in case.head.plan.names):
         return
@@ -257,7 +257,7 @@ def _unit_column(case: Case) -> Iterator[Doubt]:
         if None in found or found == read:
             continue
         wanted = next(iter(found - read), "m")
-        yield Doubt(
+        yield SourceWarning(
             "W220",
             f"{column[:80]!r} says {', '.join(v[:20] for v in list(case.head.values[column])[:3])}, and positions are "
             f"read as {', '.join(sorted(read))}",
@@ -267,12 +267,12 @@ def _unit_column(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _sums(case: Case) -> Iterator[Doubt]:
+def _sums(case: Case) -> Iterator[SourceWarning]:
     """W222: a line of sums below a table, read as a person."""
     tracks = case.sample.track.names
     names = [t for t in tracks if letters(t) in SUMS] if len(tracks) > 2 else []
     if names and len(names) < len(tracks) / 2:
-        yield Doubt(
+        yield SourceWarning(
             "W222",
             f"{', '.join(name[:20] for name in names[:3])} as the id of a person: some rows seem to be sums",
             "a sum or mean would count as a person",
@@ -280,7 +280,7 @@ def _sums(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _states(case: Case) -> Iterator[Doubt]:
+def _states(case: Case) -> Iterator[SourceWarning]:
     """W222: rows of tracks that the tracker has lost, or only predicts."""
     if case.head is None or case.sample.is_pairs:
         return
@@ -289,7 +289,7 @@ def _states(case: Case) -> Iterator[Doubt]:
         seen = [value for value in values if value not in gone]
         if gone and seen and not case.is_settled_by_where(column):
             n_gone = sum(values[value] for value in gone)
-            yield Doubt(
+            yield SourceWarning(
                 "W222",
                 f"{column[:80]!r} says {', '.join(v[:20] for v in gone[:3])} for {n_gone:,} of "
                 f"{sum(values.values()):,} rows",
@@ -299,7 +299,7 @@ def _states(case: Case) -> Iterator[Doubt]:
             )
 
 
-def _scores(case: Case) -> Iterator[Doubt]:
+def _scores(case: Case) -> Iterator[SourceWarning]:
     """W222: a column of scores for each class, and another class than person has the highest one."""
     if case.head is None or case.sample.is_pairs:
         return
@@ -309,7 +309,7 @@ def _scores(case: Case) -> Iterator[Doubt]:
         half = (scored[column] or 1) / 2
         high = [v for v in case.head.values[column] if is_number(v) and float(v) > half]
         if people and high and not any(map(case.is_settled_by_where, (column, *people))):
-            yield Doubt(
+            yield SourceWarning(
                 "W222",
                 f"{column[:80]!r} holds scores above {half:g}: {', '.join(v[:20] for v in high[:5])}",
                 "such rows are hardly people, and each would count as one",
@@ -318,7 +318,7 @@ def _scores(case: Case) -> Iterator[Doubt]:
             )
 
 
-def _weak(case: Case) -> Iterator[Doubt]:
+def _weak(case: Case) -> Iterator[SourceWarning]:
     """W222: many rows of which the engine itself is not sure."""
     if case.head is None or case.sample.is_pairs:
         return
@@ -330,7 +330,7 @@ def _weak(case: Case) -> Iterator[Doubt]:
         limit = WEAK * full
         share = sum(n for value, n in found.items() if value < limit) / sum(found.values())
         if share > WEAK_SHARE and not case.is_settled_by_where(column):
-            yield Doubt(
+            yield SourceWarning(
                 "W222",
                 f"{column[:80]!r} is below {limit:g} in {share:.0%} of the rows",
                 "the engine is not sure that these are people, and each would count as one",
@@ -338,7 +338,7 @@ def _weak(case: Case) -> Iterator[Doubt]:
             )
 
 
-def _confidences(case: Case) -> Iterator[Doubt]:
+def _confidences(case: Case) -> Iterator[SourceWarning]:
     """W222: a limit of confidence in shares, where the column has percents."""
     if case.head is None:
         return
@@ -349,7 +349,7 @@ def _confidences(case: Case) -> Iterator[Doubt]:
         found = [float(v) for v in case.head.filtered.get(column, ()) if is_number(v)]
         if found and 0 < compared.value <= 1 and np.median(found) > 1.5:
             are_percents = max(found) <= 100
-            yield Doubt(
+            yield SourceWarning(
                 "W222",
                 f"--where compares {column[:80]!r} with {compared.value:g}, and it is {min(found):g} to {max(found):g}",
                 f"it holds {'percents' if are_percents else 'no shares'}, so the filter leaves out hardly any row",
@@ -358,13 +358,13 @@ def _confidences(case: Case) -> Iterator[Doubt]:
             )
 
 
-def _nobody(case: Case) -> Iterator[Doubt]:
+def _nobody(case: Case) -> Iterator[SourceWarning]:
     """W222: objects in view, and none of them is a person."""
     n_other, n_unknown = (case.sample.n_dropped[reason] for reason in (NOT_A_PERSON, NO_CLASS))
     if case.sample.n or case.sample.n_rejected or n_other + n_unknown < ROWS_MIN:
         return
     found = [f"{n_other:,} of another class"] * bool(n_other) + [f"{n_unknown:,} without a class"] * bool(n_unknown)
-    yield Doubt(
+    yield SourceWarning(
         "W222",
         f"{n_other + n_unknown:,} objects were in view, {' and '.join(found)}, and none is a person",
         "its hours would count as recorded, with nobody in view",
@@ -373,7 +373,7 @@ def _nobody(case: Case) -> Iterator[Doubt]:
     )
 
 
-def _others_in_a_row(case: Case) -> Iterator[Doubt]:
+def _others_in_a_row(case: Case) -> Iterator[SourceWarning]:
     """W228: columns of a second person in each row, and files that are not read."""
     if case.head is None:
         return
@@ -381,7 +381,7 @@ def _others_in_a_row(case: Case) -> Iterator[Doubt]:
     axes = [names[ours] for ours in ("x_m", "y_m", "u_px", "v_px") if ours in names]
     others = [of_another_person(name, case.head.ignored) for name in axes]
     if axes and all(others):
-        yield Doubt(
+        yield SourceWarning(
             "W228",
             f"{', '.join(o[:40] for o in others if o)} seem to hold another person, or another corner, in the same row",
             "a row is one person: who is in other columns would not be counted",
@@ -390,7 +390,7 @@ def _others_in_a_row(case: Case) -> Iterator[Doubt]:
         )
     ids = [n for n in case.head.ignored if (t := names.get("track_id")) and of_another_person(t, [n])]
     if "left" in names and ids:
-        yield Doubt(
+        yield SourceWarning(
             "W228",
             f"{ids[0][:40]!r} is the id of another person in the same row",
             "a row of two people is a pair: its two places are no corners of a box",
@@ -398,7 +398,7 @@ def _others_in_a_row(case: Case) -> Iterator[Doubt]:
             is_sure=True,
         )
     for path in case.head.passed_over:
-        yield Doubt(
+        yield SourceWarning(
             "W228",
             f"{path[:80]!r} is one entry of a list that has more of them",
             "who is in the other entries would not be counted",
@@ -407,7 +407,7 @@ def _others_in_a_row(case: Case) -> Iterator[Doubt]:
         )
     if unread := case.head.unread:
         more = f" and {len(unread) - 3} more" if len(unread) > 3 else ""
-        yield Doubt(
+        yield SourceWarning(
             "W228",
             f"{', '.join(name[-40:] for name in unread[:3])}{more} {'is' if len(unread) == 1 else 'are'} not read",
             "a folder or archive is read as tables: csv, tsv, parquet, feather, arrow, also gzip, bzip2 and zstd",
@@ -420,7 +420,7 @@ def _is_person(value: str) -> bool:
     return letters(value) in PERSON or value.strip().lower() in PERSON or value in ("0", "0.0")
 
 
-COLUMN_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
+COLUMN_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (
     _cameras_of_files,
     _cameras,
     _heights,

@@ -1,4 +1,4 @@
-"""Doubts about frames: who is seen together, and who beside himself (W224)."""
+"""Checks of frames: who is seen together, and who beside himself (W224)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, Doubt
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning
 from vsd_analytics.ingest.checks.sample import Bools, Floats, Ints, Sample, Ways, is_last, is_new
 
 PEOPLE_MIN: Final = 2
@@ -35,7 +35,7 @@ FINE_SHARE: Final = 0.5
 _DIGITS: Final = 1000
 
 
-def several_frames(case: Case) -> Iterator[Doubt]:
+def several_frames(case: Case) -> Iterator[SourceWarning]:
     """W224: several frames with one time and without ids, so that each person stands beside himself."""
     sample = case.sample
     if sample.is_pairs or sample.has_ids or not sample.has_floor or case.options.period_s is not None:
@@ -46,7 +46,7 @@ def several_frames(case: Case) -> Iterator[Doubt]:
     groups = [frames[no] for no in in_file if len(frames[no]) >= 2 * PEOPLE_MIN]
     n_repeated = sum(map(_is_repeated, groups))
     if n_repeated >= max(ROWS_MIN, REPEATED_SHARE * len(groups)):
-        yield Doubt(
+        yield SourceWarning(
             "W224",
             f"{n_repeated:,} of {len(groups):,} times have several frames: the same people again, a step further",
             "people without ids would stand beside themselves, and each would be too close to himself",
@@ -65,7 +65,7 @@ def _is_repeated(places: Floats) -> bool:
     return False
 
 
-def _parts_of_frames(case: Case) -> Iterator[Doubt]:
+def _parts_of_frames(case: Case) -> Iterator[SourceWarning]:
     """W224: times that scatter, so that each frame shows a part of the people, or one of them alone."""
     sample = case.sample
     if sample.is_pairs or not sample.has_ids or sample.n < 5 * ROWS_MIN or case.options.period_s is not None:
@@ -76,7 +76,7 @@ def _parts_of_frames(case: Case) -> Iterator[Doubt]:
     yield from _strays(sample)
 
 
-def _scattered(sample: Sample) -> Iterator[Doubt]:
+def _scattered(sample: Sample) -> Iterator[SourceWarning]:
     """W224: people of one frame with times of their own, so that nobody is ever seen together with anybody."""
     ways = sample.tracked
     is_in_company = np.zeros(len(ways), dtype=bool)
@@ -89,7 +89,7 @@ def _scattered(sample: Sample) -> Iterator[Doubt]:
     n_alone = int((is_in_company & (np.bincount(frame_no)[frame_no] == 1)).sum())
     if n_alone < APART_SHARE * n_in_company:
         return
-    yield Doubt(
+    yield SourceWarning(
         "W224",
         f"{n_alone:,} of {n_in_company:,} records have a time of their own, while several people are in view",
         "people are close to each other only in one frame: nobody would ever be too close to anybody",
@@ -98,7 +98,7 @@ def _scattered(sample: Sample) -> Iterator[Doubt]:
     )
 
 
-def _strays(sample: Sample) -> Iterator[Doubt]:
+def _strays(sample: Sample) -> Iterator[SourceWarning]:
     """W224: frames that show a part of the people each, where the times of one sampling period scatter."""
     ways, lives_ms, stretches = sample.tracked, 0, list[Ints]()
     for _, begun, ended in _lives_of_cameras(ways):
@@ -109,7 +109,7 @@ def _strays(sample: Sample) -> Iterator[Doubt]:
     a_step = (n_frames - len(stretches_ms)) * ways.usual_ms / max(busy_ms, 1.0)
     if a_step < FRAMES_A_STEP or lives_ms < TOGETHER * busy_ms:
         return
-    yield Doubt(
+    yield SourceWarning(
         "W224",
         f"{a_step:.1f} frames come while a person is seen once: each shows a part of the people",
         "person-time is counted by frame and would be too low, and people who were close may share no frame",
@@ -144,7 +144,7 @@ def _stretches_ms(begun: Ints, ended: Ints) -> Ints:
     return np.asarray(lasts - firsts, dtype=np.int64)
 
 
-def _held_frames(case: Case) -> Iterator[Doubt]:
+def _held_frames(case: Case) -> Iterator[SourceWarning]:
     """W224: a picture that hangs: times go on, and everybody in view stays at one place to the last digit."""
     sample = case.sample
     fine = np.rint(np.nan_to_num(sample.places) * _DIGITS)
@@ -160,7 +160,7 @@ def _held_frames(case: Case) -> Iterator[Doubt]:
     held = (last - first + 1 >= HELD_FRAMES) & (held_s >= HELD_S)
     if held.any():
         at = first[held][np.argmax(held_s[held])]
-        yield Doubt(
+        yield SourceWarning(
             "W224",
             f"for {held_s[held].max():,.0f} s nobody in view moves by a digit, from line "
             f"{int(sample.line[order][starts[at]]):,} on",
@@ -169,4 +169,8 @@ def _held_frames(case: Case) -> Iterator[Doubt]:
         )
 
 
-FRAME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (several_frames, _parts_of_frames, _held_frames)
+FRAME_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (
+    several_frames,
+    _parts_of_frames,
+    _held_frames,
+)

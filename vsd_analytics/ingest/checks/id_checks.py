@@ -1,4 +1,4 @@
-"""Doubts about track ids: none, ids that do not last, ids of several people (W225)."""
+"""Checks of track ids: none, ids that do not last, ids of several people (W225)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, Doubt
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning
 from vsd_analytics.ingest.checks.sample import is_new
 from vsd_analytics.ingest.reading.column_hints import ids_like
 
@@ -28,7 +28,7 @@ UNKNOWN_SHARE: Final = 0.2
 """Of rows without an id: violations of such people cannot be counted."""
 
 
-def _ids(case: Case) -> Iterator[Doubt]:
+def _ids(case: Case) -> Iterator[SourceWarning]:
     """W225: no ids, or ids that do not last."""
     sample = case.sample
     if sample.is_pairs or not sample.n:
@@ -41,20 +41,20 @@ def _ids(case: Case) -> Iterator[Doubt]:
         unread = ", ".join(name[:40] for name in case.head.ignored[:5])
         of_these = f", if one of the columns that are not read holds them: {unread}" if unread else ""
         fix = named if like else f"export the tracker's ids, and map them: --map track_id=...{of_these}"
-        yield Doubt("W225", what, why, fix, is_note=not like)
+        yield SourceWarning("W225", what, why, fix, is_note=not like)
         return
     if sample.has_ids:
         n_without = int((sample.track.no < 0).sum())
         if n_without > UNKNOWN_SHARE * sample.n:
             what = f"{n_without:,} of {sample.n:,} rows have no track id"
-            yield Doubt("W225", what, why, "export the tracker's ids for everybody in view", is_note=True)
+            yield SourceWarning("W225", what, why, "export the tracker's ids for everybody in view", is_note=True)
         is_once = sample.track.counts == 1
         if len(sample.track.names) >= 2 * ROWS_MIN and sample.n_instants >= 3 and is_once.mean() > 0.9:
             what = f"{len(sample.track.names):,} track ids, and nearly each has one record: they do not last"
-            yield Doubt("W225", what, why, f"map the id of the track, not of the detection or row: {named}")
+            yield SourceWarning("W225", what, why, f"map the id of the track, not of the detection or row: {named}")
 
 
-def _of_several(case: Case) -> Iterator[Doubt]:
+def _of_several(case: Case) -> Iterator[SourceWarning]:
     """W225: ids in two places at once, such as one id for everybody whom no tracker follows."""
     sample = case.sample
     if sample.is_pairs or not sample.has_ids or case.options.period_s is not None:
@@ -69,7 +69,7 @@ def _of_several(case: Case) -> Iterator[Doubt]:
     if n_far < max(ROWS_MIN, TWO_PLACES_SHARE * sample.n):
         return
     names = Counter(sample.track.names[no] for no in sample.track.no[np.sort(ways.row[is_several])]).most_common(3)
-    yield Doubt(
+    yield SourceWarning(
         "W225",
         f"an id is in two places at once {n_far:,} times: {', '.join(name[:20] for name, _ in names)}",
         "it is no id of one person: all but one of them are left out, and its way leads from one to the other",
@@ -77,7 +77,7 @@ def _of_several(case: Case) -> Iterator[Doubt]:
     )
 
 
-def _numbers_of_a_frame(case: Case) -> Iterator[Doubt]:
+def _numbers_of_a_frame(case: Case) -> Iterator[SourceWarning]:
     """W225: ids that number the people of each frame from 0 or 1 on."""
     sample = case.sample
     if sample.is_pairs or not sample.has_ids or sample.n < 5 * ROWS_MIN:
@@ -93,7 +93,7 @@ def _numbers_of_a_frame(case: Case) -> Iterator[Doubt]:
     is_gap = ~is_first & (np.diff(number, prepend=0) != 1)
     is_counted = (least <= 1) & (least == least[0]) & ~np.logical_or.reduceat(is_gap, starts)
     if np.count_nonzero(np.diff(sizes)) >= COMINGS_MIN and is_counted.mean() >= COUNTED_SHARE and sizes.max() > 2:
-        yield Doubt(
+        yield SourceWarning(
             "W225",
             f"in nearly each frame the ids are {least[0]}, {least[0] + 1}, ... without a gap",
             "they number the people of a frame: who has number 2 is somebody else as soon as number 1 leaves",
@@ -101,7 +101,7 @@ def _numbers_of_a_frame(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _spelled_twice(case: Case) -> Iterator[Doubt]:
+def _spelled_twice(case: Case) -> Iterator[SourceWarning]:
     """W225: one id written in two ways, such as 7 and 007."""
     sample = case.sample
     if sample.is_pairs or not sample.has_ids:
@@ -112,7 +112,7 @@ def _spelled_twice(case: Case) -> Iterator[Doubt]:
     n_twice = len(sample.track.names) - len(spellings)
     if n_twice >= max(2, SPELLED_SHARE * len(spellings)):
         first = next(names for names in spellings.values() if len(names) > 1)
-        yield Doubt(
+        yield SourceWarning(
             "W225",
             f"{n_twice:,} ids are written in two ways, such as {' and '.join(name[:20] for name in first[:2])}",
             "each way of writing would count as a person of its own, and nobody would stay for long",
@@ -120,7 +120,7 @@ def _spelled_twice(case: Case) -> Iterator[Doubt]:
         )
 
 
-ID_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
+ID_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (
     _ids,
     _of_several,
     _numbers_of_a_frame,

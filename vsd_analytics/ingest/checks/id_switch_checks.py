@@ -1,4 +1,4 @@
-"""Doubts about ids that pass from one person to another, and people who pass from one id to the next (W225)."""
+"""Checks of ids that pass from one person to another, and people who pass from one id to the next (W225)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, Doubt
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning
 from vsd_analytics.ingest.checks.sample import Bools, Floats, Ints, Sample, Ways, is_last, is_new, steps
 
 NEAR_M, NEAR_SHARE = 1.5, 0.05
@@ -25,7 +25,7 @@ ENDS_SHARE: Final = 0.5
 """Of the ends of tracks: at most .09 in fifteen real recordings."""
 
 
-def _taken_over(case: Case) -> Iterator[Doubt]:
+def _taken_over(case: Case) -> Iterator[SourceWarning]:
     """W225: ids that jump to where another person was a moment before: they begin again, or number a frame."""
     sample = case.sample
     if sample.is_pairs or not sample.has_ids or case.options.period_s is not None:
@@ -42,7 +42,7 @@ def _taken_over(case: Case) -> Iterator[Doubt]:
     n_at_once = int(((n_of_frame >= 2) & (n_of_frame > TOGETHER_SHARE * n_in_view)).sum())
     if n_at_once or n_taken >= max(TAKEN_MIN, TAKEN_SHARE * n_steps):
         most = f", in {n_at_once:,} frame{'' if n_at_once == 1 else 's'} most people in view at once"
-        yield Doubt(
+        yield SourceWarning(
             "W225",
             f"{n_taken:,} times an id jumps to where another person was a moment before{most if n_at_once else ''}",
             "the ids begin again there, number the people of a frame, or the tracker takes one person for another: "
@@ -76,13 +76,13 @@ def _apart(rows: pd.DataFrame) -> Floats:
     return np.asarray(np.hypot(rows["x"] - rows["x_2"], rows["y"] - rows["y_2"]))
 
 
-def _handed_on(case: Case) -> Iterator[Doubt]:
+def _handed_on(case: Case) -> Iterator[SourceWarning]:
     """W225: ids that end where another one begins in the next frame: most of them, or of all people in view at once."""
     sample = case.sample
     if sample.is_pairs or not sample.has_ids:
         return
     ways = sample.ways
-    # hardly any id comes twice: it has a doubt of its own
+    # hardly any id comes twice: that has a check of its own
     if not ways.usual_ms > 0 or len(ways) < 2 * np.count_nonzero(ways.is_begun):
         return
     begun, ended = np.flatnonzero(ways.is_begun), np.flatnonzero(is_last(ways.is_begun))
@@ -97,7 +97,7 @@ def _handed_on(case: Case) -> Iterator[Doubt]:
     is_usual = n_on >= max(ROWS_MIN, ENDS_SHARE * len(ends))
     if is_usual or n_at_once:
         most = f", {'once' if n_at_once == 1 else f'{n_at_once:,} times'} most of those in view together"
-        yield Doubt(
+        yield SourceWarning(
             "W225",
             f"{n_on:,} of {len(ends):,} ids end where another one begins in the next frame{most if n_at_once else ''}",
             "they do not last, or begin again: a violation needs the same two people for 3 seconds, and visits are cut",
@@ -127,4 +127,4 @@ def _reach(sample: Sample) -> float:
     return NEAR_M if sample.has_floor else NEAR_SHARE * sample.picture_side_px
 
 
-HANDOVER_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_taken_over, _handed_on)
+HANDOVER_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (_taken_over, _handed_on)

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.ingest.checks.check_case import Case, Doubt
-from vsd_analytics.ingest.checks.check_table import doubts_of
+from vsd_analytics.ingest.checks.check_case import Case, SourceWarning
+from vsd_analytics.ingest.checks.check_table import warnings_of
 from vsd_analytics.ingest.checks.sample import SAMPLE_ROWS, sample_of
 from vsd_analytics.ingest.reading.adapter import RawBatch
 from vsd_analytics.ingest.reading.raw import n_rows
@@ -25,20 +25,20 @@ _SHOWN_MAX: Final = 5
 
 @dataclass
 class LateLook:
-    """Looks at the newest records of a source from time to time, with the doubts of its card.
+    """Looks at the newest records of a source from time to time, with the checks of its first ones.
 
     Attributes:
         case: That of the first records; None = there are none.
-        doubts: What looked wrong in it.
+        warnings: What looked wrong in it.
     """
 
     case: Case | None = None
-    doubts: Sequence[Doubt] = ()
+    warnings: Sequence[SourceWarning] = ()
     _newest: list[RawBatch] = field(default_factory=list)
     _values: dict[str, Counter[str]] = field(default_factory=dict)
     _n: int = 0
     _n_since: int = 0
-    _found: dict[str, tuple[Doubt, int]] = field(default_factory=dict)
+    _found: dict[str, tuple[SourceWarning, int]] = field(default_factory=dict)
 
     def add(self, batch: RawBatch) -> None:
         """Take in one batch."""
@@ -76,10 +76,10 @@ class LateLook:
         if head is not None:
             head = replace(head, values={**head.values, **self._values})
         with np.errstate(over="ignore", invalid="ignore"):
-            doubts = doubts_of(replace(self.case, sample=sample, head=head))
-        known = {d.code: d.is_sure for d in self.doubts}
-        for doubt in doubts:
-            is_news = doubt.code not in known or (doubt.is_sure and not known[doubt.code])
-            if is_news and not (doubt.is_note and doubt.code != "W225"):
+            late = warnings_of(replace(self.case, sample=sample, head=head))
+        known = {d.code: d.is_sure for d in self.warnings}
+        for warning in late:
+            is_news = warning.code not in known or (warning.is_sure and not known[warning.code])
+            if is_news and not (warning.is_note and warning.code != "W225"):
                 first = int(sample.line.min()) if sample.n else 0
-                self._found.setdefault(doubt.code, (doubt, first))
+                self._found.setdefault(warning.code, (warning, first))

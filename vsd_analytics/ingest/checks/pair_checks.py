@@ -1,4 +1,4 @@
-"""Doubts about distances that an engine measured itself (W220)."""
+"""Checks of distances that an engine measured itself (W220)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, Doubt
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning
 from vsd_analytics.ingest.checks.place_checks import UNIT
 from vsd_analytics.ingest.checks.sample import is_known
 
@@ -19,7 +19,7 @@ VALUES_MIN: Final = 3
 """Fewer different distances are no measurements."""
 
 
-def _distances(case: Case) -> Iterator[Doubt]:
+def _distances(case: Case) -> Iterator[SourceWarning]:
     """W220: distances of pairs that are no metres, or no distances."""
     sample = case.sample
     apart = sample.distance_m[~np.isnan(sample.distance_m)]
@@ -30,10 +30,10 @@ def _distances(case: Case) -> Iterator[Doubt]:
     beyond = float((apart > stored_m).mean())
     if median > PAIR_MAX_M:
         what = f"half of the pairs are more than {median:,.0f} m apart"
-        yield Doubt("W220", what, "distances in millimetres or centimetres look like this", UNIT, is_sure=True)
+        yield SourceWarning("W220", what, "distances in millimetres or centimetres look like this", UNIT, is_sure=True)
     elif is_mapped and len(apart) >= 5 * ROWS_MIN and len(values := np.unique(apart)) < VALUES_MIN:
         shown = " and ".join(f"{value:g}" for value in values)
-        yield Doubt(
+        yield SourceWarning(
             "W220",
             f"all {len(apart):,} distances are {shown} m",
             "a mark that two people are close, or a limit, is no distance between them",
@@ -41,7 +41,7 @@ def _distances(case: Case) -> Iterator[Doubt]:
             is_sure=bool((apart == 0).any()),  # a mark; one value above 0 may be the limit of a contact
         )
     elif len(apart) >= 5 * ROWS_MIN and float(apart.max()) == 1 and float(apart.min()) >= 0:
-        yield Doubt(
+        yield SourceWarning(
             "W220",
             "all distances are 0 to 1, and the largest is exactly 1",
             "shares of a largest distance, and risks, look like this; everybody would be within a metre",
@@ -49,7 +49,7 @@ def _distances(case: Case) -> Iterator[Doubt]:
             is_note=True,
         )
     elif beyond > 0.5:
-        yield Doubt(
+        yield SourceWarning(
             "W220",
             f"{beyond:.0%} of the pairs are more than {stored_m:g} m apart (half of all within {median:,.1f} m), "
             "and are not stored",
@@ -64,7 +64,7 @@ def _distances(case: Case) -> Iterator[Doubt]:
     differ = np.abs(both[:, 0] - both[:, 1])
     is_other = (differ > DIFFERS_M) & (differ > DIFFERS_SHARE * both.min(axis=1))
     if is_other.mean() > 0.2:
-        yield Doubt(
+        yield SourceWarning(
             "W220",
             f"{is_other.mean():.0%} of the distances are not those of the positions beside them "
             f"(half within {np.median(both[:, 0]):,.2f} m, and half within {np.median(both[:, 1]):,.2f} m)",
@@ -74,4 +74,4 @@ def _distances(case: Case) -> Iterator[Doubt]:
         )
 
 
-PAIR_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (_distances,)
+PAIR_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (_distances,)

@@ -1,4 +1,4 @@
-"""Doubts about positions on the floor: units, axes, and places that are no places (W220)."""
+"""Checks of positions on the floor: units, axes, and places that are no places (W220)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from vsd_analytics.config.file_columns import FILE_BOX, METRES
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, Doubt, floor_bounds_m, quoted
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning, floor_bounds_m, quoted
 from vsd_analytics.ingest.checks.sample import Floats, Sample, Ways, extent, is_known, is_last, steps
 from vsd_analytics.ingest.reading.column_hints import named_like, names_degrees, names_motion
 from vsd_analytics.ingest.reading.units import LENGTHS, PIXELS, unit_in_name
@@ -42,7 +42,7 @@ _UNIT: Final = "--unit {} (or {}, {}) if they are lengths; --map u_px=...,v_px=.
 UNIT: Final = _UNIT.format("mm", "cm", "ft")
 
 
-def _units(case: Case) -> Iterator[Doubt]:
+def _units(case: Case) -> Iterator[SourceWarning]:
     """W220: positions that are not metres."""
     if case.head is not None:
         yield from _named_units(case.head.plan.names)
@@ -55,15 +55,17 @@ def _units(case: Case) -> Iterator[Doubt]:
     yield from _far_out(case, is_walking=is_walking)
 
 
-def _named_units(names: Mapping[str, str]) -> Iterator[Doubt]:
-    """Yield doubts about columns whose names say another unit; names are theirs by ours."""
+def _named_units(names: Mapping[str, str]) -> Iterator[SourceWarning]:
+    """Yield warnings about columns whose names say another unit; names are theirs by ours."""
     if "x_m" in names and names["x_m"] == names.get("y_m"):
         what = f"x_m and y_m are both read from {names['x_m'][:80]!r}"
-        yield Doubt("W220", what, "everybody would be on one line", "map each to a column of its own", is_sure=True)
+        yield SourceWarning(
+            "W220", what, "everybody would be on one line", "map each to a column of its own", is_sure=True
+        )
     for ours, theirs in names.items():
         unit = unit_in_name(theirs) if theirs.lower() != ours else None
         if ours in LENGTHS and names_degrees(theirs):
-            yield Doubt(
+            yield SourceWarning(
                 "W220",
                 f"{ours} is read from {theirs[:80]!r}, which names an angle",
                 "degrees are no metres: everybody would stand within a metre, or far from where they are",
@@ -71,7 +73,7 @@ def _named_units(names: Mapping[str, str]) -> Iterator[Doubt]:
                 is_sure=True,
             )
         if ours in LENGTHS and names_motion(theirs):
-            yield Doubt(
+            yield SourceWarning(
                 "W220",
                 f"{ours} is read from {theirs[:80]!r}, which names a speed",
                 "a speed is no place: everybody would stand near one point",
@@ -79,7 +81,7 @@ def _named_units(names: Mapping[str, str]) -> Iterator[Doubt]:
                 is_sure=True,
             )
         if ours in LENGTHS and unit == PIXELS:
-            yield Doubt(
+            yield SourceWarning(
                 "W220",
                 f"{ours} is read from {theirs[:80]!r}, which names pixels",
                 "pixels are no metres: distances would be hundreds of times too large",
@@ -87,7 +89,7 @@ def _named_units(names: Mapping[str, str]) -> Iterator[Doubt]:
                 is_sure=True,
             )
         elif (ours in FILE_BOX or ours in ("u_px", "v_px")) and unit in METRES:
-            yield Doubt(
+            yield SourceWarning(
                 "W220",
                 f"{ours} is read from {theirs[:80]!r}, which names a unit of length",
                 "lengths on the floor are no pixels",
@@ -96,22 +98,22 @@ def _named_units(names: Mapping[str, str]) -> Iterator[Doubt]:
             )
 
 
-def _too_fast(sample: Sample, speeds: Floats) -> Iterator[Doubt]:
-    """Yield the doubt about people who would move faster than people do; speeds are those of all steps, m/s."""
+def _too_fast(sample: Sample, speeds: Floats) -> Iterator[SourceWarning]:
+    """Yield the warning about people who would move faster than people do; speeds are those of all steps, m/s."""
     if len(speeds) >= ROWS_MIN and (median := float(np.median(speeds))) > SPEED_MAX_M_S:
         what = f"people would move at {median:,.0f} m/s: half of the steps are faster"
-        yield Doubt(
+        yield SourceWarning(
             "W220", what, "positions are hardly in metres, or ids change people", _unit_fix(sample), is_sure=True
         )
     elif len(walked := sample.walked_m_s) >= ROWS_MIN and (median := float(np.median(walked))) > WALK_MAX_M_S:
         what = f"people would walk at {median:.1f} m/s: half of the steps of a second or longer are faster"
         fix = "--unit ft (or yd, dm) if they are; check --fps where times come from frame numbers"
         why = "most people walk at 0.5 to 1.6 m/s; feet read as metres look like this"
-        yield Doubt("W220", what, why, fix, is_sure=median > SPEED_MAX_M_S)
+        yield SourceWarning("W220", what, why, fix, is_sure=median > SPEED_MAX_M_S)
     elif len(walked) >= 5 * ROWS_MIN and (fast := float(np.quantile(walked, 1 - HURRY_SHARE))) > HURRY_MAX_M_S:
         what = f"a tenth of the steps of a second or longer would be faster than {fast:.1f} m/s"
         why = "hardly anybody runs; feet and other units read as metres look like this, and ids that change people"
-        yield Doubt("W220", what, why, "--unit ft (or yd, dm) if they are; else look at the track ids")
+        yield SourceWarning("W220", what, why, "--unit ft (or yd, dm) if they are; else look at the track ids")
 
 
 def _unit_fix(sample: Sample) -> str:
@@ -123,7 +125,7 @@ def _unit_fix(sample: Sample) -> str:
     return _UNIT.format(*sorted(("mm", "cm", "ft"), key=lambda unit: abs(math.log(fast * METRES[unit] / WALK_M_S))))
 
 
-def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
+def _far_out(case: Case, *, is_walking: bool) -> Iterator[SourceWarning]:
     """W220: positions beyond the floor. People who move as fast as people do are in metres, on a large floor."""
     places = case.sample.floor_m[is_known(case.sample.floor_m)]
     is_stored = (np.abs(places) <= case.site.settings.coordinate_max_m).all(axis=1)
@@ -143,7 +145,7 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
             if is_share
             else "convert them to metres of the floor before the export; --unit km"
         )
-        yield Doubt("W220", what, why, fix, is_sure=True)
+        yield SourceWarning("W220", what, why, fix, is_sure=True)
         return
     usual = extent(places, tail=0.05)
     assert usual is not None
@@ -153,7 +155,9 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
     if bounds is None:
         if max(spread_x, spread_y) > SPAN_MAX_M:
             why = f"most floors are smaller than {SPAN_MAX_M:g} m; other units look like this"
-            yield Doubt("W220", f"positions reach over {shown}", why, _unit_fix(case.sample), is_sure=not is_walking)
+            yield SourceWarning(
+                "W220", f"positions reach over {shown}", why, _unit_fix(case.sample), is_sure=not is_walking
+            )
         return
     left, right, low, high = bounds
     outside = f"the plan or view reaches over x {left:,.1f} to {right:,.1f} m, y {low:,.1f} to {high:,.1f} m"
@@ -172,19 +176,19 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[Doubt]:
     fits = next((fix for fix, (a, b) in turned.items() if share_beyond(a, b, 0.5, 0.5) < 0.01), None)
     if near > 0.2 and fits is not None:
         what = f"{near:.0%} of the positions are outside the floor: {shown}"
-        yield Doubt("W220", what, outside, fits, is_sure=True)
+        yield SourceWarning("W220", what, outside, fits, is_sure=True)
     elif far > 0.5:
         what = f"{far:.0%} of the positions are far outside the floor: {shown}"
-        yield Doubt(
+        yield SourceWarning(
             "W220", what, outside, f"{_unit_fix(case.sample)}; or correct plan_origin_m and plan_m_per_px", is_sure=True
         )
     elif near > 0.1:
         what = f"{near:.0%} of the positions are outside the floor: {shown}"
         fix = f"{_unit_fix(case.sample)}; or correct plan_origin_m and plan_m_per_px"
-        yield Doubt("W220", what, outside, fix, is_sure=near > 0.5)
+        yield SourceWarning("W220", what, outside, fix, is_sure=near > 0.5)
 
 
-def _axes(case: Case) -> Iterator[Doubt]:
+def _axes(case: Case) -> Iterator[SourceWarning]:
     """W220: positions on one line, because one of the axes read is the height above the floor."""
     sample = case.sample
     if sample.is_pairs or sample.n < 5 * ROWS_MIN or len(sample.track.names) == 1:
@@ -199,7 +203,7 @@ def _axes(case: Case) -> Iterator[Doubt]:
     ignored = [] if case.head is None else case.head.ignored
     third = named_like(ignored, "third axis")
     low = left if flat == "x_m" else bottom
-    yield Doubt(
+    yield SourceWarning(
         "W220",
         f"everybody would be on one line: {flat} is {low:.2f} to {low + spreads[flat]:.2f} m, {wide} reaches over "
         f"{spreads[wide]:,.0f} m",
@@ -209,7 +213,7 @@ def _axes(case: Case) -> Iterator[Doubt]:
     )
 
 
-def _placeholders(case: Case) -> Iterator[Doubt]:
+def _placeholders(case: Case) -> Iterator[SourceWarning]:
     """W220: one place written for people whom the engine lost: 0, 0, or where many ids jump to and come back from."""
     sample = case.sample
     if sample.is_pairs or sample.n < 5 * ROWS_MIN:
@@ -227,7 +231,7 @@ def _placeholders(case: Case) -> Iterator[Doubt]:
             n_there = int(((across == x) & (up == y)).sum())
             names = {} if case.head is None else case.head.plan.names
             column = next((names[ours] for ours in ("x_m", "u_px") if ours in names), None)
-            yield Doubt(
+            yield SourceWarning(
                 "W220",
                 f"{n_there:,} of {len(places):,} positions are exactly {x:g}, {y:g}",
                 "engines write such a place for people whom they have lost; they would all stand close together there",
@@ -236,7 +240,7 @@ def _placeholders(case: Case) -> Iterator[Doubt]:
             )
 
 
-def _left_standing(case: Case) -> Iterator[Doubt]:
+def _left_standing(case: Case) -> Iterator[SourceWarning]:
     """W222: tracks that end with one place again and again: the engine repeats where it saw the person last."""
     sample = case.sample
     if sample.is_pairs or not sample.has_ids:
@@ -252,7 +256,7 @@ def _left_standing(case: Case) -> Iterator[Doubt]:
     n_before = len(ways) - int(n_after.sum())
     n_repeated = int((~is_moved).sum()) - int(n_after.sum())
     if is_left.sum() >= max(ROWS_MIN / 2, LEFT_SHARE * len(last)) and n_repeated < REPEATED_SHARE * n_before:
-        yield Doubt(
+        yield SourceWarning(
             "W222",
             f"{is_left.sum():,} of {len(last):,} tracks end at one place, the same to the last digit for "
             f"{np.median(still_s[is_left]):,.0f} s ({n_after[is_left].sum():,} rows)",
@@ -272,7 +276,7 @@ def _jumped_to(sample: Sample, ways: Ways) -> list[tuple[float, float]]:
     return list(found.index[(found["size"] >= ROWS_MIN) & (found["nunique"] > 2)])
 
 
-PLACE_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
+PLACE_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (
     _units,
     _axes,
     _placeholders,

@@ -1,4 +1,4 @@
-"""Doubts about times: their zone, their steps, their year (W223, W224, W227)."""
+"""Checks of times: their zone, their steps, their year (W223, W224, W227)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, Doubt
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning
 from vsd_analytics.ingest.checks.sample import Ints, Sample
 from vsd_analytics.ingest.reading.cell_values import is_number
 from vsd_analytics.ingest.reading.column_hints import named_like
@@ -22,7 +22,7 @@ _FIRST_MS, _LAST_MS = (int(pd.Timestamp(f"{year}-01-01", tz="UTC").timestamp() *
 _SILENCE_MS: Final = 10 * _MINUTE_MS
 _GPS_MS: Final = 315_964_800_000
 RECENT_DAYS: Final = 60
-"""Files are imported within so many days. A wider limit would doubt more recordings of ten years ago."""
+"""Files are imported within so many days. A wider limit would warn of more recordings of ten years ago."""
 GOING_ON_MIN: Final = 2
 SET_BACK_MS: Final = 30_000
 ON_M, ON_SHARE = 1.5, 0.8
@@ -39,7 +39,7 @@ _OFFSET_MISTAKES: Final = {
 """By how many offsets the times are wrong."""
 
 
-def _zones(case: Case) -> Iterator[Doubt]:
+def _zones(case: Case) -> Iterator[SourceWarning]:
     """W223: times without an offset, in a zone that nobody stated."""
     site, sample = case.site, case.sample
     if case.options.zone is not None or not sample.n:
@@ -58,7 +58,7 @@ def _zones(case: Case) -> Iterator[Doubt]:
         open_as_read, open_as_local = open_share(here, site), open_share(there, site)
         shares = f"; {open_as_read:.0%} and {open_as_local:.0%} of the records would be in opening hours"
     camera = next((c.camera_id for c in (*case.cameras, *site.cameras)), "cam-1")
-    yield Doubt(
+    yield SourceWarning(
         "W223",
         f"times have no offset and are taken as {zone}: in {site.timezone} they are {as_read}",
         f"if they are on the clock of the site, they are {as_local}{shares}",
@@ -89,14 +89,14 @@ def open_share(local_ms: np.ndarray, site: Site) -> float:
     return float(is_open.mean()) if len(is_open) else 0.0
 
 
-def _mixed_offsets(case: Case) -> Iterator[Doubt]:
+def _mixed_offsets(case: Case) -> Iterator[SourceWarning]:
     """W223: times of one camera of which some have an offset from UTC and others have none."""
     sample = case.sample
     if case.options.zone is not None or sample.n < ROWS_MIN:
         return
     has_none = sample.zone.no >= 0
     if len(np.intersect1d(sample.camera.no[has_none], sample.camera.no[~has_none])):
-        yield Doubt(
+        yield SourceWarning(
             "W223",
             f"{has_none.sum():,} of {sample.n:,} times have no offset, and are taken as {min(sample.zone.names)}; "
             "the others have one",
@@ -105,7 +105,7 @@ def _mixed_offsets(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _hour_back(case: Case) -> Iterator[Doubt]:
+def _hour_back(case: Case) -> Iterator[SourceWarning]:
     """W223: a clock that goes back by an hour once, as at the end of summer time, read as one without it."""
     sample = case.sample
     if sample.n < 5 * ROWS_MIN:
@@ -114,7 +114,7 @@ def _hour_back(case: Case) -> Iterator[Doubt]:
     back = steps_ms[steps_ms < 0]
     if len(back) == 1 and -_HOUR_MS <= back[0] <= -_HOUR_MS + _SILENCE_MS:
         at = int(sample.ts_ms[:-1][steps_ms < 0][0])
-        yield Doubt(
+        yield SourceWarning(
             "W223",
             f"the clock goes back by an hour once, at {_clock(at)} (UTC, as it is read)",
             "put right, or put back at the end of summer time: the hour would be stored on top of the one before",
@@ -131,7 +131,7 @@ def _steps_ms(camera_no: Ints, ts_ms: Ints) -> Ints:
     return np.where(camera_no[1:] == camera_no[:-1], np.diff(ts_ms), 0)
 
 
-def _clock_set(case: Case) -> Iterator[Doubt]:
+def _clock_set(case: Case) -> Iterator[SourceWarning]:
     """W223: a clock that was set while people were in view: they go on where they were, at another time."""
     sample = case.sample
     if sample.is_pairs or not sample.has_ids or not sample.has_floor:
@@ -155,7 +155,7 @@ def _clock_set(case: Case) -> Iterator[Doubt]:
         is_copy = len(known.merge(after, on=["track_no", "x", "y"])) > 0
         if n_on >= max(GOING_ON_MIN, ON_SHARE * max(len(before), len(after))) and not is_copy:
             step_ms = int(after_ms - before_ms)
-            yield Doubt(
+            yield SourceWarning(
                 "W223",
                 f"after {_clock(int(before_ms))} (UTC) comes {_clock(int(after_ms))}, and {n_on} people go on in place",
                 "the clock was set: people of two moments would be stored as those of one"
@@ -166,12 +166,12 @@ def _clock_set(case: Case) -> Iterator[Doubt]:
             )
 
 
-def _named_utc(case: Case) -> Iterator[Doubt]:
+def _named_utc(case: Case) -> Iterator[SourceWarning]:
     """W223: a column that names UTC, read on another clock."""
     theirs = "" if case.head is None else case.head.plan.names.get("ts", "")
     zones = sorted(set(case.sample.zone.names) - {"UTC"})
     if zones and not {"utc", "gmt"}.isdisjoint(re.findall(r"[a-z]+", theirs.lower())):
-        yield Doubt(
+        yield SourceWarning(
             "W223",
             f"{theirs[:80]!r} names UTC, and its times are read as {zones[0]}",
             "people would be stored hours too early or too late",
@@ -179,14 +179,14 @@ def _named_utc(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _gps(case: Case) -> Iterator[Doubt]:
+def _gps(case: Case) -> Iterator[SourceWarning]:
     """W227: seconds since 1980, as satellites count them, read as seconds since 1970: ten years ago to the day."""
     if case.now is None or case.head is None or case.sample.n < ROWS_MIN:
         return
     written = str(next(iter(case.head.rows.values()), {}).get(case.head.plan.names.get("ts", ""), ""))
     late_ms = case.now.timestamp() * 1000 - _GPS_MS - float(np.median(case.sample.ts_ms))
     if is_number(written) and -_DAY_MS < late_ms < RECENT_DAYS * _DAY_MS:
-        yield Doubt(
+        yield SourceWarning(
             "W227",
             f"times are {_GPS_MS / 365.2425 / _DAY_MS:.0f} years old, and as seconds since 1980 they would be recent",
             "GPS clocks count from 6 January 1980: all records would be stored ten years too early",
@@ -194,7 +194,7 @@ def _gps(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _merging(case: Case) -> Iterator[Doubt]:
+def _merging(case: Case) -> Iterator[SourceWarning]:
     """W224: records that a fold leaves out, because times are too coarse."""
     sample = case.sample
     if sample.n < ROWS_MIN or case.options.period_s is not None:
@@ -205,7 +205,7 @@ def _merging(case: Case) -> Iterator[Doubt]:
     if case.head is not None and "ts" in case.head.plan.theirs and not (local % _DAY_MS).any():
         times = named_like(case.head.ignored, "time")
         theirs = case.head.plan.names["ts"]
-        yield Doubt(
+        yield SourceWarning(
             "W224",
             "all times are midnight: ts seems to be a date without the time of day",
             f"{n_second:,} of {sample.n:,} rows would be left out as second sightings; the others would be one frame",
@@ -222,7 +222,7 @@ def _merging(case: Case) -> Iterator[Doubt]:
             else "the times are too coarse, or the ids belong to several people"
         )
         fix = "export times with seconds and parts of seconds; or keep one record of each period: --period "
-        yield Doubt(
+        yield SourceWarning(
             "W224",
             f"{n_second:,} of {sample.n:,} rows would be left out as second sightings",
             why,
@@ -230,7 +230,7 @@ def _merging(case: Case) -> Iterator[Doubt]:
             is_sure=True,
         )
     elif case.head is not None and not (local % _MINUTE_MS).any() and not sample.has_ids and sample.n >= 5 * n_instants:
-        yield Doubt(
+        yield SourceWarning(
             "W224",
             f"the times are whole minutes: {sample.n:,} rows have {n_instants:,} different times",
             "all rows of a minute would be one frame, and all their people close to each other at once",
@@ -238,7 +238,7 @@ def _merging(case: Case) -> Iterator[Doubt]:
             is_sure=True,
         )
     elif share > 0.05:
-        yield Doubt(
+        yield SourceWarning(
             "W224",
             f"{n_second:,} of {sample.n:,} rows would be left out as second sightings",
             "a person has one place at a time; the times may be too coarse, or ids belong to several people",
@@ -246,7 +246,7 @@ def _merging(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _years(case: Case) -> Iterator[Doubt]:
+def _years(case: Case) -> Iterator[SourceWarning]:
     """W227: times of another century, such as a count from another beginning than 1970."""
     sample = case.sample
     if sample.n < ROWS_MIN or case.head is None:  # of few, bad ones go to quarantine
@@ -271,7 +271,9 @@ def _years(case: Case) -> Iterator[Doubt]:
         )
     shown = f" ({written[:30]!r})" if written else ""
     what = f"times would be in the year {int(year)}{shown}"
-    yield Doubt("W227", what, "a wrong unit, or a count that begins at another date than 1970", fix, is_sure=True)
+    yield SourceWarning(
+        "W227", what, "a wrong unit, or a count that begins at another date than 1970", fix, is_sure=True
+    )
 
 
 def _written_ms(sample: Sample) -> Ints:
@@ -279,7 +281,7 @@ def _written_ms(sample: Sample) -> Ints:
     return sample.ts_ms if (sample.zone.no != 0).any() else utc_to_local(sample.ts_ms, sample.zone.names[0])
 
 
-def _half_days(case: Case) -> Iterator[Doubt]:
+def _half_days(case: Case) -> Iterator[SourceWarning]:
     """W227: a clock of twelve hours without AM and PM: after 12:59 comes 1:00."""
     sample = case.sample
     if sample.n < ROWS_MIN or (sample.zone.no < 0).any():
@@ -293,7 +295,7 @@ def _half_days(case: Case) -> Iterator[Doubt]:
         return
     if ((back > -12 * _HOUR_MS) & (back < -6 * _HOUR_MS) & (then < 6)).all():
         n_back = "once" if len(back) == 1 else f"{len(back)} times"
-        yield Doubt(
+        yield SourceWarning(
             "W227",
             f"the clock goes back by about twelve hours {n_back}, and no hour is 0 or above 12",
             "a clock of twelve hours without AM and PM: afternoons would be stored as the night before",
@@ -302,7 +304,7 @@ def _half_days(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _midnights(case: Case) -> Iterator[Doubt]:
+def _midnights(case: Case) -> Iterator[SourceWarning]:
     """W227: times of day that pass midnight beside a date that does not change."""
     sample = case.sample
     if sample.n < ROWS_MIN or (sample.zone.no != 0).any():  # 0: one zone, of all
@@ -312,7 +314,7 @@ def _midnights(case: Case) -> Iterator[Doubt]:
     last, then = local[:-1][is_back], local[1:][is_back]
     is_midnight = (last % _DAY_MS > _DAY_MS - _HOUR_MS) & (then % _DAY_MS < _HOUR_MS) & (last - then < _DAY_MS)
     if len(last) and is_midnight.all():
-        yield Doubt(
+        yield SourceWarning(
             "W227",
             f"after {_clock(int(last[0]))} comes {_clock(int(then[0]))}: the date does not change at midnight",
             "the hours after midnight would be stored as those of the day before",
@@ -321,7 +323,7 @@ def _midnights(case: Case) -> Iterator[Doubt]:
         )
 
 
-def _closed(case: Case) -> Iterator[Doubt]:
+def _closed(case: Case) -> Iterator[SourceWarning]:
     """W223: times outside opening hours: nearly all, or some that another offset from UTC would bring inside."""
     site, sample = case.site, case.sample
     # who states another zone knows the hours
@@ -334,7 +336,7 @@ def _closed(case: Case) -> Iterator[Doubt]:
     outside = f"{share:.0%} of the records are outside opening hours: {_clock(int(local.min()))} to "
     outside += f"{_clock(int(local.max()))} in {site.timezone}"
     if share > CLOSED_SHARE:
-        yield Doubt(
+        yield SourceWarning(
             "W223",
             outside,
             "the engine's clock may be that of another zone, or of twelve hours; hours outside opening enter no figure",
@@ -345,7 +347,7 @@ def _closed(case: Case) -> Iterator[Doubt]:
         for n_offsets, mistake in _OFFSET_MISTAKES.items():
             right = local - n_offsets * (local - utc)
             if 1 - open_share(right, site) <= INSIDE_SHARE:
-                yield Doubt(
+                yield SourceWarning(
                     "W223",
                     f"{outside}; from {_clock(int(right.min()))} to {_clock(int(right.max()))} all would be inside",
                     mistake,
@@ -354,7 +356,7 @@ def _closed(case: Case) -> Iterator[Doubt]:
                 return
 
 
-TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[Doubt]], ...]] = (
+TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (
     _years,
     _half_days,
     _midnights,

@@ -1,4 +1,4 @@
-"""What was understood of a source: a card that a person can check at a glance, with doubts."""
+"""What was understood of a source: a card that a person can check at a glance, with warnings."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from vsd_analytics.errors import InputError, VsdError, Where
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, Doubt, floor_bounds_m, picture_px
-from vsd_analytics.ingest.checks.check_table import doubts_of
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning, floor_bounds_m, picture_px
+from vsd_analytics.ingest.checks.check_table import warnings_of
 from vsd_analytics.ingest.checks.sample import Extent, Sample, extent
 from vsd_analytics.ingest.checks.sketch import sketch_of
 from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, Source
@@ -43,7 +43,7 @@ class ColumnUse:
 
 
 @dataclass(frozen=True, slots=True)
-class SourceCard:
+class SourceProfile:
     """What was understood of the first records of one source.
 
     Attributes:
@@ -73,7 +73,7 @@ class SourceCard:
         n_dropped: Records left out on purpose, by reason.
         rows: The first rows: `line`, `theirs` (cells by column) and `ours`.
         profile: The `[[source]]` of vsd.toml that says how it is read; None = none.
-        doubts: What looks wrong.
+        warnings: What looks wrong.
         filtered: Values of the columns that `--where` compares, the most frequent first.
         sketch: `sketch.sketch_of` the records looked at.
     """
@@ -105,14 +105,14 @@ class SourceCard:
     n_dropped: Mapping[str, int] = field(default_factory=dict)
     rows: Sequence[Mapping[str, Any]] = ()
     profile: str | None = None
-    doubts: tuple[Doubt, ...] = ()
+    warnings: tuple[SourceWarning, ...] = ()
     filtered: Mapping[str, Sequence[str]] = field(default_factory=dict)
     sketch: str = ""
 
     @property
-    def sure_doubts(self) -> tuple[Doubt, ...]:
-        """Return the doubts that are almost surely mistakes."""
-        return tuple(d for d in self.doubts if d.is_sure)
+    def sure_warnings(self) -> tuple[SourceWarning, ...]:
+        """Return the warnings that are almost surely mistakes."""
+        return tuple(d for d in self.warnings if d.is_sure)
 
     @property
     def shape(self) -> str:
@@ -122,9 +122,9 @@ class SourceCard:
         return hashlib.blake2b(alike.encode("utf-8", "backslashreplace"), digest_size=8).hexdigest()
 
 
-def refused(source: Source, card: SourceCard) -> InputError:
+def refused(source: Source, card: SourceProfile) -> InputError:
     """Return the error of a source that is almost surely understood wrongly: E211."""
-    sure = card.sure_doubts
+    sure = card.sure_warnings
     first = sure[0]
     more = f" ({len(sure) - 1} more: {', '.join(d.code for d in sure[1:])})" if len(sure) > 1 else ""
     return InputError(
@@ -149,7 +149,7 @@ def table_head(source: Source, reader: Adapter, options: IngestOptions) -> Table
 
 
 @np.errstate(over="ignore", invalid="ignore")  # absurd numbers are quarantined later
-def understand(case: Case, *, name: str) -> SourceCard:
+def understand(case: Case, *, name: str) -> SourceProfile:
     """Return what was understood of a source that the adapter `name` reads."""
     sample, head = case.sample, case.head
     plan = None if head is None else head.plan
@@ -159,7 +159,7 @@ def understand(case: Case, *, name: str) -> SourceCard:
     zone, zone_from = _zone(case)
     like = [] if head is None else named_like(head.ignored, "confidence")
     full = full_score(head.values.get(like[0], ())) if head is not None and like else None
-    return SourceCard(
+    return SourceProfile(
         format=name,
         n_records=sample.n,
         is_whole=sample.is_whole,
@@ -187,7 +187,7 @@ def understand(case: Case, *, name: str) -> SourceCard:
         n_dropped=dict(sample.n_dropped),
         rows=_rows(sample, head),
         profile=case.options.profile,
-        doubts=doubts_of(case),
+        warnings=warnings_of(case),
         sketch=sketch_of(sample),
         filtered={} if head is None else {n: [v for v, _ in c.most_common(5)] for n, c in head.filtered.items()},
     )
@@ -208,7 +208,7 @@ def _zone(case: Case) -> tuple[str | None, str | None]:
     if not zones:
         return None, None
     if case.options.zone is not None:
-        profile = next((p for p in case.site.sources if p.profile_id == case.options.profile), None)
+        profile = next((p for p in case.site.sources if p.rule_id == case.options.profile), None)
         says_profile = profile is not None and profile.zone == case.options.zone
         return case.options.zone, "profile" if says_profile else "--zone"
     is_stated = all(c.has_clock for c in case.cameras)

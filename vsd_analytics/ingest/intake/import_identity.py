@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from vsd_analytics.errors import VsdError
-from vsd_analytics.ingest.checks.check_case import Doubt
+from vsd_analytics.ingest.checks.check_case import SourceWarning
 from vsd_analytics.ingest.checks.sketch import is_same_recording
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.site.model import Site
@@ -68,14 +68,14 @@ def reading_id(options: IngestOptions, *, kind: str) -> str:
     return durable.digest(msgspec.json.encode(how, order="deterministic"))
 
 
-def doubt_of_earlier_reading(site: Site, source: Source, reading: str, sketch: str) -> Doubt | None:
-    """Return the doubt of a file whose records are stored already, with other times, places or ids: W230.
+def warning_of_earlier_reading(site: Site, source: Source, reading: str, sketch: str) -> SourceWarning | None:
+    """Return the warning of a file whose records are stored already, with other times, places or ids: W230.
 
     Records at other times, or with other ids, would be stored a second time. Records at the same times are second
     deliveries: their first places would stay.
 
     Args:
-        site: The site. Imports that were taken back raise no doubt, nor do those without a stored record.
+        site: The site. Imports that were taken back raise no warning, nor do those without a stored record.
         source: The file that is about to be imported.
         reading: Its `reading_id`.
         sketch: Its `sketch_of`.
@@ -97,7 +97,7 @@ def doubt_of_earlier_reading(site: Site, source: Source, reading: str, sketch: s
         if is_same_file
         else "the same recording is stored already, with other times or other ids"
     )
-    return Doubt(
+    return SourceWarning(
         "W230",
         f"{what}: import {stored.id}, {n_records:,} records",
         "with another clock everybody would be stored twice; with another unit or column the first places would stay"
@@ -121,7 +121,7 @@ MOST = 1_000
 
 
 def known_shapes(root: Path) -> list[str]:
-    """Return the shapes (`SourceCard.shape`) imported into a project, the oldest first; [] when they cannot be read."""
+    """Return the shapes (`SourceProfile.shape`) imported into a project, the oldest first; [] when they cannot be read."""
     try:
         found = json.loads((root / FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -13,26 +13,26 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vsd_analytics.config.source_profiles import profile_of
+from vsd_analytics.config.reading_rules import reading_rule_of
 from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
 from vsd_analytics.ingest.checks.check_case import Case
 from vsd_analytics.ingest.checks.late_look import LateLook
 from vsd_analytics.ingest.checks.sample import SAMPLE_ROWS, sample_of
-from vsd_analytics.ingest.checks.understanding import SourceCard, refused, table_head, understand
+from vsd_analytics.ingest.checks.understanding import SourceProfile, refused, table_head, understand
 from vsd_analytics.ingest.formats.recognise import find_adapter
 from vsd_analytics.ingest.intake.import_identity import (
     content_id,
     content_of,
-    doubt_of_earlier_reading,
     import_id,
     known_shapes,
     note_shape,
     reading_id,
+    warning_of_earlier_reading,
 )
 from vsd_analytics.ingest.intake.normalise import Normaliser
-from vsd_analytics.ingest.intake.profile_camera import with_named_camera
 from vsd_analytics.ingest.intake.pseudonyms import keys_of
 from vsd_analytics.ingest.intake.quarantine_writer import Quarantine, SourceReading
+from vsd_analytics.ingest.intake.rule_camera import with_named_camera
 from vsd_analytics.ingest.intake.stored_places import note_of_other_places
 from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.ingest.reading.column_hints import differing_cameras
@@ -40,7 +40,7 @@ from vsd_analytics.ingest.reading.limits import within_bounds
 from vsd_analytics.ingest.reading.raw import n_rows, without_zones
 from vsd_analytics.ingest.reading.table_rows import LEFT_OUT
 from vsd_analytics.schema import TABLES, TableName
-from vsd_analytics.site.model import Site, SourceProfile
+from vsd_analytics.site.model import ReadingRule, Site
 from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.store import FoldResult, Store
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 ENGINE_MAX_CHARS = 200
 _NOTHING_SAID = IngestOptions()
 
-OF_PROFILE = {f.name for f in fields(IngestOptions)} & {f.name for f in fields(SourceProfile)} - {
+OF_PROFILE = {f.name for f in fields(IngestOptions)} & {f.name for f in fields(ReadingRule)} - {
     "map",
     "camera_from_name",
 }
@@ -91,7 +91,7 @@ class SourceResult:
     first_ms: int | None = None
     last_ms: int | None = None
     days: Counter[int] = field(default_factory=Counter)
-    card: SourceCard | None = None
+    card: SourceProfile | None = None
     is_new_shape: bool = False
     import_id: str = ""
     mapping: Mapping[str, Any] = field(default_factory=dict)
@@ -304,17 +304,17 @@ class _Ingest:
         table = table_head(self.source, reader, self.options)
         case = Case(self.site, self.options, sample, table, self.source.name, self.differing_cameras, self.now)
         card = understand(case, name=reader.name)
-        again = doubt_of_earlier_reading(
+        again = warning_of_earlier_reading(
             self.site, self.source, reading_id(self.options, kind=reader.name), card.sketch
         )
-        card = card if again is None else replace(card, doubts=(*card.doubts, again))
+        card = card if again is None else replace(card, warnings=(*card.warnings, again))
         result.card = card
         result.is_new_shape = bool(card.columns) and card.shape not in known_shapes(self.site.root)
         if self.on_card is not None:
             self.on_card(result)
-        if card.sure_doubts and not self.is_dry_run and not self.options.is_sure:
+        if card.sure_warnings and not self.is_dry_run and not self.options.is_sure:
             raise refused(self.source, card)
-        self.late.case, self.late.doubts = case, card.doubts
+        self.late.case, self.late.warnings = case, card.warnings
 
     def counting_bytes(self, batches: Iterator[RawBatch]) -> Iterator[RawBatch]:
         """Pass on batches, and report how far into the source they reach."""
@@ -359,12 +359,12 @@ def options_for(site: Site, source: Source, options: IngestOptions) -> IngestOpt
         UsageError: E101, as `with_site`.
         InputError: E213, its name should say the camera, and does not.
     """
-    profile = profile_of(source.name, site.sources)
+    profile = reading_rule_of(source.name, site.sources)
     options = with_named_camera(site, source, profile, options)
-    return with_site(site, options) if profile is None else options_of_profile(site, profile, options)
+    return with_site(site, options) if profile is None else options_of_rule(site, profile, options)
 
 
-def options_of_profile(site: Site, profile: SourceProfile, options: IngestOptions = _NOTHING_SAID) -> IngestOptions:
+def options_of_rule(site: Site, profile: ReadingRule, options: IngestOptions = _NOTHING_SAID) -> IngestOptions:
     """Return the options of sources of one `[[source]]`; what the user says wins.
 
     Raises:
@@ -372,7 +372,7 @@ def options_of_profile(site: Site, profile: SourceProfile, options: IngestOption
     """
     stated = {name: getattr(profile, name) for name in OF_PROFILE}
     missing = {name: value for name, value in stated.items() if getattr(options, name) is None}
-    merged = replace(options, **missing, map={**profile.map, **options.map}, profile=profile.profile_id)
+    merged = replace(options, **missing, map={**profile.map, **options.map}, profile=profile.rule_id)
     return with_site(site, merged)
 
 

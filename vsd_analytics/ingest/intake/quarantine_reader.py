@@ -11,12 +11,12 @@ from typing import IO, Any
 import msgspec
 import numpy as np
 
-from vsd_analytics.config.source_profiles import profile_of
+from vsd_analytics.config.reading_rules import reading_rule_of
 from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.formats.adapters import adapter
 from vsd_analytics.ingest.intake.pipeline import OF_PROFILE, with_site
-from vsd_analytics.ingest.intake.profile_camera import ids_by_name
 from vsd_analytics.ingest.intake.quarantine_writer import SourceReading
+from vsd_analytics.ingest.intake.rule_camera import ids_by_name
 from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.ingest.reading.instants import local_to_utc, utc_to_local
 from vsd_analytics.ingest.reading.named_camera import camera_of
@@ -63,7 +63,7 @@ class Rereader:
         return SourceReading(options.format or entry.format, options, entry.first_line, entry.engines, entry.import_id)
 
     def _as_today(self, options: IngestOptions) -> IngestOptions:
-        profile = next((p for p in self.site.sources if p.profile_id == options.profile), None)
+        profile = next((p for p in self.site.sources if p.rule_id == options.profile), None)
         if profile is None:
             return options
         names = (*OF_PROFILE, *(["map"] if profile.map else []))
@@ -72,12 +72,12 @@ class Rereader:
 
     def _camera_of(self, entry: QuarantineEntry) -> str | None:
         """Return the camera that the `[[source]]` of an entry's file says today, itself or by the file's name."""
-        profile = None if entry.is_live else profile_of(entry.source, self.site.sources)
+        profile = None if entry.is_live else reading_rule_of(entry.source, self.site.sources)
         if profile is None or profile.camera_from_name is None:
             return None if profile is None else profile.camera
         source, known = Source(Path(entry.source.replace("\0", " "))), ids_by_name(self.site)
         try:
-            return camera_of(source, profile.camera_from_name, known, profile_id=profile.profile_id)
+            return camera_of(source, profile.camera_from_name, known, rule_id=profile.rule_id)
         except InputError:  # the entry stays with its reason
             return None
 

@@ -12,14 +12,14 @@ from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.ingest.reading.table_parts import TablePart
 
 
-def camera_of(source: Source, pattern: str, known: Mapping[str, str], *, profile_id: str | None) -> str:
+def camera_of(source: Source, pattern: str, known: Mapping[str, str], *, rule_id: str | None) -> str:
     """Return the camera that the name of a file says.
 
     Args:
         source: The file.
         pattern: `camera_from_name`.
         known: Ids of cameras by their names.
-        profile_id: The `[[source]]` that has the pattern.
+        rule_id: The `[[source]]` that has the pattern.
 
     Raises:
         InputError: E213, it says none of them, or several.
@@ -27,7 +27,7 @@ def camera_of(source: Source, pattern: str, known: Mapping[str, str], *, profile
     found = cameras_in_name(source.name, pattern, known)
     if len({known[name] for name in found}) == 1:
         return found[0]
-    by = f'[[source]] {profile_id} reads it from camera_from_name = "{pattern}"'
+    by = f'[[source]] {rule_id} reads it from camera_from_name = "{pattern}"'
     text = text_in_name(source.name, pattern)
     fix = f"rename the file, or --camera {next(iter(known), 'ID')}"
     if len(found) > 1:
@@ -53,5 +53,5 @@ def part_with_camera(part: TablePart, options: IngestOptions) -> TablePart:
     if pattern is None:
         return part
     known = {name: name for name in options.clocks}  # these have all names of cameras
-    camera = camera_of(part.source, pattern, known, profile_id=options.profile)
+    camera = camera_of(part.source, pattern, known, rule_id=options.profile)
     return replace(part, constants={"camera_id": camera, **part.constants})

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from vsd_analytics.site.model import SourceProfile
+from vsd_analytics.site.model import ReadingRule
 
 TOO_MANY: Final = "too-many"
 """A frame with more persons or pairs than `persons_max` or `pairs_max`."""
@@ -63,7 +63,7 @@ def fix_of(
     *,
     format: str | None = None,
     mapping: Mapping[str, Any] | None = None,
-    sources: Sequence[SourceProfile] = (),
+    sources: Sequence[ReadingRule] = (),
     row: Mapping[str, Any] | str | None = None,
 ) -> str | None:
     """Return what to do about a record in quarantine, or None when its detail says it.
@@ -88,5 +88,5 @@ def fix_of(
     source = next((s for s in sources if s.persons == persons and dict(s.map) == renames), None)
     shown = "" if persons is None else f"persons = {json.dumps(persons)}, "
     shown += f"map = {{ {', '.join(f'{ours} = {json.dumps(theirs)}' for ours, theirs in renames.items())} }}"
-    by = "the mapping" if source is None else f"[[source]] {source.profile_id!r}"
+    by = "the mapping" if source is None else f"[[source]] {source.rule_id!r}"
     return f"compare it with {by}: {shown if len(shown) <= _MAPPING_CHARS else shown[:_MAPPING_CHARS] + '...'}"

@@ -10,12 +10,10 @@ from vsd_analytics.ingest.formats.recognise import find_adapter
 from vsd_analytics.ingest.formats.tables import is_divided
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.ingest.reading.named_camera import camera_of
-from vsd_analytics.site.model import Site, SourceProfile
+from vsd_analytics.site.model import ReadingRule, Site
 
 
-def with_named_camera(
-    site: Site, source: Source, profile: SourceProfile | None, options: IngestOptions
-) -> IngestOptions:
+def with_named_camera(site: Site, source: Source, profile: ReadingRule | None, options: IngestOptions) -> IngestOptions:
     """Return options with the camera that the source's name says, where its profile reads it from there.
 
     The files of a folder or archive whose own name says none are looked at one by one later.
@@ -29,7 +27,7 @@ def with_named_camera(
         return options
     known = ids_by_name(site)
     try:
-        camera = camera_of(source, profile.camera_from_name, known, profile_id=profile.profile_id)
+        camera = camera_of(source, profile.camera_from_name, known, rule_id=profile.rule_id)
     except InputError:
         if not is_divided(source):
             raise

@@ -16,7 +16,7 @@ from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES, PLACES
 from vsd_analytics.config.reader import Form, TableReader, nearest
 from vsd_analytics.config.row_filter import EXAMPLE, FilterError, parse_filter
 from vsd_analytics.config.values import parse_picture_px, zone
-from vsd_analytics.site.model import Camera, SourceProfile
+from vsd_analytics.site.model import Camera, ReadingRule
 
 _FILES: Form = {
     "anyOf": [
@@ -33,18 +33,18 @@ _DIRECTIVES = frozenset("aAbBcdDeFfgGHIjklmMnpPrRsSTtuUVwWxXyYzZ%")
 _DAYS = frozenset("djxcsDFe")
 
 
-def read_sources(root: TableReader, *, cameras: Collection[Camera]) -> tuple[SourceProfile, ...]:
+def read_sources(root: TableReader, *, cameras: Collection[Camera]) -> tuple[ReadingRule, ...]:
     """Return the profiles of `[[source]]`, in the order of the file."""
     names = {name for c in cameras for name in (c.camera_id, *c.engine_ids)}
-    found: dict[str, SourceProfile] = {}
+    found: dict[str, ReadingRule] = {}
     for table in root.each("source"):
-        profile_id = table.id("id", example='"tills"')
-        if profile_id in found:
-            table.fault("id", f"two sources have the id {profile_id!r}", code="E125", fix="give one of them another id")
+        rule_id = table.id("id", example='"tills"')
+        if rule_id in found:
+            table.fault("id", f"two sources have the id {rule_id!r}", code="E125", fix="give one of them another id")
         _check_mapping(table)
         size = table.parsed("size", example="[1280, 720]", parse=parse_picture_px, form=_SIZE)
-        profile = SourceProfile(
-            profile_id=profile_id or "",
+        profile = ReadingRule(
+            rule_id=rule_id or "",
             files=_files(table),
             format=table.text("format", example='"table"'),
             camera=_camera(table, names),
@@ -63,12 +63,12 @@ def read_sources(root: TableReader, *, cameras: Collection[Camera]) -> tuple[Sou
             topics=read_topics(table, example='["acme/+/people"]'),
         )
         table.close()
-        if profile_id is not None:
-            found[profile_id] = profile
+        if rule_id is not None:
+            found[rule_id] = profile
     return tuple(found.values())
 
 
-def profile_of(name: str, profiles: Collection[SourceProfile]) -> SourceProfile | None:
+def reading_rule_of(name: str, profiles: Collection[ReadingRule]) -> ReadingRule | None:
     """Return the first profile whose patterns fit a path, or None.
 
     Args:
@@ -80,17 +80,17 @@ def profile_of(name: str, profiles: Collection[SourceProfile]) -> SourceProfile 
 
 
 @dataclass(frozen=True, slots=True)
-class NewProfile:
+class NewReadingRule:
     """A `[[source]]` to be written.
 
     Attributes:
-        profile_id: Its id.
+        rule_id: Its id.
         file_name: Name of a file of its kind; runs of digits in it become `*`.
         values: Further keys; None = left out.
         files: Patterns of file names, where they are not made of `file_name`.
     """
 
-    profile_id: str
+    rule_id: str
     file_name: str
     values: dict[str, Any] = field(default_factory=dict)
     files: tuple[str, ...] = ()
@@ -112,7 +112,7 @@ class NewProfile:
     def text(self) -> str:
         """Return the lines of `vsd.toml`."""
         files = (self.files[0] if len(self.files) == 1 else self.files) or self.pattern
-        keys = {"id": self.profile_id, "files": files, **self.values}
+        keys = {"id": self.rule_id, "files": files, **self.values}
         return "\n".join(["[[source]]", *(f"{k} = {_toml(v)}" for k, v in keys.items() if v is not None)]) + "\n"
 
 
