@@ -117,11 +117,11 @@ def read_files(
         read_as += [s.format for s in is_right if s.n_records]
     if any(s.error for s in result.sources):
         return 2
-    warned = any(not n.startswith("info:") for s in result.sources for n in s.notes)
+    has_notes = any(not n.startswith("info:") for s in result.sources for n in s.notes)
     has_warnings = any(
         is_dry_run or not d.is_note for s in result.sources if s.card is not None for d in s.card.warnings
     )
-    return 1 if result.n_rejected or warned or has_warnings or result.fold.is_ballast_spent else 0
+    return 1 if result.n_rejected or has_notes or has_warnings or result.fold.is_ballast_spent else 0
 
 
 def _watch(project: Project, folder: Path, given: dict[str, Any], *, as_json: bool) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from vsd_analytics.ingest.checks.check_case import Case, SourceWarning, plan_bounds_m
+from vsd_analytics.ingest.checks.check_case import Case, SourceCheck, SourceWarning, is_on_floor, plan_bounds_m
 from vsd_analytics.ingest.checks.sample import Ints, Sample, is_last, is_new
 
 if TYPE_CHECKING:
@@ -101,9 +101,8 @@ class _OnFloor:
 
 
 def _turned(case: Case) -> Iterator[SourceWarning]:
-    """W220: positions that fit fixtures and doors only when they are turned round."""
     fixed = {f.floor_id for f in case.site.fixtures} | {a.floor_id for a in case.site.areas if a.is_door}
-    if case.sample.is_pairs or not case.sample.has_floor or fixed.isdisjoint(c.floor_id for c in case.cameras):
+    if fixed.isdisjoint(c.floor_id for c in case.cameras):
         return
     floors = [one for camera in case.cameras if (one := _on_floor(case, camera)) is not None]
     n_cells, n_ends = sum(len(f.x) for f in floors), sum(len(f.ends) for f in floors)
@@ -128,11 +127,11 @@ def _turned(case: Case) -> Iterator[SourceWarning]:
     if inside >= INSIDE_MIN and inside + less <= FITS_SHARE * inside:
         what = f"{inside:.0%} of the places where people were would be inside fixtures; {name}, {inside + less:.1%}"
         why = "nobody walks through shelves and walls: x must point right and y up, from the plan's lower left corner"
-        yield SourceWarning("W220", what, why, f"{fix}; {_PICTURE}", is_sure=inside >= SURE_MIN)
+        yield SourceWarning(what, why, f"{fix}; {_PICTURE}", is_sure=inside >= SURE_MIN)
         return
     what = f"{at_doors or 0:.0%} of the ways would begin and end at a door; {name}, {doors:.0%}"
     why = "people come and go by doors: x must point right and y up, from the plan's lower left corner"
-    yield SourceWarning("W220", what, why, f"{fix}; {_PICTURE}")
+    yield SourceWarning(what, why, f"{fix}; {_PICTURE}")
 
 
 def _on_floor(case: Case, camera: Camera) -> _OnFloor | None:
@@ -192,4 +191,6 @@ def _ends(sample: Sample, row: Ints) -> np.ndarray:
     return np.asarray(sample.floor_m[row[np.concatenate([begin, end])]])
 
 
-AXIS_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (_turned,)
+AXIS_CHECKS: Final = (
+    SourceCheck("W220", is_on_floor, _turned, "positions that fit fixtures and doors only when they are turned round"),
+)

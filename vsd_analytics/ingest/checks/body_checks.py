@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceCheck, SourceWarning, has_positions
 from vsd_analytics.ingest.checks.sample import is_known, is_new
 
 BODY_M: Final = 0.2
@@ -21,15 +21,13 @@ _HALF_MM: Final = 0.0005
 
 
 def _rounded(case: Case) -> Iterator[SourceWarning]:
-    """W220: positions that were rounded to half metres or metres."""
     places = case.sample.floor_m[is_known(case.sample.floor_m)]
-    if case.sample.is_pairs or len(places) < 5 * ROWS_MIN:
+    if len(places) < 5 * ROWS_MIN:
         return
     is_coarse = (np.abs(places / COARSE_M - np.rint(places / COARSE_M)) < 1e-6).all()
     if is_coarse and len(np.unique(places, axis=0)) >= ROWS_MIN:
         is_whole = (places == np.rint(places)).all()
         yield SourceWarning(
-            "W220",
             f"all positions are {'whole' if is_whole else 'half'} metres",
             "distances between rounded places are off by as much, and people in one place have none",
             "export positions with decimals; --unit if the numbers are no metres",
@@ -37,10 +35,9 @@ def _rounded(case: Case) -> Iterator[SourceWarning]:
 
 
 def _bodies(case: Case) -> Iterator[SourceWarning]:
-    """W220: people inside each other: one person several times in a frame, or a unit that is too large."""
     sample = case.sample
     row = np.flatnonzero(is_known(sample.floor_m))
-    if sample.is_pairs or len(row) < 5 * ROWS_MIN or np.ptp(sample.floor_m[row], axis=0).max() <= 1:
+    if len(row) < 5 * ROWS_MIN or np.ptp(sample.floor_m[row], axis=0).max() <= 1:
         return  # all within a square metre: another unit
     # what a fold stores once is one person here as well
     is_repeated = np.zeros(sample.n, dtype=bool)
@@ -56,10 +53,10 @@ def _bodies(case: Case) -> Iterator[SourceWarning]:
     fix = "one row for each person and time, and none for lost people; export the times of frames with their decimals"
     if share_in > CROWDED_SHARE:
         what = f"{share_in:.0%} of the people would be within {BODY_M * 100:.0f} cm of another one of the same time"
-        yield SourceWarning("W220", what, why, fix, is_sure=True)
+        yield SourceWarning(what, why, fix, is_sure=True)
     elif n_same >= SAME_SHARE * len(row):
         what = f"{n_same:,} of {len(row):,} records are at exactly the same place and time as another person"
-        yield SourceWarning("W220", what, why, fix)
+        yield SourceWarning(what, why, fix)
 
 
 def _nearest_m(frame: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -77,4 +74,12 @@ def _nearest_m(frame: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return nearest
 
 
-BODY_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (_rounded, _bodies)
+BODY_CHECKS: Final = (
+    SourceCheck("W220", has_positions, _rounded, "positions that were rounded to half metres or metres"),
+    SourceCheck(
+        "W220",
+        has_positions,
+        _bodies,
+        "people inside each other: one person several times in a frame, or a unit that is too large",
+    ),
+)

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from vsd_analytics.geometry.homography import to_floor
-from vsd_analytics.ingest.checks.axis_checks import AXIS_LOOKS
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning
-from vsd_analytics.ingest.checks.frame_checks import several_frames
-from vsd_analytics.ingest.checks.place_checks import PLACE_LOOKS
+from vsd_analytics.ingest.checks.axis_checks import AXIS_CHECKS
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceCheck, SourceWarning, is_in_picture
+from vsd_analytics.ingest.checks.frame_checks import SEVERAL_FRAMES
+from vsd_analytics.ingest.checks.place_checks import UNIT_CHECK
 from vsd_analytics.site.model import Camera
 
 SKY_SHARE: Final = 0.1
 
 
 def _on_the_floor(case: Case) -> Iterator[SourceWarning]:
-    """W226: pixels that are outside the floor, inside fixtures or in the sky by the calibration."""
     sample = case.sample
-    if sample.is_pairs or sample.has_floor or sample.n < 5 * ROWS_MIN or not any(c.calibrations for c in case.cameras):
+    if sample.n < 5 * ROWS_MIN or not any(c.calibrations for c in case.cameras):
         return
     floor_m, is_seen = sample.floor_m.copy(), np.zeros(sample.n, dtype=bool)
     for camera in case.cameras:
@@ -38,14 +37,13 @@ def _on_the_floor(case: Case) -> Iterator[SourceWarning]:
     sky = float(np.isnan(floor_m[is_seen, 0]).mean())
     if sky > SKY_SHARE:
         what = f"{sky:.0%} of the positions are above the horizon of the calibration"
-        yield SourceWarning("W226", what, "nobody can be in the sky", fix, is_sure=sky > 0.5)
+        yield SourceWarning(what, "nobody can be in the sky", fix, is_sure=sky > 0.5)
         return
     on_floor = replace(case, sample=replace(sample, floor_m=floor_m), head=None)
-    for look in (*PLACE_LOOKS[:1], *AXIS_LOOKS):
-        for doubt in look(on_floor):
-            what = f"by the calibration, {doubt.what}"
-            yield replace(doubt, code="W226", what=what, fix=fix)
-    yield from several_frames(on_floor)
+    for check in (UNIT_CHECK, *AXIS_CHECKS):
+        for warning in check.find(on_floor) if check.applies(on_floor) else ():
+            yield replace(warning, what=f"by the calibration, {warning.what}", fix=fix)
+    yield from SEVERAL_FRAMES.warnings(on_floor)
 
 
 def _floor_m(camera: Camera, uv_px: np.ndarray) -> np.ndarray:
@@ -55,4 +53,11 @@ def _floor_m(camera: Camera, uv_px: np.ndarray) -> np.ndarray:
     return to_floor(camera.calibrations[-1].homography, uv_px, picture_px=camera.picture_px)
 
 
-CALIBRATED_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (_on_the_floor,)
+CALIBRATION_CHECKS: Final = (
+    SourceCheck(
+        "W226",
+        is_in_picture,
+        _on_the_floor,
+        "pixels that are outside the floor, inside fixtures or in the sky by the calibration",
+    ),
+)

@@ -1,8 +1,9 @@
-"""What a doubt about a source may look at, and what it says."""
+"""What a check of a source looks at, when it applies, and what it says."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Final
 
@@ -24,7 +25,7 @@ class SourceWarning:
     """One thing that looks wrong.
 
     Attributes:
-        code: "W220" to "W228", or "W230".
+        code: "W220" to "W228", or "W230"; a check of the table has its own, see `SourceCheck`.
         what: What was seen.
         why: Why it matters.
         fix: The option or line of vsd.toml that settles it.
@@ -32,7 +33,7 @@ class SourceWarning:
         is_note: Good to know, and perhaps as it should be: an ingest does not ask for attention.
     """
 
-    code: str
+    code: str = field(default="", kw_only=True)
     what: str
     why: str
     fix: str
@@ -42,7 +43,7 @@ class SourceWarning:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """All that a doubt may look at.
+    """All that a check may look at.
 
     Attributes:
         site: The site.
@@ -63,6 +64,13 @@ class Case:
     now: datetime | None = None
 
     @property
+    def columns(self) -> TableHead:
+        """Return the columns, for checks of sources that have them."""
+        if self.head is None:
+            raise ValueError("this source has no columns of the user's choice")
+        return self.head
+
+    @property
     def cameras(self) -> tuple[Camera, ...]:
         """Return the cameras of the site that records of the sample name."""
         named = set(self.sample.camera.names)
@@ -71,6 +79,69 @@ class Case:
     def is_settled_by_where(self, column: str) -> bool:
         """Return whether the user's filter names a column."""
         return self.head is not None and column in self.head.plan.compared
+
+
+@dataclass(frozen=True, slots=True)
+class SourceCheck:
+    """One entry of the table of checks.
+
+    Attributes:
+        code: That of all its warnings.
+        applies: Whether a source has what the check looks at.
+        find: Yields a warning for each thing that looks wrong.
+        words: What it looks for.
+    """
+
+    code: str
+    applies: Callable[[Case], bool]
+    find: Callable[[Case], Iterator[SourceWarning]]
+    words: str
+
+    def warnings(self, case: Case) -> Iterator[SourceWarning]:
+        """Yield what looks wrong, with the code of this check unless another check of the table found it."""
+        if self.applies(case):
+            for warning in self.find(case):
+                yield warning if warning.code else replace(warning, code=self.code)
+
+
+def always(_: Case) -> bool:
+    """Return True: the check looks at any source."""
+    return True
+
+
+def has_positions(case: Case) -> bool:
+    """Return whether records are of single people."""
+    return not case.sample.is_pairs
+
+
+def is_on_floor(case: Case) -> bool:
+    """Return whether records are of single people on the floor."""
+    return not case.sample.is_pairs and case.sample.has_floor
+
+
+def is_in_picture(case: Case) -> bool:
+    """Return whether records are of single people in the picture."""
+    return not case.sample.is_pairs and not case.sample.has_floor
+
+
+def has_tracks(case: Case) -> bool:
+    """Return whether records are of single people with ids."""
+    return not case.sample.is_pairs and case.sample.has_ids
+
+
+def has_columns(case: Case) -> bool:
+    """Return whether the user has a say in which columns are read."""
+    return case.head is not None
+
+
+def has_person_columns(case: Case) -> bool:
+    """Return whether rows are single people, and the user has a say in which columns are read."""
+    return case.head is not None and not case.sample.is_pairs
+
+
+def has_pair_columns(case: Case) -> bool:
+    """Return whether rows are pairs, and the user has a say in which columns are read."""
+    return case.head is not None and case.sample.is_pairs
 
 
 def plan_bounds_m(floor: Floor) -> Bounds | None:
@@ -91,9 +162,9 @@ def floor_bounds_m(case: Case) -> Bounds | None:
     floors = {f.floor_id: f for f in case.site.floors}
     for camera in case.cameras:
         floor = floors.get(camera.floor_id)
-        found = None if floor is None else plan_bounds_m(floor)
-        if found is not None:
-            boxes.append(found)
+        bounds_m = None if floor is None else plan_bounds_m(floor)
+        if bounds_m is not None:
+            boxes.append(bounds_m)
         elif camera.view:
             xs, ys = zip(*camera.view, strict=True)
             boxes.append((min(xs), max(xs), min(ys), max(ys)))

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from collections.abc import Set as AbstractSet
 from typing import Final
 
 import numpy as np
 
 from vsd_analytics.config.file_columns import METRES
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning, quoted
+from vsd_analytics.ingest.checks.check_case import (
+    ROWS_MIN,
+    Case,
+    SourceCheck,
+    SourceWarning,
+    always,
+    has_columns,
+    has_person_columns,
+    quoted,
+)
 from vsd_analytics.ingest.reading.cell_values import full_score, is_number
 from vsd_analytics.ingest.reading.column_hints import (
     GONE,
@@ -44,7 +53,6 @@ _NO: Final = frozenset({"0", "0.0", "false", "f", "no", "n", "falsch", "nein", "
 
 
 def _cameras_of_files(case: Case) -> Iterator[SourceWarning]:
-    """W221: files whose names tell of several cameras, where nobody said which camera is meant."""
     camera = case.options.camera
     is_named = case.head is not None and "camera_id" in case.head.plan.theirs
     if is_named or not case.sample.n or camera is None or case.options.camera_from_name is not None:
@@ -53,7 +61,6 @@ def _cameras_of_files(case: Case) -> Iterator[SourceWarning]:
         own, meant = (cameras_in([name]) for name in (case.file.rpartition("/")[2], camera))
         if own and meant and not own & meant:
             yield SourceWarning(
-                "W221",
                 f"the name of the file tells of {', '.join(sorted(own))}, and all rows go to {camera}, as you say",
                 "people of another place would be counted there",
                 "--camera says which camera it is; a [[source]] with camera_from_name reads it from such names",
@@ -70,7 +77,6 @@ def _cameras_of_files(case: Case) -> Iterator[SourceWarning]:
     own = cameras_in(name.rpartition("/")[2] for name in [case.file])
     if known and own and not own & known:
         yield SourceWarning(
-            "W221",
             f"the name of the file tells of {', '.join(sorted(own))}, and all rows go to {camera}",
             "people of another place would be counted there",
             "--camera says which camera it is; engine_ids in vsd.toml hold its other names",
@@ -79,37 +85,34 @@ def _cameras_of_files(case: Case) -> Iterator[SourceWarning]:
 
 
 def _cameras(case: Case) -> Iterator[SourceWarning]:
-    """W221: a column of cameras that is not read."""
-    if case.head is None or "camera_id" in case.head.plan.theirs:
+    if "camera_id" in case.columns.plan.theirs:
         return
     if len(found := cameras_in(case.sample.track.names)) > 1:
         yield _merged_cameras(
             case, f"the ids of people name {len(found)} cameras", found, "export the camera in a column of its own"
         )
-    if len(parts := cameras_in(case.head.parts)) > 1:
+    if len(parts := cameras_in(case.columns.parts)) > 1:
         yield _merged_cameras(
             case,
             f"the names of its files tell of {len(parts)} cameras",
             parts,
             "a [[source]] with camera_from_name, or name them one by one, each with --camera",
         )
-    for column in named_like(case.head.values, "file"):
-        if len(found := cameras_in(case.head.values[column])) > 1 and not case.is_settled_by_where(column):
+    for column in named_like(case.columns.values, "file"):
+        if len(found := cameras_in(case.columns.values[column])) > 1 and not case.is_settled_by_where(column):
             what = f"{column[:80]!r} names {len(found)} cameras"
             yield _merged_cameras(case, what, found, f"--map camera_id={column}")
-        elif letters(column) in _TOPICS and 1 < len(topics := case.head.values[column]) <= TOPICS_MAX:
+        elif letters(column) in _TOPICS and 1 < len(topics := case.columns.values[column]) <= TOPICS_MAX:
             yield SourceWarning(
-                "W221",
                 f"{column[:80]!r} has {len(topics)} values ({', '.join(v[:40] for v, _ in topics.most_common(3))}), "
                 f"and all rows go to {case.options.camera}",
                 "where each camera has a topic of its own, people of several places would be counted as if together",
                 f"--map camera_id={column} (and engine_ids in vsd.toml)",
             )
-    for column in named_like(case.head.values, "storey"):
-        values = case.head.values[column]
+    for column in named_like(case.columns.values, "storey"):
+        values = case.columns.values[column]
         if 1 < len(values) <= 20 and not case.is_settled_by_where(column):
             yield SourceWarning(
-                "W221",
                 f"{column[:80]!r} names {len(values)} floors ({', '.join(v[:20] for v, _ in values.most_common(4))}), "
                 f"and all rows go to {case.options.camera}",
                 "people above each other would be counted as if they stood together",
@@ -117,8 +120,8 @@ def _cameras(case: Case) -> Iterator[SourceWarning]:
                 is_sure=True,
             )
     known = {name.lower() for c in case.site.cameras for name in (c.camera_id, c.name, *c.engine_ids)}
-    for column in case.head.values:
-        values = case.head.values[column]
+    for column in case.columns.values:
+        values = case.columns.values[column]
         is_camera = all(
             value.lower() in known or is_address(value) or cameras_in([value]) == {_plain(value)} for value in values
         )
@@ -130,7 +133,6 @@ def _cameras(case: Case) -> Iterator[SourceWarning]:
             continue
         shown = ", ".join(value[:20] for value, _ in values.most_common(4))
         yield SourceWarning(
-            "W221",
             f"{column[:80]!r} names {len(values)} cameras ({shown}), and all rows go to {case.options.camera}",
             "people of several places would be counted as if they stood together",
             f"--map camera_id={column} (and engine_ids in vsd.toml), or --where \"{quoted(column)} = '...'\"",
@@ -139,12 +141,11 @@ def _cameras(case: Case) -> Iterator[SourceWarning]:
 
 
 def _heights(case: Case) -> Iterator[SourceWarning]:
-    """W221: heights of two floors in a column that is not read."""
-    if case.head is None or not case.sample.has_floor:
+    if not case.sample.has_floor:
         return
-    metres = METRES[case.head.plan.units.get("x_m", "m")]
-    for column in named_like(case.head.ignored, "third axis"):
-        values = case.head.values[column].items() if column in case.head.values else ()
+    metres = METRES[case.columns.plan.units.get("x_m", "m")]
+    for column in named_like(case.columns.ignored, "third axis"):
+        values = case.columns.values[column].items() if column in case.columns.values else ()
         found = [(float(v) * metres, n) for v, n in values if is_number(v)]
         heights = np.sort(np.repeat(*map(np.asarray, zip(*found, strict=True)))) if found else np.empty(0)
         inner = heights[int(0.05 * len(heights)) : len(heights) - int(0.05 * len(heights))]
@@ -152,7 +153,6 @@ def _heights(case: Case) -> Iterator[SourceWarning]:
             continue
         low, high = inner[np.argmax(gap)], inner[np.argmax(gap) + 1]
         yield SourceWarning(
-            "W221",
             f"{column[:80]!r} holds two heights: up to {low:.1f} m, and from {high:.1f} m on",
             "people of two floors would be counted as if they stood together",
             f'--where "{quoted(column)} < {(low + high) / 2 / metres:.3g}" with --camera, one command for each floor',
@@ -166,7 +166,6 @@ def _plain(name: str) -> str:
 
 def _merged_cameras(case: Case, what: str, found: AbstractSet[str], fix: str) -> SourceWarning:
     return SourceWarning(
-        "W221",
         f"{what} ({', '.join(sorted(found)[:4])}), and all rows go to {case.options.camera}",
         "people of several places would be counted as if they stood together",
         f"{fix}; engine_ids in vsd.toml say which camera is meant",
@@ -175,12 +174,9 @@ def _merged_cameras(case: Case, what: str, found: AbstractSet[str], fix: str) ->
 
 
 def _classes(case: Case) -> Iterator[SourceWarning]:
-    """W222: rows that are no people."""
-    if case.head is None or case.sample.is_pairs:
-        return
-    if any(letters(column) not in VAGUE for column in named_like(case.head.plan.compared, "class")):
+    if any(letters(column) not in VAGUE for column in named_like(case.columns.plan.compared, "class")):
         return  # who filters by the class's name need not filter by its number as well
-    for column, values in case.head.values.items():
+    for column, values in case.columns.values.items():
         held = {letters(value) for value in values}
         if not is_named_like(column, "class") and not (held & PERSON and held & OBJECTS):
             continue
@@ -199,7 +195,6 @@ def _classes(case: Case) -> Iterator[SourceWarning]:
         is_sure = bool(words & (PERSON | OBJECTS)) or (bool(numbers) and len(values) > 1)
         n_others = sum(values[value] for value in others)
         yield SourceWarning(
-            "W222",
             f"{column[:80]!r} has other values than persons: {', '.join(v[:20] for v in others[:5])} "
             f"({n_others:,} of {sum(values.values()):,} rows)",
             "every row would count as a person",
@@ -210,18 +205,14 @@ def _classes(case: Case) -> Iterator[SourceWarning]:
 
 
 def _marked(case: Case) -> Iterator[SourceWarning]:
-    """W222: rows that a tracker marks as not in view, or as no person."""
-    if case.head is None or case.sample.is_pairs:
-        return
-    marks = [(column, _YES, _NO) for column in named_like(case.head.values, "absent")]
-    marks += [(column, _NO, _YES) for column in named_like(case.head.values, "present")]
+    marks = [(column, _YES, _NO) for column in named_like(case.columns.values, "absent")]
+    marks += [(column, _NO, _YES) for column in named_like(case.columns.values, "present")]
     for column, out, wanted in marks:
-        values = case.head.values[column]
+        values = case.columns.values[column]
         n_out = sum(n for value, n in values.items() if value.lower() in out)
         seen = next((value for value in values if value.lower() in wanted), None)
         if n_out and seen is not None and len(values) == 2 and not case.is_settled_by_where(column):
             yield SourceWarning(
-                "W222",
                 f"{column[:80]!r} marks {n_out:,} of {sum(values.values()):,} rows",
                 "what is no person, or nobody sees where the tracker guesses it, would count as one",
                 f'--where "{quoted(column)} = {seen if seen.isdecimal() else repr(seen)}"',
@@ -230,16 +221,12 @@ def _marked(case: Case) -> Iterator[SourceWarning]:
 
 
 def _unseen(case: Case) -> Iterator[SourceWarning]:
-    """W222: rows in which the tracker counts how long it has not seen the person."""
-    if case.head is None or case.sample.is_pairs:
-        return
-    for column in named_like(case.head.values, "unseen"):
-        values = case.head.values[column]
+    for column in named_like(case.columns.values, "unseen"):
+        values = case.columns.values[column]
         n_seen = sum(n for value, n in values.items() if value in ("0", "0.0"))
         n_out = sum(values.values()) - n_seen
         if n_seen and n_out and not case.is_settled_by_where(column):
             yield SourceWarning(
-                "W222",
                 f"{column[:80]!r} is above 0 in {n_out:,} of {sum(values.values()):,} rows",
                 "people whom the tracker does not see would count where it guesses them",
                 f'--where "{quoted(column)} = 0"',
@@ -248,19 +235,17 @@ def _unseen(case: Case) -> Iterator[SourceWarning]:
 
 
 def _unit_column(case: Case) -> Iterator[SourceWarning]:
-    """W220: a column that states another unit than the one positions are read in."""
-    if case.head is None or not any(ours in LENGTHS for ours in case.head.plan.names):
+    if not any(ours in LENGTHS for ours in case.columns.plan.names):
         return
-    for column in named_like(case.head.values, "unit"):
-        found = {_UNITS.get(letters(value), unit_in_name(f"x_{value}")) for value in case.head.values[column]}
-        read = {case.head.plan.units.get(ours, "m") for ours in case.head.plan.names if ours in LENGTHS}
+    for column in named_like(case.columns.values, "unit"):
+        found = {_UNITS.get(letters(value), unit_in_name(f"x_{value}")) for value in case.columns.values[column]}
+        read = {case.columns.plan.units.get(ours, "m") for ours in case.columns.plan.names if ours in LENGTHS}
         if None in found or found == read:
             continue
         wanted = next(iter(found - read), "m")
         yield SourceWarning(
-            "W220",
-            f"{column[:80]!r} says {', '.join(v[:20] for v in list(case.head.values[column])[:3])}, and positions are "
-            f"read as {', '.join(sorted(read))}",
+            f"{column[:80]!r} says {', '.join(v[:20] for v in list(case.columns.values[column])[:3])}, and positions "
+            f"are read as {', '.join(sorted(read))}",
             "distances would be too large or too small",
             f"--unit {wanted}" if len(found) == 1 else f'--where "{quoted(column)} = ..." with --unit, once for each',
             is_sure=True,
@@ -268,12 +253,10 @@ def _unit_column(case: Case) -> Iterator[SourceWarning]:
 
 
 def _sums(case: Case) -> Iterator[SourceWarning]:
-    """W222: a line of sums below a table, read as a person."""
     tracks = case.sample.track.names
     names = [t for t in tracks if letters(t) in SUMS] if len(tracks) > 2 else []
     if names and len(names) < len(tracks) / 2:
         yield SourceWarning(
-            "W222",
             f"{', '.join(name[:20] for name in names[:3])} as the id of a person: some rows seem to be sums",
             "a sum or mean would count as a person",
             "leave such lines out of the export",
@@ -281,16 +264,12 @@ def _sums(case: Case) -> Iterator[SourceWarning]:
 
 
 def _states(case: Case) -> Iterator[SourceWarning]:
-    """W222: rows of tracks that the tracker has lost, or only predicts."""
-    if case.head is None or case.sample.is_pairs:
-        return
-    for column, values in case.head.values.items():
+    for column, values in case.columns.values.items():
         gone = [value for value in values if letters(value) in GONE]
         seen = [value for value in values if value not in gone]
         if gone and seen and not case.is_settled_by_where(column):
             n_gone = sum(values[value] for value in gone)
             yield SourceWarning(
-                "W222",
                 f"{column[:80]!r} says {', '.join(v[:20] for v in gone[:3])} for {n_gone:,} of "
                 f"{sum(values.values()):,} rows",
                 "people whom the tracker does not see would count where it guesses them",
@@ -300,17 +279,13 @@ def _states(case: Case) -> Iterator[SourceWarning]:
 
 
 def _scores(case: Case) -> Iterator[SourceWarning]:
-    """W222: a column of scores for each class, and another class than person has the highest one."""
-    if case.head is None or case.sample.is_pairs:
-        return
-    scored = {column: full_score(case.head.values[column]) for column in named_like(case.head.values, "scores")}
+    scored = {column: full_score(case.columns.values[column]) for column in named_like(case.columns.values, "scores")}
     people = [column for column, full in scored.items() if full is not None and scored_class(column) in PERSON]
     for column in [c for c, full in scored.items() if full is not None and scored_class(c) in OBJECTS]:
         half = (scored[column] or 1) / 2
-        high = [v for v in case.head.values[column] if is_number(v) and float(v) > half]
+        high = [v for v in case.columns.values[column] if is_number(v) and float(v) > half]
         if people and high and not any(map(case.is_settled_by_where, (column, *people))):
             yield SourceWarning(
-                "W222",
                 f"{column[:80]!r} holds scores above {half:g}: {', '.join(v[:20] for v in high[:5])}",
                 "such rows are hardly people, and each would count as one",
                 f'--where "{quoted(people[0])} >= {half:g}"',
@@ -319,19 +294,15 @@ def _scores(case: Case) -> Iterator[SourceWarning]:
 
 
 def _weak(case: Case) -> Iterator[SourceWarning]:
-    """W222: many rows of which the engine itself is not sure."""
-    if case.head is None or case.sample.is_pairs:
-        return
-    for column in named_like(case.head.values, "confidence"):
-        found = {float(v): n for v, n in case.head.values[column].items() if is_number(v)}
-        full = full_score(case.head.values[column])
+    for column in named_like(case.columns.values, "confidence"):
+        found = {float(v): n for v, n in case.columns.values[column].items() if is_number(v)}
+        full = full_score(case.columns.values[column])
         if full is None or sum(found.values()) < 5 * ROWS_MIN:
             continue
         limit = WEAK * full
         share = sum(n for value, n in found.items() if value < limit) / sum(found.values())
         if share > WEAK_SHARE and not case.is_settled_by_where(column):
             yield SourceWarning(
-                "W222",
                 f"{column[:80]!r} is below {limit:g} in {share:.0%} of the rows",
                 "the engine is not sure that these are people, and each would count as one",
                 f'--where "{quoted(column)} >= {limit:g}"',
@@ -339,18 +310,14 @@ def _weak(case: Case) -> Iterator[SourceWarning]:
 
 
 def _confidences(case: Case) -> Iterator[SourceWarning]:
-    """W222: a limit of confidence in shares, where the column has percents."""
-    if case.head is None:
-        return
-    for compared in case.head.plan.where:
+    for compared in case.columns.plan.where:
         column = compared.column
         if not is_named_like(column, "confidence") or not isinstance(compared.value, float):
             continue
-        found = [float(v) for v in case.head.filtered.get(column, ()) if is_number(v)]
+        found = [float(v) for v in case.columns.filtered.get(column, ()) if is_number(v)]
         if found and 0 < compared.value <= 1 and np.median(found) > 1.5:
             are_percents = max(found) <= 100
             yield SourceWarning(
-                "W222",
                 f"--where compares {column[:80]!r} with {compared.value:g}, and it is {min(found):g} to {max(found):g}",
                 f"it holds {'percents' if are_percents else 'no shares'}, so the filter leaves out hardly any row",
                 f"compare it with {compared.value * (100 if are_percents else max(found)):.3g}",
@@ -359,13 +326,11 @@ def _confidences(case: Case) -> Iterator[SourceWarning]:
 
 
 def _nobody(case: Case) -> Iterator[SourceWarning]:
-    """W222: objects in view, and none of them is a person."""
     n_other, n_unknown = (case.sample.n_dropped[reason] for reason in (NOT_A_PERSON, NO_CLASS))
     if case.sample.n or case.sample.n_rejected or n_other + n_unknown < ROWS_MIN:
         return
     found = [f"{n_other:,} of another class"] * bool(n_other) + [f"{n_unknown:,} without a class"] * bool(n_unknown)
     yield SourceWarning(
-        "W222",
         f"{n_other + n_unknown:,} objects were in view, {' and '.join(found)}, and none is a person",
         "its hours would count as recorded, with nobody in view",
         "if people were there: let the camera or engine classify persons, not only moving objects or faces",
@@ -374,41 +339,34 @@ def _nobody(case: Case) -> Iterator[SourceWarning]:
 
 
 def _others_in_a_row(case: Case) -> Iterator[SourceWarning]:
-    """W228: columns of a second person in each row, and files that are not read."""
-    if case.head is None:
-        return
-    names = case.head.plan.names
+    names = case.columns.plan.names
     axes = [names[ours] for ours in ("x_m", "y_m", "u_px", "v_px") if ours in names]
-    others = [of_another_person(name, case.head.ignored) for name in axes]
+    others = [of_another_person(name, case.columns.ignored) for name in axes]
     if axes and all(others):
         yield SourceWarning(
-            "W228",
             f"{', '.join(o[:40] for o in others if o)} seem to hold another person, or another corner, in the same row",
             "a row is one person: who is in other columns would not be counted",
             "write one row for each person; a box: --map left=...,top=...,right=...,bottom=...",
             is_sure=True,
         )
-    ids = [n for n in case.head.ignored if (t := names.get("track_id")) and of_another_person(t, [n])]
+    ids = [n for n in case.columns.ignored if (t := names.get("track_id")) and of_another_person(t, [n])]
     if "left" in names and ids:
         yield SourceWarning(
-            "W228",
             f"{ids[0][:40]!r} is the id of another person in the same row",
             "a row of two people is a pair: its two places are no corners of a box",
             "--format pairs --map track_a=...,track_b=...,x_a_m=...,y_a_m=...,x_b_m=...,y_b_m=...",
             is_sure=True,
         )
-    for path in case.head.passed_over:
+    for path in case.columns.passed_over:
         yield SourceWarning(
-            "W228",
             f"{path[:80]!r} is one entry of a list that has more of them",
             "who is in the other entries would not be counted",
             "write one message for each entry, or read each by a command of its own (--camera, --persons)",
             is_sure=True,
         )
-    if unread := case.head.unread:
+    if unread := case.columns.unread:
         more = f" and {len(unread) - 3} more" if len(unread) > 3 else ""
         yield SourceWarning(
-            "W228",
             f"{', '.join(name[-40:] for name in unread[:3])}{more} {'is' if len(unread) == 1 else 'are'} not read",
             "a folder or archive is read as tables: csv, tsv, parquet, feather, arrow, also gzip, bzip2 and zstd",
             "name these files in a command of their own",
@@ -420,19 +378,35 @@ def _is_person(value: str) -> bool:
     return letters(value) in PERSON or value.strip().lower() in PERSON or value in ("0", "0.0")
 
 
-COLUMN_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (
-    _cameras_of_files,
-    _cameras,
-    _heights,
-    _classes,
-    _marked,
-    _unseen,
-    _unit_column,
-    _sums,
-    _states,
-    _scores,
-    _weak,
-    _confidences,
-    _nobody,
-    _others_in_a_row,
+COLUMN_CHECKS: Final = (
+    SourceCheck(
+        "W221",
+        always,
+        _cameras_of_files,
+        "files whose names tell of several cameras, where nobody said which camera is meant",
+    ),
+    SourceCheck("W221", has_columns, _cameras, "a column of cameras that is not read"),
+    SourceCheck("W221", has_columns, _heights, "heights of two floors in a column that is not read"),
+    SourceCheck("W222", has_person_columns, _classes, "rows that are no people"),
+    SourceCheck("W222", has_person_columns, _marked, "rows that a tracker marks as not in view, or as no person"),
+    SourceCheck(
+        "W222", has_person_columns, _unseen, "rows in which the tracker counts how long it has not seen the person"
+    ),
+    SourceCheck(
+        "W220", has_columns, _unit_column, "a column that states another unit than the one positions are read in"
+    ),
+    SourceCheck("W222", always, _sums, "a line of sums below a table, read as a person"),
+    SourceCheck("W222", has_person_columns, _states, "rows of tracks that the tracker has lost, or only predicts"),
+    SourceCheck(
+        "W222",
+        has_person_columns,
+        _scores,
+        "a column of scores for each class, and another class than person has the highest one",
+    ),
+    SourceCheck("W222", has_person_columns, _weak, "many rows of which the engine itself is not sure"),
+    SourceCheck("W222", has_columns, _confidences, "a limit of confidence in shares, where the column has percents"),
+    SourceCheck("W222", always, _nobody, "objects in view, and none of them is a person"),
+    SourceCheck(
+        "W228", has_columns, _others_in_a_row, "columns of a second person in each row, and files that are not read"
+    ),
 )

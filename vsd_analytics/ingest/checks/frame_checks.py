@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning
+from vsd_analytics.ingest.checks.check_case import (
+    ROWS_MIN,
+    Case,
+    SourceCheck,
+    SourceWarning,
+    has_positions,
+    has_tracks,
+    is_on_floor,
+)
 from vsd_analytics.ingest.checks.sample import Bools, Floats, Ints, Sample, Ways, is_last, is_new
 
 PEOPLE_MIN: Final = 2
@@ -35,10 +43,10 @@ FINE_SHARE: Final = 0.5
 _DIGITS: Final = 1000
 
 
-def several_frames(case: Case) -> Iterator[SourceWarning]:
-    """W224: several frames with one time and without ids, so that each person stands beside himself."""
+def _several_frames(case: Case) -> Iterator[SourceWarning]:
+    """Yield a warning of several frames with one time and without ids, so that each person stands beside himself."""
     sample = case.sample
-    if sample.is_pairs or sample.has_ids or not sample.has_floor or case.options.period_s is not None:
+    if sample.has_ids or case.options.period_s is not None:
         return
     _, first, size = np.unique(sample.frame_no, return_index=True, return_counts=True)
     frames = np.split(sample.floor_m[sample.by_frame], np.cumsum(size)[:-1])
@@ -47,7 +55,6 @@ def several_frames(case: Case) -> Iterator[SourceWarning]:
     n_repeated = sum(map(_is_repeated, groups))
     if n_repeated >= max(ROWS_MIN, REPEATED_SHARE * len(groups)):
         yield SourceWarning(
-            "W224",
             f"{n_repeated:,} of {len(groups):,} times have several frames: the same people again, a step further",
             "people without ids would stand beside themselves, and each would be too close to himself",
             "export times with parts of seconds, or one frame of each second",
@@ -66,9 +73,8 @@ def _is_repeated(places: Floats) -> bool:
 
 
 def _parts_of_frames(case: Case) -> Iterator[SourceWarning]:
-    """W224: times that scatter, so that each frame shows a part of the people, or one of them alone."""
     sample = case.sample
-    if sample.is_pairs or not sample.has_ids or sample.n < 5 * ROWS_MIN or case.options.period_s is not None:
+    if sample.n < 5 * ROWS_MIN or case.options.period_s is not None:
         return
     if not sample.tracked.usual_ms >= FRAME_MIN_MS:  # NaN: nobody is seen twice
         return
@@ -90,7 +96,6 @@ def _scattered(sample: Sample) -> Iterator[SourceWarning]:
     if n_alone < APART_SHARE * n_in_company:
         return
     yield SourceWarning(
-        "W224",
         f"{n_alone:,} of {n_in_company:,} records have a time of their own, while several people are in view",
         "people are close to each other only in one frame: nobody would ever be too close to anybody",
         _fix(ways),
@@ -110,7 +115,6 @@ def _strays(sample: Sample) -> Iterator[SourceWarning]:
     if a_step < FRAMES_A_STEP or lives_ms < TOGETHER * busy_ms:
         return
     yield SourceWarning(
-        "W224",
         f"{a_step:.1f} frames come while a person is seen once: each shows a part of the people",
         "person-time is counted by frame and would be too low, and people who were close may share no frame",
         _fix(ways),
@@ -145,10 +149,9 @@ def _stretches_ms(begun: Ints, ended: Ints) -> Ints:
 
 
 def _held_frames(case: Case) -> Iterator[SourceWarning]:
-    """W224: a picture that hangs: times go on, and everybody in view stays at one place to the last digit."""
     sample = case.sample
     fine = np.rint(np.nan_to_num(sample.places) * _DIGITS)
-    if sample.is_pairs or sample.n < HELD_FRAMES or (fine % 10 != 0).mean() < FINE_SHARE:
+    if sample.n < HELD_FRAMES or (fine % 10 != 0).mean() < FINE_SHARE:
         return
     order = sample.by_frame
     starts = np.flatnonzero(is_new(sample.camera.no[order], sample.ts_ms[order]))
@@ -161,7 +164,6 @@ def _held_frames(case: Case) -> Iterator[SourceWarning]:
     if held.any():
         at = first[held][np.argmax(held_s[held])]
         yield SourceWarning(
-            "W224",
             f"for {held_s[held].max():,.0f} s nobody in view moves by a digit, from line "
             f"{int(sample.line[order][starts[at]]):,} on",
             "a picture or engine that hangs looks like this, and its people would count as long as it lasts",
@@ -169,8 +171,24 @@ def _held_frames(case: Case) -> Iterator[SourceWarning]:
         )
 
 
-FRAME_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (
-    several_frames,
-    _parts_of_frames,
-    _held_frames,
+SEVERAL_FRAMES: Final = SourceCheck(
+    "W224",
+    is_on_floor,
+    _several_frames,
+    "several frames with one time and without ids, so that each person stands beside himself",
+)
+FRAME_CHECKS: Final = (
+    SEVERAL_FRAMES,
+    SourceCheck(
+        "W224",
+        has_tracks,
+        _parts_of_frames,
+        "times that scatter, so that each frame shows a part of the people, or one of them alone",
+    ),
+    SourceCheck(
+        "W224",
+        has_positions,
+        _held_frames,
+        "a picture that hangs: times go on, and everybody in view stays at one place to the last digit",
+    ),
 )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 import pandas as pd
 
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceCheck, SourceWarning, has_tracks
 from vsd_analytics.ingest.checks.sample import Bools, Floats, Ints, Sample, Ways, is_last, is_new, steps
 
 NEAR_M, NEAR_SHARE = 1.5, 0.05
@@ -26,9 +26,8 @@ ENDS_SHARE: Final = 0.5
 
 
 def _taken_over(case: Case) -> Iterator[SourceWarning]:
-    """W225: ids that jump to where another person was a moment before: they begin again, or number a frame."""
     sample = case.sample
-    if sample.is_pairs or not sample.has_ids or case.options.period_s is not None:
+    if case.options.period_s is not None:
         return
     is_step, is_jump = steps(sample, sample.ways, fast_m_s=JUMP_M_S)
     if not is_jump.any():
@@ -43,7 +42,6 @@ def _taken_over(case: Case) -> Iterator[SourceWarning]:
     if n_at_once or n_taken >= max(TAKEN_MIN, TAKEN_SHARE * n_steps):
         most = f", in {n_at_once:,} frame{'' if n_at_once == 1 else 's'} most people in view at once"
         yield SourceWarning(
-            "W225",
             f"{n_taken:,} times an id jumps to where another person was a moment before{most if n_at_once else ''}",
             "the ids begin again there, number the people of a frame, or the tracker takes one person for another: "
             "ways and violations of people would be joined",
@@ -77,10 +75,7 @@ def _apart(rows: pd.DataFrame) -> Floats:
 
 
 def _handed_on(case: Case) -> Iterator[SourceWarning]:
-    """W225: ids that end where another one begins in the next frame: most of them, or of all people in view at once."""
     sample = case.sample
-    if sample.is_pairs or not sample.has_ids:
-        return
     ways = sample.ways
     # hardly any id comes twice: that has a check of its own
     if not ways.usual_ms > 0 or len(ways) < 2 * np.count_nonzero(ways.is_begun):
@@ -98,7 +93,6 @@ def _handed_on(case: Case) -> Iterator[SourceWarning]:
     if is_usual or n_at_once:
         most = f", {'once' if n_at_once == 1 else f'{n_at_once:,} times'} most of those in view together"
         yield SourceWarning(
-            "W225",
             f"{n_on:,} of {len(ends):,} ids end where another one begins in the next frame{most if n_at_once else ''}",
             "they do not last, or begin again: a violation needs the same two people for 3 seconds, and visits are cut",
             "map the id of the track, not of the detection, row, stretch or file: --map track_id=...",
@@ -127,4 +121,17 @@ def _reach(sample: Sample) -> float:
     return NEAR_M if sample.has_floor else NEAR_SHARE * sample.picture_side_px
 
 
-HANDOVER_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (_taken_over, _handed_on)
+ID_SWITCH_CHECKS: Final = (
+    SourceCheck(
+        "W225",
+        has_tracks,
+        _taken_over,
+        "ids that jump to where another person was a moment before: they begin again, or number a frame",
+    ),
+    SourceCheck(
+        "W225",
+        has_tracks,
+        _handed_on,
+        "ids that end where another one begins in the next frame: most of them, or of all people in view at once",
+    ),
+)

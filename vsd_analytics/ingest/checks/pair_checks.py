@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceCheck, SourceWarning, has_pair_columns
 from vsd_analytics.ingest.checks.place_checks import UNIT
 from vsd_analytics.ingest.checks.sample import is_known
 
@@ -20,21 +20,19 @@ VALUES_MIN: Final = 3
 
 
 def _distances(case: Case) -> Iterator[SourceWarning]:
-    """W220: distances of pairs that are no metres, or no distances."""
     sample = case.sample
     apart = sample.distance_m[~np.isnan(sample.distance_m)]
-    if not sample.is_pairs or case.head is None or len(apart) < ROWS_MIN:
+    if len(apart) < ROWS_MIN:
         return
-    median, is_mapped = float(np.median(apart)), "distance_m" in case.head.plan.theirs
+    median, is_mapped = float(np.median(apart)), "distance_m" in case.columns.plan.theirs
     stored_m = case.site.settings.pair_max_m
     beyond = float((apart > stored_m).mean())
     if median > PAIR_MAX_M:
         what = f"half of the pairs are more than {median:,.0f} m apart"
-        yield SourceWarning("W220", what, "distances in millimetres or centimetres look like this", UNIT, is_sure=True)
+        yield SourceWarning(what, "distances in millimetres or centimetres look like this", UNIT, is_sure=True)
     elif is_mapped and len(apart) >= 5 * ROWS_MIN and len(values := np.unique(apart)) < VALUES_MIN:
         shown = " and ".join(f"{value:g}" for value in values)
         yield SourceWarning(
-            "W220",
             f"all {len(apart):,} distances are {shown} m",
             "a mark that two people are close, or a limit, is no distance between them",
             "map the column that holds the measured distance: --map distance_m=...; contacts of worn sensors have none",
@@ -42,7 +40,6 @@ def _distances(case: Case) -> Iterator[SourceWarning]:
         )
     elif len(apart) >= 5 * ROWS_MIN and float(apart.max()) == 1 and float(apart.min()) >= 0:
         yield SourceWarning(
-            "W220",
             "all distances are 0 to 1, and the largest is exactly 1",
             "shares of a largest distance, and risks, look like this; everybody would be within a metre",
             "map the column that holds metres: --map distance_m=...",
@@ -50,7 +47,6 @@ def _distances(case: Case) -> Iterator[SourceWarning]:
         )
     elif beyond > 0.5:
         yield SourceWarning(
-            "W220",
             f"{beyond:.0%} of the pairs are more than {stored_m:g} m apart (half of all within {median:,.1f} m), "
             "and are not stored",
             "so it should be where the engine writes all pairs; distances in feet look like this too",
@@ -65,7 +61,6 @@ def _distances(case: Case) -> Iterator[SourceWarning]:
     is_other = (differ > DIFFERS_M) & (differ > DIFFERS_SHARE * both.min(axis=1))
     if is_other.mean() > 0.2:
         yield SourceWarning(
-            "W220",
             f"{is_other.mean():.0%} of the distances are not those of the positions beside them "
             f"(half within {np.median(both[:, 0]):,.2f} m, and half within {np.median(both[:, 1]):,.2f} m)",
             "the distances or the positions are in another unit, or of other people",
@@ -74,4 +69,6 @@ def _distances(case: Case) -> Iterator[SourceWarning]:
         )
 
 
-PAIR_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (_distances,)
+PAIR_CHECKS: Final = (
+    SourceCheck("W220", has_pair_columns, _distances, "distances of pairs that are no metres, or no distances"),
+)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning, picture_px
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceCheck, SourceWarning, always, picture_px
 from vsd_analytics.ingest.checks.sample import Floats, Sample, extent, is_known
 from vsd_analytics.ingest.reading.column_hints import letters, side_named
 from vsd_analytics.ingest.reading.table_head import TableHead
@@ -36,7 +36,6 @@ def _square_side(places: Floats) -> int | None:
 
 
 def _pixels(case: Case) -> Iterator[SourceWarning]:
-    """W226: positions in the picture that are no pixels of it."""
     places = case.sample.picture_px[is_known(case.sample.picture_px)]
     if len(places) < 3 or case.sample.has_floor:
         return
@@ -53,10 +52,9 @@ def _columns(head: TableHead) -> Iterator[SourceWarning]:
     if centre:
         what = f"a box's corner is read from {centre[0][:80]!r}, which names its centre"
         fix = "--map center_x=...,center_y=...,width=...,height=..."
-        yield SourceWarning("W226", what, "foot points would be half a box away", fix, is_sure=True)
+        yield SourceWarning(what, "foot points would be half a box away", fix, is_sure=True)
     if "u_px" in names and len([n for n in head.ignored if side_named(n) == "size"]) >= 2:
         yield SourceWarning(
-            "W226",
             f"{names['u_px'][:80]!r} is read as a point, and the file has the size of a box beside it",
             "people's places are where their feet are: the lower edge of the box, and not its corner or centre",
             f"--map left={names['u_px']},top={names['v_px']},width=...,height=..., or center_x=... and center_y=...",
@@ -64,14 +62,12 @@ def _columns(head: TableHead) -> Iterator[SourceWarning]:
         )
     elif "u_px" in names and (centre := [n for n in (names["u_px"], names["v_px"]) if _names_centre(n)]):
         yield SourceWarning(
-            "W226",
             f"u_px, v_px are read from {centre[0][:80]!r}, which names the centre of a box",
             "people's places are where their feet are: half a box further down",
             "export the lower edge of boxes, or their width and height: --map center_x=...,center_y=...,width=...,...",
         )
     if letters(corner := names.get("left", "")).endswith("xywh"):
         yield SourceWarning(
-            "W226",
             f"{corner[:80]!r} is read as the corner of a box: some programs write its centre under this name",
             "people's places would be half a box to the right and further down",
             "--map center_x=...,center_y=...,width=...,height=... if it is the centre, as ultralytics has it",
@@ -83,21 +79,18 @@ def _boxes(head: TableHead, places: Floats) -> Iterator[SourceWarning]:
     """Yield warnings whether the sides of boxes are the ones they are read as."""
     if head.n_wide > WIDE_SHARE * head.n_boxes > 0:
         yield SourceWarning(
-            "W226",
             f"{head.n_wide:,} of {head.n_boxes:,} boxes are clearly wider than high",
             "people who stand are higher than wide: the axes, or sides and sizes, may be exchanged",
             "map each side to the column that holds it: --map left=...,top=...,right=...,bottom=...",
         )
     if head.n_slim > 0.5 * head.n_boxes > 0 and (side := _square_side(places)) is not None:
         yield SourceWarning(
-            "W226",
             f"no position is beyond {side:,}, and {head.n_slim:,} of {head.n_boxes:,} boxes are too slim",
             f"pictures that were stretched to a square of {side:,} pixels, or shares of {side:,}, look like this",
             f"divide by {side:,}, and read them with --size WIDTHxHEIGHT, if they are",
         )
     if head.n_like_corners > max(5 * ROWS_MIN, CORNER_SHARE * head.n_boxes):
         yield SourceWarning(
-            "W226",
             f"the width and height of {head.n_like_corners:,} of {head.n_boxes:,} boxes are larger than "
             "their left and top sides",
             "hardly anybody is so near to the upper left corner: they seem to be the far corner of the box",
@@ -109,12 +102,12 @@ def _boxes(head: TableHead, places: Floats) -> Iterator[SourceWarning]:
         is_size = side_named(wrong[0]) == "size"
         what = f"{wrong[0][:80]!r} names the {'size' if is_size else 'far corner'} of a box, and is read as the other"
         fix = "--map left=...,top=...," + ("width=...,height=..." if is_size else "right=...,bottom=...")
-        yield SourceWarning("W226", what, "foot points would be elsewhere in the picture", fix, is_sure=True)
+        yield SourceWarning(what, "foot points would be elsewhere in the picture", fix, is_sure=True)
     if head.n_upside_down > 0.5 * head.n_boxes:
         what = f"the bottom of {head.n_upside_down:,} of {head.n_boxes:,} boxes is above their top"
         why = "y seems to point up, or top and bottom are exchanged; pixels are counted from the upper edge down"
         yield SourceWarning(
-            "W226", what, why, "export y from the upper edge, or map top and bottom the other way", is_sure=True
+            what, why, "export y from the upper edge, or map top and bottom the other way", is_sure=True
         )
 
 
@@ -134,7 +127,6 @@ def _shares(u: Floats, v: Floats, size_px: tuple[int, int] | None) -> SourceWarn
     if ((u >= -0.1) & (u <= 1.1) & (v >= -0.1) & (v <= 1.1)).all():
         shown = "1280x720" if size_px is None else f"{size_px[0]}x{size_px[1]}"
         return SourceWarning(
-            "W226",
             "all positions are between 0 and 1: shares of the picture, not pixels",
             "everybody would stand on one pixel",
             f"--size {shown} (width and height of the picture) converts them",
@@ -143,7 +135,7 @@ def _shares(u: Floats, v: Floats, size_px: tuple[int, int] | None) -> SourceWarn
     if ((np.abs(u) <= 1.1) & (np.abs(v) <= 1.1)).all():
         what = "all positions are between -1 and 1: shares of the picture from its middle, not pixels"
         fix = "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT: (1 + x) / 2 and (1 - y) / 2"
-        return SourceWarning("W226", what, "everybody would stand on one pixel", fix, is_sure=True)
+        return SourceWarning(what, "everybody would stand on one pixel", fix, is_sure=True)
     return None
 
 
@@ -151,10 +143,9 @@ def _size_unknown(u: Floats, v: Floats) -> Iterator[SourceWarning]:
     if len(u) >= ROWS_MIN and max(np.quantile(u, 0.9), np.quantile(v, 0.9)) > PICTURE_MAX_PX:
         what = f"positions reach to u {u.max():,.0f}, v {v.max():,.0f}"
         why = f"hardly any camera has more than {PICTURE_MAX_PX:,} pixels: engines count to 8191 or 10000 like this"
-        yield SourceWarning("W226", what, why, "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT")
+        yield SourceWarning(what, why, "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT")
     if len(u) >= 5 * ROWS_MIN and max(np.quantile(u, 0.99), np.quantile(v, 0.99)) <= PICTURE_MIN_PX:
         yield SourceWarning(
-            "W226",
             f"nobody is beyond u {u.max():,.0f}, v {v.max():,.0f}",
             "hardly any camera has so few pixels: metres, or shares or percents of the picture, look like this",
             "--map x_m=...,y_m=... if they are metres; --size WIDTHxHEIGHT if they are shares of 1; "
@@ -168,7 +159,6 @@ def _size_known(sample: Sample, u: Floats, v: Floats, size_px: tuple[int, int]) 
     is_percent = u.max() <= 100 and v.max() <= 100 and min(size_px) >= 300
     if is_percent and max(u.max(), v.max()) > 20:
         yield SourceWarning(
-            "W226",
             f"all positions are between 0 and 100, and the picture has {width} x {height} pixels: percents of it?",
             "everybody would stand in its upper left corner",
             "export pixels, or shares of 0 to 1 with --size",
@@ -181,7 +171,6 @@ def _size_known(sample: Sample, u: Floats, v: Floats, size_px: tuple[int, int]) 
         assert usual is not None
         where = f"u {usual[0]:,.0f} to {usual[1]:,.0f}, v {usual[2]:,.0f} to {usual[3]:,.0f}"
         yield SourceWarning(
-            "W226",
             f"positions do not fit the picture of {width} x {height} pixels: {where}",
             "the engine's pictures may have another resolution, or the positions another unit",
             "calibrate with the resolution that the engine works at; --map x_m=...,y_m=... if they are metres",
@@ -189,11 +178,10 @@ def _size_known(sample: Sample, u: Floats, v: Floats, size_px: tuple[int, int]) 
         )
     elif len(u) >= 5 * ROWS_MIN and (share := max(u.max() / width, v.max() / height)) <= HALF_SHARE:
         yield SourceWarning(
-            "W226",
             f"everybody would be in the upper left {share:.0%} of the picture of {width} x {height} pixels",
             "positions of a smaller picture look like this, such as one that was scaled down for the detector",
             "picture_px = [...] of the camera with the size that the engine works at, and a calibration for it",
         )
 
 
-PICTURE_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (_pixels,)
+PICTURE_CHECKS: Final = (SourceCheck("W226", always, _pixels, "positions in the picture that are no pixels of it"),)

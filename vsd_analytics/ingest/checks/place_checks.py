@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 import numpy as np
 import pandas as pd
 
 from vsd_analytics.config.file_columns import FILE_BOX, METRES
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning, floor_bounds_m, quoted
+from vsd_analytics.ingest.checks.check_case import (
+    ROWS_MIN,
+    Case,
+    SourceCheck,
+    SourceWarning,
+    floor_bounds_m,
+    has_positions,
+    has_tracks,
+    is_on_floor,
+    quoted,
+)
 from vsd_analytics.ingest.checks.sample import Floats, Sample, Ways, extent, is_known, is_last, steps
 from vsd_analytics.ingest.reading.column_hints import named_like, names_degrees, names_motion
 from vsd_analytics.ingest.reading.units import LENGTHS, PIXELS, unit_in_name
@@ -43,12 +53,9 @@ UNIT: Final = _UNIT.format("mm", "cm", "ft")
 
 
 def _units(case: Case) -> Iterator[SourceWarning]:
-    """W220: positions that are not metres."""
     if case.head is not None:
         yield from _named_units(case.head.plan.names)
     sample = case.sample
-    if not sample.has_floor or sample.is_pairs:
-        return
     speeds = sample.speeds_m_s
     yield from _too_fast(sample, speeds)
     is_walking = len(speeds) >= ROWS_MIN and 0 < float(np.median(speeds)) <= SPEED_MAX_M_S
@@ -59,14 +66,11 @@ def _named_units(names: Mapping[str, str]) -> Iterator[SourceWarning]:
     """Yield warnings about columns whose names say another unit; names are theirs by ours."""
     if "x_m" in names and names["x_m"] == names.get("y_m"):
         what = f"x_m and y_m are both read from {names['x_m'][:80]!r}"
-        yield SourceWarning(
-            "W220", what, "everybody would be on one line", "map each to a column of its own", is_sure=True
-        )
+        yield SourceWarning(what, "everybody would be on one line", "map each to a column of its own", is_sure=True)
     for ours, theirs in names.items():
         unit = unit_in_name(theirs) if theirs.lower() != ours else None
         if ours in LENGTHS and names_degrees(theirs):
             yield SourceWarning(
-                "W220",
                 f"{ours} is read from {theirs[:80]!r}, which names an angle",
                 "degrees are no metres: everybody would stand within a metre, or far from where they are",
                 "convert positions to metres of the floor before the export",
@@ -74,7 +78,6 @@ def _named_units(names: Mapping[str, str]) -> Iterator[SourceWarning]:
             )
         if ours in LENGTHS and names_motion(theirs):
             yield SourceWarning(
-                "W220",
                 f"{ours} is read from {theirs[:80]!r}, which names a speed",
                 "a speed is no place: everybody would stand near one point",
                 "map the columns that hold the place",
@@ -82,7 +85,6 @@ def _named_units(names: Mapping[str, str]) -> Iterator[SourceWarning]:
             )
         if ours in LENGTHS and unit == PIXELS:
             yield SourceWarning(
-                "W220",
                 f"{ours} is read from {theirs[:80]!r}, which names pixels",
                 "pixels are no metres: distances would be hundreds of times too large",
                 "--map u_px=...,v_px=... for points of the picture; the camera needs a calibration",
@@ -90,7 +92,6 @@ def _named_units(names: Mapping[str, str]) -> Iterator[SourceWarning]:
             )
         elif (ours in FILE_BOX or ours in ("u_px", "v_px")) and unit in METRES:
             yield SourceWarning(
-                "W220",
                 f"{ours} is read from {theirs[:80]!r}, which names a unit of length",
                 "lengths on the floor are no pixels",
                 "--map x_m=...,y_m=... : columns that name their unit are converted to metres",
@@ -103,17 +104,17 @@ def _too_fast(sample: Sample, speeds: Floats) -> Iterator[SourceWarning]:
     if len(speeds) >= ROWS_MIN and (median := float(np.median(speeds))) > SPEED_MAX_M_S:
         what = f"people would move at {median:,.0f} m/s: half of the steps are faster"
         yield SourceWarning(
-            "W220", what, "positions are hardly in metres, or ids change people", _unit_fix(sample), is_sure=True
+            what, "positions are hardly in metres, or ids change people", _unit_fix(sample), is_sure=True
         )
     elif len(walked := sample.walked_m_s) >= ROWS_MIN and (median := float(np.median(walked))) > WALK_MAX_M_S:
         what = f"people would walk at {median:.1f} m/s: half of the steps of a second or longer are faster"
         fix = "--unit ft (or yd, dm) if they are; check --fps where times come from frame numbers"
         why = "most people walk at 0.5 to 1.6 m/s; feet read as metres look like this"
-        yield SourceWarning("W220", what, why, fix, is_sure=median > SPEED_MAX_M_S)
+        yield SourceWarning(what, why, fix, is_sure=median > SPEED_MAX_M_S)
     elif len(walked) >= 5 * ROWS_MIN and (fast := float(np.quantile(walked, 1 - HURRY_SHARE))) > HURRY_MAX_M_S:
         what = f"a tenth of the steps of a second or longer would be faster than {fast:.1f} m/s"
         why = "hardly anybody runs; feet and other units read as metres look like this, and ids that change people"
-        yield SourceWarning("W220", what, why, "--unit ft (or yd, dm) if they are; else look at the track ids")
+        yield SourceWarning(what, why, "--unit ft (or yd, dm) if they are; else look at the track ids")
 
 
 def _unit_fix(sample: Sample) -> str:
@@ -145,7 +146,7 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[SourceWarning]:
             if is_share
             else "convert them to metres of the floor before the export; --unit km"
         )
-        yield SourceWarning("W220", what, why, fix, is_sure=True)
+        yield SourceWarning(what, why, fix, is_sure=True)
         return
     usual = extent(places, tail=0.05)
     assert usual is not None
@@ -155,9 +156,7 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[SourceWarning]:
     if bounds is None:
         if max(spread_x, spread_y) > SPAN_MAX_M:
             why = f"most floors are smaller than {SPAN_MAX_M:g} m; other units look like this"
-            yield SourceWarning(
-                "W220", f"positions reach over {shown}", why, _unit_fix(case.sample), is_sure=not is_walking
-            )
+            yield SourceWarning(f"positions reach over {shown}", why, _unit_fix(case.sample), is_sure=not is_walking)
         return
     left, right, low, high = bounds
     outside = f"the plan or view reaches over x {left:,.1f} to {right:,.1f} m, y {low:,.1f} to {high:,.1f} m"
@@ -176,22 +175,21 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[SourceWarning]:
     fits = next((fix for fix, (a, b) in turned.items() if share_beyond(a, b, 0.5, 0.5) < 0.01), None)
     if near > 0.2 and fits is not None:
         what = f"{near:.0%} of the positions are outside the floor: {shown}"
-        yield SourceWarning("W220", what, outside, fits, is_sure=True)
+        yield SourceWarning(what, outside, fits, is_sure=True)
     elif far > 0.5:
         what = f"{far:.0%} of the positions are far outside the floor: {shown}"
         yield SourceWarning(
-            "W220", what, outside, f"{_unit_fix(case.sample)}; or correct plan_origin_m and plan_m_per_px", is_sure=True
+            what, outside, f"{_unit_fix(case.sample)}; or correct plan_origin_m and plan_m_per_px", is_sure=True
         )
     elif near > 0.1:
         what = f"{near:.0%} of the positions are outside the floor: {shown}"
         fix = f"{_unit_fix(case.sample)}; or correct plan_origin_m and plan_m_per_px"
-        yield SourceWarning("W220", what, outside, fix, is_sure=near > 0.5)
+        yield SourceWarning(what, outside, fix, is_sure=near > 0.5)
 
 
 def _axes(case: Case) -> Iterator[SourceWarning]:
-    """W220: positions on one line, because one of the axes read is the height above the floor."""
     sample = case.sample
-    if sample.is_pairs or sample.n < 5 * ROWS_MIN or len(sample.track.names) == 1:
+    if sample.n < 5 * ROWS_MIN or len(sample.track.names) == 1:
         return
     if (usual := extent(sample.floor_m)) is None:
         return
@@ -204,7 +202,6 @@ def _axes(case: Case) -> Iterator[SourceWarning]:
     third = named_like(ignored, "third axis")
     low = left if flat == "x_m" else bottom
     yield SourceWarning(
-        "W220",
         f"everybody would be on one line: {flat} is {low:.2f} to {low + spreads[flat]:.2f} m, {wide} reaches over "
         f"{spreads[wide]:,.0f} m",
         f"{flat} may be the height above the floor, as where the second axis points up",
@@ -214,9 +211,8 @@ def _axes(case: Case) -> Iterator[SourceWarning]:
 
 
 def _placeholders(case: Case) -> Iterator[SourceWarning]:
-    """W220: one place written for people whom the engine lost: 0, 0, or where many ids jump to and come back from."""
     sample = case.sample
-    if sample.is_pairs or sample.n < 5 * ROWS_MIN:
+    if sample.n < 5 * ROWS_MIN:
         return
     for is_metric in (True, False):
         places = sample.floor_m if is_metric else sample.picture_px
@@ -232,7 +228,6 @@ def _placeholders(case: Case) -> Iterator[SourceWarning]:
             names = {} if case.head is None else case.head.plan.names
             column = next((names[ours] for ours in ("x_m", "u_px") if ours in names), None)
             yield SourceWarning(
-                "W220",
                 f"{n_there:,} of {len(places):,} positions are exactly {x:g}, {y:g}",
                 "engines write such a place for people whom they have lost; they would all stand close together there",
                 "leave these rows out of the export" if column is None else f'--where "{quoted(column)} != {x:g}"',
@@ -241,10 +236,7 @@ def _placeholders(case: Case) -> Iterator[SourceWarning]:
 
 
 def _left_standing(case: Case) -> Iterator[SourceWarning]:
-    """W222: tracks that end with one place again and again: the engine repeats where it saw the person last."""
     sample = case.sample
-    if sample.is_pairs or not sample.has_ids:
-        return
     ways = sample.ways
     is_moved = ways.is_first | (np.diff(ways.places, axis=0, prepend=0) != 0).any(axis=1)
     first, last = np.flatnonzero(ways.is_first), np.flatnonzero(is_last(ways.is_first))
@@ -257,7 +249,6 @@ def _left_standing(case: Case) -> Iterator[SourceWarning]:
     n_repeated = int((~is_moved).sum()) - int(n_after.sum())
     if is_left.sum() >= max(ROWS_MIN / 2, LEFT_SHARE * len(last)) and n_repeated < REPEATED_SHARE * n_before:
         yield SourceWarning(
-            "W222",
             f"{is_left.sum():,} of {len(last):,} tracks end at one place, the same to the last digit for "
             f"{np.median(still_s[is_left]):,.0f} s ({n_after[is_left].sum():,} rows)",
             "engines repeat the last place of people whom they have lost; others would be close to them there",
@@ -276,9 +267,25 @@ def _jumped_to(sample: Sample, ways: Ways) -> list[tuple[float, float]]:
     return list(found.index[(found["size"] >= ROWS_MIN) & (found["nunique"] > 2)])
 
 
-PLACE_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (
-    _units,
-    _axes,
-    _placeholders,
-    _left_standing,
+UNIT_CHECK: Final = SourceCheck("W220", is_on_floor, _units, "positions that are not metres")
+PLACE_CHECKS: Final = (
+    UNIT_CHECK,
+    SourceCheck(
+        "W220",
+        has_positions,
+        _axes,
+        "positions on one line, because one of the axes read is the height above the floor",
+    ),
+    SourceCheck(
+        "W220",
+        has_positions,
+        _placeholders,
+        "one place written for people whom the engine lost: 0, 0, or where many ids jump to and come back from",
+    ),
+    SourceCheck(
+        "W222",
+        has_tracks,
+        _left_standing,
+        "tracks that end with one place again and again: the engine repeats where it saw the person last",
+    ),
 )

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import date, timedelta
 from typing import Final
 
 import numpy as np
 import pandas as pd
 
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning
+from vsd_analytics.ingest.checks.check_case import (
+    ROWS_MIN,
+    Case,
+    SourceCheck,
+    SourceWarning,
+    always,
+    has_columns,
+    has_tracks,
+)
 from vsd_analytics.ingest.checks.sample import Ints, Sample
 from vsd_analytics.ingest.reading.cell_values import is_number
 from vsd_analytics.ingest.reading.column_hints import named_like
@@ -40,7 +48,6 @@ _OFFSET_MISTAKES: Final = {
 
 
 def _zones(case: Case) -> Iterator[SourceWarning]:
-    """W223: times without an offset, in a zone that nobody stated."""
     site, sample = case.site, case.sample
     if case.options.zone is not None or not sample.n:
         return
@@ -59,7 +66,6 @@ def _zones(case: Case) -> Iterator[SourceWarning]:
         shares = f"; {open_as_read:.0%} and {open_as_local:.0%} of the records would be in opening hours"
     camera = next((c.camera_id for c in (*case.cameras, *site.cameras)), "cam-1")
     yield SourceWarning(
-        "W223",
         f"times have no offset and are taken as {zone}: in {site.timezone} they are {as_read}",
         f"if they are on the clock of the site, they are {as_local}{shares}",
         f'--zone {site.timezone} or --zone {zone}; for good: clock = "{site.timezone}" under [[camera]] {camera}',
@@ -90,14 +96,12 @@ def open_share(local_ms: np.ndarray, site: Site) -> float:
 
 
 def _mixed_offsets(case: Case) -> Iterator[SourceWarning]:
-    """W223: times of one camera of which some have an offset from UTC and others have none."""
     sample = case.sample
     if case.options.zone is not None or sample.n < ROWS_MIN:
         return
     has_none = sample.zone.no >= 0
     if len(np.intersect1d(sample.camera.no[has_none], sample.camera.no[~has_none])):
         yield SourceWarning(
-            "W223",
             f"{has_none.sum():,} of {sample.n:,} times have no offset, and are taken as {min(sample.zone.names)}; "
             "the others have one",
             "two programs with two clocks may have written the file: people would be hours apart who were together",
@@ -106,7 +110,6 @@ def _mixed_offsets(case: Case) -> Iterator[SourceWarning]:
 
 
 def _hour_back(case: Case) -> Iterator[SourceWarning]:
-    """W223: a clock that goes back by an hour once, as at the end of summer time, read as one without it."""
     sample = case.sample
     if sample.n < 5 * ROWS_MIN:
         return
@@ -115,7 +118,6 @@ def _hour_back(case: Case) -> Iterator[SourceWarning]:
     if len(back) == 1 and -_HOUR_MS <= back[0] <= -_HOUR_MS + _SILENCE_MS:
         at = int(sample.ts_ms[:-1][steps_ms < 0][0])
         yield SourceWarning(
-            "W223",
             f"the clock goes back by an hour once, at {_clock(at)} (UTC, as it is read)",
             "put right, or put back at the end of summer time: the hour would be stored on top of the one before",
             "export the records before and after it as two files, the wrong ones with corrected times"
@@ -132,9 +134,8 @@ def _steps_ms(camera_no: Ints, ts_ms: Ints) -> Ints:
 
 
 def _clock_set(case: Case) -> Iterator[SourceWarning]:
-    """W223: a clock that was set while people were in view: they go on where they were, at another time."""
     sample = case.sample
-    if sample.is_pairs or not sample.has_ids or not sample.has_floor:
+    if not sample.has_floor:
         return
     row = np.flatnonzero(sample.track.no >= 0)
     steps_ms = _steps_ms(sample.camera.no[row], sample.ts_ms[row])
@@ -156,7 +157,6 @@ def _clock_set(case: Case) -> Iterator[SourceWarning]:
         if n_on >= max(GOING_ON_MIN, ON_SHARE * max(len(before), len(after))) and not is_copy:
             step_ms = int(after_ms - before_ms)
             yield SourceWarning(
-                "W223",
                 f"after {_clock(int(before_ms))} (UTC) comes {_clock(int(after_ms))}, and {n_on} people go on in place",
                 "the clock was set: people of two moments would be stored as those of one"
                 if step_ms < 0
@@ -167,12 +167,10 @@ def _clock_set(case: Case) -> Iterator[SourceWarning]:
 
 
 def _named_utc(case: Case) -> Iterator[SourceWarning]:
-    """W223: a column that names UTC, read on another clock."""
     theirs = "" if case.head is None else case.head.plan.names.get("ts", "")
     zones = sorted(set(case.sample.zone.names) - {"UTC"})
     if zones and not {"utc", "gmt"}.isdisjoint(re.findall(r"[a-z]+", theirs.lower())):
         yield SourceWarning(
-            "W223",
             f"{theirs[:80]!r} names UTC, and its times are read as {zones[0]}",
             "people would be stored hours too early or too late",
             "--zone UTC if the name is right",
@@ -180,14 +178,12 @@ def _named_utc(case: Case) -> Iterator[SourceWarning]:
 
 
 def _gps(case: Case) -> Iterator[SourceWarning]:
-    """W227: seconds since 1980, as satellites count them, read as seconds since 1970: ten years ago to the day."""
-    if case.now is None or case.head is None or case.sample.n < ROWS_MIN:
+    if case.now is None or case.sample.n < ROWS_MIN:
         return
-    written = str(next(iter(case.head.rows.values()), {}).get(case.head.plan.names.get("ts", ""), ""))
+    written = str(next(iter(case.columns.rows.values()), {}).get(case.columns.plan.names.get("ts", ""), ""))
     late_ms = case.now.timestamp() * 1000 - _GPS_MS - float(np.median(case.sample.ts_ms))
     if is_number(written) and -_DAY_MS < late_ms < RECENT_DAYS * _DAY_MS:
         yield SourceWarning(
-            "W227",
             f"times are {_GPS_MS / 365.2425 / _DAY_MS:.0f} years old, and as seconds since 1980 they would be recent",
             "GPS clocks count from 6 January 1980: all records would be stored ten years too early",
             "add 315964800 and take away the leap seconds (18 since 2017), or export ISO times",
@@ -195,7 +191,6 @@ def _gps(case: Case) -> Iterator[SourceWarning]:
 
 
 def _merging(case: Case) -> Iterator[SourceWarning]:
-    """W224: records that a fold leaves out, because times are too coarse."""
     sample = case.sample
     if sample.n < ROWS_MIN or case.options.period_s is not None:
         return
@@ -206,7 +201,6 @@ def _merging(case: Case) -> Iterator[SourceWarning]:
         times = named_like(case.head.ignored, "time")
         theirs = case.head.plan.names["ts"]
         yield SourceWarning(
-            "W224",
             "all times are midnight: ts seems to be a date without the time of day",
             f"{n_second:,} of {sample.n:,} rows would be left out as second sightings; the others would be one frame",
             f"--map ts={theirs}+{times[0] if times else 'TIME'}",
@@ -223,7 +217,6 @@ def _merging(case: Case) -> Iterator[SourceWarning]:
         )
         fix = "export times with seconds and parts of seconds; or keep one record of each period: --period "
         yield SourceWarning(
-            "W224",
             f"{n_second:,} of {sample.n:,} rows would be left out as second sightings",
             why,
             fix + ("60" if is_coarse else "1"),
@@ -231,7 +224,6 @@ def _merging(case: Case) -> Iterator[SourceWarning]:
         )
     elif case.head is not None and not (local % _MINUTE_MS).any() and not sample.has_ids and sample.n >= 5 * n_instants:
         yield SourceWarning(
-            "W224",
             f"the times are whole minutes: {sample.n:,} rows have {n_instants:,} different times",
             "all rows of a minute would be one frame, and all their people close to each other at once",
             "export times with seconds; if there is one frame a minute: --period 60",
@@ -239,7 +231,6 @@ def _merging(case: Case) -> Iterator[SourceWarning]:
         )
     elif share > 0.05:
         yield SourceWarning(
-            "W224",
             f"{n_second:,} of {sample.n:,} rows would be left out as second sightings",
             "a person has one place at a time; the times may be too coarse, or ids belong to several people",
             "export times with parts of seconds; --period N keeps one record of each period",
@@ -247,16 +238,15 @@ def _merging(case: Case) -> Iterator[SourceWarning]:
 
 
 def _years(case: Case) -> Iterator[SourceWarning]:
-    """W227: times of another century, such as a count from another beginning than 1970."""
     sample = case.sample
-    if sample.n < ROWS_MIN or case.head is None:  # of few, bad ones go to quarantine
+    if sample.n < ROWS_MIN:  # of few, bad ones go to quarantine
         return
     median = float(np.median(sample.ts_ms))
     if _FIRST_MS <= median < _LAST_MS:
         return
     year = 1970 + median / (365.2425 * _DAY_MS)
     fix = "export ISO times, or the time since 1970 in seconds, milliseconds, microseconds or nanoseconds"
-    written = str(next(iter(case.head.rows.values()), {}).get(case.head.plan.names.get("ts", ""), ""))
+    written = str(next(iter(case.columns.rows.values()), {}).get(case.columns.plan.names.get("ts", ""), ""))
     if 20_000_000 < median < 80_000_000:
         fix = "they look like days since 1899, as Excel counts them: export them as text"
     elif 720_000_000 < median < 760_000_000:
@@ -271,9 +261,7 @@ def _years(case: Case) -> Iterator[SourceWarning]:
         )
     shown = f" ({written[:30]!r})" if written else ""
     what = f"times would be in the year {int(year)}{shown}"
-    yield SourceWarning(
-        "W227", what, "a wrong unit, or a count that begins at another date than 1970", fix, is_sure=True
-    )
+    yield SourceWarning(what, "a wrong unit, or a count that begins at another date than 1970", fix, is_sure=True)
 
 
 def _written_ms(sample: Sample) -> Ints:
@@ -282,7 +270,6 @@ def _written_ms(sample: Sample) -> Ints:
 
 
 def _half_days(case: Case) -> Iterator[SourceWarning]:
-    """W227: a clock of twelve hours without AM and PM: after 12:59 comes 1:00."""
     sample = case.sample
     if sample.n < ROWS_MIN or (sample.zone.no < 0).any():
         return
@@ -296,7 +283,6 @@ def _half_days(case: Case) -> Iterator[SourceWarning]:
     if ((back > -12 * _HOUR_MS) & (back < -6 * _HOUR_MS) & (then < 6)).all():
         n_back = "once" if len(back) == 1 else f"{len(back)} times"
         yield SourceWarning(
-            "W227",
             f"the clock goes back by about twelve hours {n_back}, and no hour is 0 or above 12",
             "a clock of twelve hours without AM and PM: afternoons would be stored as the night before",
             "export times of 24 hours, or with AM and PM",
@@ -305,7 +291,6 @@ def _half_days(case: Case) -> Iterator[SourceWarning]:
 
 
 def _midnights(case: Case) -> Iterator[SourceWarning]:
-    """W227: times of day that pass midnight beside a date that does not change."""
     sample = case.sample
     if sample.n < ROWS_MIN or (sample.zone.no != 0).any():  # 0: one zone, of all
         return
@@ -315,7 +300,6 @@ def _midnights(case: Case) -> Iterator[SourceWarning]:
     is_midnight = (last % _DAY_MS > _DAY_MS - _HOUR_MS) & (then % _DAY_MS < _HOUR_MS) & (last - then < _DAY_MS)
     if len(last) and is_midnight.all():
         yield SourceWarning(
-            "W227",
             f"after {_clock(int(last[0]))} comes {_clock(int(then[0]))}: the date does not change at midnight",
             "the hours after midnight would be stored as those of the day before",
             "export dates that change with the day; the column may hold the day of the export",
@@ -324,7 +308,6 @@ def _midnights(case: Case) -> Iterator[SourceWarning]:
 
 
 def _closed(case: Case) -> Iterator[SourceWarning]:
-    """W223: times outside opening hours: nearly all, or some that another offset from UTC would bring inside."""
     site, sample = case.site, case.sample
     # who states another zone knows the hours
     is_stated = case.options.start is not None or case.options.zone not in (None, site.timezone)
@@ -337,7 +320,6 @@ def _closed(case: Case) -> Iterator[SourceWarning]:
     outside += f"{_clock(int(local.max()))} in {site.timezone}"
     if share > CLOSED_SHARE:
         yield SourceWarning(
-            "W223",
             outside,
             "the engine's clock may be that of another zone, or of twelve hours; hours outside opening enter no figure",
             "check the first time on the card against the clock on the wall, and opening in vsd.toml",
@@ -348,7 +330,6 @@ def _closed(case: Case) -> Iterator[SourceWarning]:
             right = local - n_offsets * (local - utc)
             if 1 - open_share(right, site) <= INSIDE_SHARE:
                 yield SourceWarning(
-                    "W223",
                     f"{outside}; from {_clock(int(right.min()))} to {_clock(int(right.max()))} all would be inside",
                     mistake,
                     "check the first time on the card against the clock on the wall; export times in UTC",
@@ -356,16 +337,40 @@ def _closed(case: Case) -> Iterator[SourceWarning]:
                 return
 
 
-TIME_LOOKS: Final[tuple[Callable[[Case], Iterator[SourceWarning]], ...]] = (
-    _years,
-    _half_days,
-    _midnights,
-    _gps,
-    _zones,
-    _named_utc,
-    _mixed_offsets,
-    _hour_back,
-    _clock_set,
-    _closed,
-    _merging,
+TIME_CHECKS: Final = (
+    SourceCheck(
+        "W227", has_columns, _years, "times of another century, such as a count from another beginning than 1970"
+    ),
+    SourceCheck("W227", always, _half_days, "a clock of twelve hours without AM and PM: after 12:59 comes 1:00"),
+    SourceCheck("W227", always, _midnights, "times of day that pass midnight beside a date that does not change"),
+    SourceCheck(
+        "W227",
+        has_columns,
+        _gps,
+        "seconds since 1980, as satellites count them, read as seconds since 1970: ten years ago to the day",
+    ),
+    SourceCheck("W223", always, _zones, "times without an offset, in a zone that nobody stated"),
+    SourceCheck("W223", always, _named_utc, "a column that names UTC, read on another clock"),
+    SourceCheck(
+        "W223", always, _mixed_offsets, "times of one camera of which some have an offset from UTC and others have none"
+    ),
+    SourceCheck(
+        "W223",
+        always,
+        _hour_back,
+        "a clock that goes back by an hour once, as at the end of summer time, read as one without it",
+    ),
+    SourceCheck(
+        "W223",
+        has_tracks,
+        _clock_set,
+        "a clock that was set while people were in view: they go on where they were, at another time",
+    ),
+    SourceCheck(
+        "W223",
+        always,
+        _closed,
+        "times outside opening hours: nearly all, or some that another offset from UTC would bring inside",
+    ),
+    SourceCheck("W224", always, _merging, "records that a fold leaves out, because times are too coarse"),
 )

@@ -98,13 +98,13 @@ def warning_of_earlier_reading(site: Site, source: Source, reading: str, sketch:
         else "the same recording is stored already, with other times or other ids"
     )
     return SourceWarning(
-        "W230",
         f"{what}: import {stored.id}, {n_records:,} records",
         "with another clock everybody would be stored twice; with another unit or column the first places would stay"
         if is_same_file
         else "people would be at the same places again, and be counted twice",
         f"take the first import back with `vsd purge --import {stored.id}`, and import again",
         is_sure=True,
+        code="W230",
     )
 
 
@@ -121,7 +121,7 @@ MOST = 1_000
 
 
 def known_shapes(root: Path) -> list[str]:
-    """Return the shapes (`SourceProfile.shape`) imported into a project, the oldest first; [] when they cannot be read."""
+    """Return the shapes (`SourceProfile.shape`) imported into a project, the oldest first; [] = unreadable."""
     try:
         found = json.loads((root / FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
