@@ -227,7 +227,7 @@ def test_an_interrupt_is_exit_code_130(vsd: Vsd, tmp_path: Path, monkeypatch: py
     def interrupted(*arguments: object, **more: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("vsd_analytics.ingest.pipeline.ingest", interrupted)
+    monkeypatch.setattr("vsd_analytics.ingest.intake.pipeline.ingest", interrupted)
     (tmp_path / "a.csv").write_text(HEADER + GOOD)
     code, _, err = vsd("ingest", tmp_path / "a.csv")
     assert (code, err.strip()) == (130, "interrupted")
@@ -239,7 +239,7 @@ def test_an_internal_error_is_reported_without_a_traceback_unless_asked(
     def broken(*arguments: object, **more: object) -> None:
         raise ZeroDivisionError("of all things")
 
-    monkeypatch.setattr("vsd_analytics.ingest.pipeline.ingest", broken)
+    monkeypatch.setattr("vsd_analytics.ingest.intake.pipeline.ingest", broken)
     code, _, err = vsd("ingest", tmp_path / "a.csv")
     assert code == 2
     assert "error[E900]" in err
@@ -254,7 +254,7 @@ _SLOW = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background starts with it ignored
 from vsd_analytics.cli import main
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 def fold(self, **more):
     print("ready", flush=True)
     time.sleep(60)

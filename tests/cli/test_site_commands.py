@@ -24,9 +24,9 @@ from vsd_analytics.cli.explanations import EXPLANATIONS, explanation
 from vsd_analytics.cli.init import init
 from vsd_analytics.cli.log import log
 from vsd_analytics.cli.schema import schema
-from vsd_analytics.config import load_site
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.config.first_config import Answers, render, write_first_config
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError, UsageError
 
 PACKAGE = Path(__file__).resolve().parents[2] / "vsd_analytics"

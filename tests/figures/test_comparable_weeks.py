@@ -15,7 +15,7 @@ import pytest
 from report import ingested_worlds as w
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.figures.comparable import has_other_rules
 from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html

@@ -13,9 +13,9 @@ import pytest
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.stats.decomposition import concentration
 
 FIRST = datetime(2026, 11, 2, 9, tzinfo=UTC)  # a Monday

@@ -24,8 +24,8 @@ from vsd_analytics.figures import forecast as forecasting
 from vsd_analytics.figures import hour_of_week, trend
 from vsd_analytics.figures.slots import load_slots, open_hours
 from vsd_analytics.figures.unusual import unusual
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.stats.rates import violation_rate
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse

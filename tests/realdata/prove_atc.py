@@ -15,9 +15,9 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.warehouse.sqlfiles import figure_headers

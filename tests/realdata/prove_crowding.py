@@ -25,8 +25,8 @@ import pandas as pd
 from scipy.spatial import cKDTree
 from scipy.stats import t as student
 
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import open_warehouse

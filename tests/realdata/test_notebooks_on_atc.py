@@ -10,8 +10,8 @@ import pytest
 from notebooks.executed import execute, figures
 from prove_atc import NOW, OPTIONS, TOML
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import ingest
 
 pytestmark = pytest.mark.realdata
 WEEK = "2012-W43"

@@ -14,7 +14,7 @@ import pytest
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import DiskError
 from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.pages.duckdb_file import export_duckdb, exported_tables

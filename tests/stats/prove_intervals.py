@@ -299,7 +299,7 @@ def _table(
 
 def make_people(folder: Path, monday: date, *, weeks: int, seed: int) -> Site:
     """Simulate weeks of the demo shop, open from 17 to 18 h, and ingest what its four cameras send every 2 s."""
-    from vsd_analytics.config import load_site
+    from vsd_analytics.config.project import load_site
     from vsd_analytics.simulate.cameras import CAMERAS
     from vsd_analytics.simulate.demo import ingest_demo
     from vsd_analytics.simulate.demo_project import write_demo_project

@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from vsd_analytics.api.days import Days
 from vsd_analytics.api.table import Table
-from vsd_analytics.config import find_project, load_site
+from vsd_analytics.config.project import find_project, load_site
 from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.site.instants import parse_range, parse_week
 from vsd_analytics.site.model import Site

@@ -102,10 +102,11 @@ def refuse_unsupported(platform: str) -> None:
     """
     if platform in ("win32", "cygwin"):
         raise VsdError(
-            "Windows is not supported",
+            "the commands do not run on Windows",
             code="E130",
             why="the store needs file locks and durable renames as Linux and macOS have them",
-            fix="run it on Linux or macOS, or inside WSL with the project on its own disk, not below /mnt",
+            fix="run them on Linux or macOS, or inside WSL with the project on its own disk, not below /mnt; "
+            "to read a project in Python, vsd_analytics.open needs no locks",
         )
 
 

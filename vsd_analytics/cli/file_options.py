@@ -12,11 +12,11 @@ from vsd_analytics.cli.options import F, choice_option
 from vsd_analytics.cli.project import Project
 from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES
 from vsd_analytics.errors import UsageError
-from vsd_analytics.ingest.adapters import formats
+from vsd_analytics.ingest.formats.adapters import formats
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
-    from vsd_analytics.ingest.adapter import IngestOptions
+    from vsd_analytics.ingest.reading.adapter import IngestOptions
 
 
 def file_options(command: F) -> F:
@@ -106,15 +106,15 @@ def ingest_options(project: Project, given: dict[str, Any]) -> IngestOptions:
     Raises:
         UsageError: E101, a value is malformed or out of range, or two options contradict each other.
     """
-    from vsd_analytics.ingest.adapter import IngestOptions
+    from vsd_analytics.ingest.reading.adapter import IngestOptions
 
     renames = renames_of(given["map"])
     if given["where"] is not None:
-        from vsd_analytics.ingest.where import parse_where
+        from vsd_analytics.ingest.reading.where import parse_where
 
         parse_where(given["where"])
     if given["time_format"] is not None:
-        from vsd_analytics.ingest.time_formats import checked_format
+        from vsd_analytics.ingest.reading.time_formats import checked_format
 
         checked_format(given["time_format"])
     for name in ("period_s", "fps", "threshold_m"):

@@ -103,7 +103,7 @@ def send(project: Project, every_s: float | None, as_json: bool) -> int:
     """
     from vsd_analytics.cluster.exchange import exchange_of
     from vsd_analytics.cluster.handing_on import hand_on
-    from vsd_analytics.ingest.pseudonyms import keys_of
+    from vsd_analytics.ingest.intake.pseudonyms import keys_of
 
     exchange = exchange_of(_route(project, is_node=True))
     keys_of(project.site)  # a node that has not joined must not begin

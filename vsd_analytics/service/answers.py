@@ -13,7 +13,7 @@ from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import StoreError, UsageError, VsdError
 from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport

@@ -16,8 +16,8 @@ from report import model_classes as m
 from report import sample_sections as weeks
 
 from vsd_analytics.cli import cli
-from vsd_analytics.config import load_site
 from vsd_analytics.config.asked_questions import read_asked
+from vsd_analytics.config.project import load_site
 from vsd_analytics.figures.week.floor_maps import _heaviest_patch, _spots
 from vsd_analytics.report.pages.spot_cards import cards
 from vsd_analytics.report.pages.week import render_html

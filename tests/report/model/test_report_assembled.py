@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from report import ingested_worlds as w
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, PlannerWeek, planner_pages
 from vsd_analytics.report.model.week import WeekReport

@@ -12,7 +12,7 @@ import pytest
 import shapely
 from report import ingested_worlds as w
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.geometry.calibration_files import calibration_id, read_matrix
 from vsd_analytics.report.draw.floor_plan import floor_map

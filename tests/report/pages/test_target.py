@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from report import sample_sections as sections
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError
 from vsd_analytics.figures.week.model_sections import Target
 from vsd_analytics.figures.week.trend_weeks import _target
