@@ -82,11 +82,11 @@ def test_hours_are_those_of_the_report_with_small_counts_hidden(export: Path, re
 
 def test_headline_and_figures_are_those_of_the_json_file(export: Path, report: dict[str, Any]) -> None:
     [week] = rows(export, "from weeks")
-    often = report["level"]["often"]
+    violation_rate = report["level"]["violation_rate"]
     assert (week["violations_per_open_h"], week["violations_per_open_h_lo"], week["violations_per_open_h_hi"]) == (
-        often["value"],
-        often["lo"],
-        often["hi"],
+        violation_rate["value"],
+        violation_rate["lo"],
+        violation_rate["hi"],
     )
     figures = {f["metric"]: f for f in rows(export, "from figures")}
     assert figures.keys() == report["figures"].keys()

@@ -228,7 +228,7 @@ def quiet_year(drawn: Drawn, site: int, folder: Path, *, seed: int, is_whole: bo
                 continue
             report = report_of(days, week, log)
             year.worked[said_of(report) or "nothing"] += 1
-            year.n_same += report.level.often.verdict == "about_same"
+            year.n_same += report.level.violation_rate.verdict == "about_same"
     return year
 
 
@@ -249,7 +249,7 @@ def changing_year(drawn: Drawn, site: int, folder: Path, *, seed: int) -> Year:
             data = WeekData(days, floor=days.site.floors[0], monday=monday(week))
             level = floor_level(data, is_compared=True, areas=report_areas.Areas(rows=()))
             has_changed = factor[week] != factor[week - 1]
-            is_same = level.often.verdict == "about_same"
+            is_same = level.violation_rate.verdict == "about_same"
             year.n_changed += has_changed
             year.same += is_same and has_changed
             year.n_same += is_same

@@ -114,7 +114,7 @@ def test_a_place_that_was_just_changed_is_watched_and_not_asked_about() -> None:
 
 def test_a_rise_at_a_place_without_weight_is_not_the_question() -> None:
     report = with_agenda()
-    risen = replace(report.areas[1], often=weeks.estimate(9.0, 0.8, 0.1))
+    risen = replace(report.areas[1], violation_rate=weeks.estimate(9.0, 0.8, 0.1))
     rows = (report.areas[0], risen, *report.areas[2:])
     assert choose(replace(report, areas=rows)).remedy == "why"
     rows = (report.areas[0], replace(risen, is_material=False), *report.areas[2:])

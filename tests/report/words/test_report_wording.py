@@ -235,12 +235,18 @@ def names(report: Any) -> set[str]:
     )
     found |= {line.area_name or "" for line in report.log} | {m.title for m in report.maps}
     found |= {a.name for m in report.maps for a in m.areas} | set(report.provenance.engines)
-    found |= {reason_text(e.reason) for a in report.areas for e in (a.often, a.risky) if e is not None}
+    found |= {
+        reason_text(e.reason) for a in report.areas for e in (a.violation_rate, a.encounter_rate) if e is not None
+    }
     found |= {reason_text(f.reason) for f in report.figures.values()} | {
         reason_text(f.unit) for f in report.figures.values()
     }
     found |= more_names(report)
-    found |= {reason_text(report.level.often.reason), reason_text(report.level.risky.reason), "vsd-analytics"}
+    found |= {
+        reason_text(report.level.violation_rate.reason),
+        reason_text(report.level.encounter_rate.reason),
+        "vsd-analytics",
+    }
     return {form for text in found - {""} for form in (text, terms.sentence(text), text.rstrip("."))}
 
 

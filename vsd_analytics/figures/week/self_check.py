@@ -9,7 +9,7 @@ from vsd_analytics.figures.week.model_sections import FalseAlarmShare, SelfCheck
 
 def section(found: FloorSelfCheck) -> SelfCheck:
     """Return the self-check as the report prints it."""
-    measured = {"both": found.both, "often": found.often, "risky": found.risky}
+    measured = {"both": found.both, "violation_rate": found.violation_rate, "encounter_rate": found.encounter_rate}
     shares = {name: None if of is None else same_fields(FalseAlarmShare, of) for name, of in measured.items()}
     expected, lo, hi = found.false_a_year or (None, None, None)
     return same_fields(SelfCheck, found, **shares, false_a_year=expected, false_a_year_lo=lo, false_a_year_hi=hi)

@@ -186,7 +186,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         areas = report_areas.areas(data, is_compared=is_compared, rest=say("words.rest"))
     hours = timetable.timetable(data)
     level = floor_level(data, is_compared=is_compared, areas=areas)
-    has_ranking = is_ranked and level.often.value != 0
+    has_ranking = is_ranked and level.violation_rate.value != 0
     made_at = _made_at(data, now)
     return WeekReport(
         site=SiteRef(
@@ -262,11 +262,13 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     """Return the figures of the whole floor, without those that are too small or would tell a small one."""
     below = data.site.settings.mask_below
     measured = estimates.measure(data, data.whole, is_compared=is_compared)
-    often, risky = measured.often, measured.risky
-    close = estimates.floor_close_share(data, is_compared=is_compared)
+    violation_rate, encounter_rate = measured.violation_rate, measured.encounter_rate
+    close = estimates.floor_close_time_share(data, is_compared=is_compared)
     is_printed = True
     if (why := data.hidden.why_floor) is not None:
-        often, risky, close = (estimates.without_figures(e, why) for e in (often, risky, close))
+        violation_rate, encounter_rate, close = (
+            estimates.without_figures(e, why) for e in (violation_rate, encounter_rate, close)
+        )
         is_printed = False
     elif is_compared and (
         is_small(measured.n_before, below=below)
@@ -276,13 +278,15 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     ):
         is_few = is_small(measured.n_before, below=below)
         why = in_week_before(too_few(below)) if is_few else GIVES_AWAY
-        often, close, risky = (estimates.without_change(e, why) for e in (often, close, risky))
+        violation_rate, close, encounter_rate = (
+            estimates.without_change(e, why) for e in (violation_rate, close, encounter_rate)
+        )
     panel = data.panel(data.whole, data.week_days)
     is_known = bool(panel.x_h.any())
     return Level(
-        often=often,
-        risky=risky,
-        close_share=close,
+        violation_rate=violation_rate,
+        encounter_rate=encounter_rate,
+        close_time_share=close,
         people=estimates.people(data, is_compared=is_compared),
         exposure_h=float(panel.exposure_h.sum()) if is_known and data.why_no_exposure is None else None,
         violations=measured.n if is_printed and is_known and data.why_no_violations is None else None,

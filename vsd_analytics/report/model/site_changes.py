@@ -141,9 +141,11 @@ def _with_parts(data: WeekData, change: SettingsChange) -> SettingsChange:
     before = estimates.measure(data, data.whole, is_compared=False, until=ms)
     after = estimates.measure(data, data.whole, is_compared=False, since=ms)
     below = data.site.settings.mask_below
-    if data.hidden.why_floor or any(is_small(m.n, below=below) or m.often.value is None for m in (before, after)):
+    if data.hidden.why_floor or any(
+        is_small(m.n, below=below) or m.violation_rate.value is None for m in (before, after)
+    ):
         return change
-    return replace(change, often_before=before.often, often_after=after.often)
+    return replace(change, violation_rate_before=before.violation_rate, violation_rate_after=after.violation_rate)
 
 
 def _is_news(outage: Outage, entries: list[LogEntry]) -> bool:

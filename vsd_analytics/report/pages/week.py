@@ -191,13 +191,15 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
     if report.story is None:
         raise AssertionError("finish fills the story")
     style = _style(report, paper=paper)
-    is_compared = report.state == "normal" and report.level.often.verdict is not None
+    is_compared = report.state == "normal" and report.level.violation_rate.verdict is not None
     is_ranked = report.state in ("normal", "first_week", "settings_changed")
     weeks, figures = sections.trend(report), map_figures(report)
     log_section = "trend" if weeks is not None and weeks.panels else "changed"
     shown = _shown(report, figures, log_section=log_section)
     timetable, strips = tables.timetable(report), tables.strips(report)
-    limit = svg.change_limit([report.level.often, *(a.often for a in report.areas if not a.is_masked)])
+    limit = svg.change_limit(
+        [report.level.violation_rate, *(a.violation_rate for a in report.areas if not a.is_masked)]
+    )
     rules, steps = report.rules, report.rules.heat_steps
     half_the_distance = fmt.distance(LIMIT_SHARE * rules.distance_m, rules.distance_unit)
     titles_of_things = {3: "things.title_three", 2: "things.title_two"}
@@ -241,7 +243,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         outages=tuple(tables.outage_row(o, names) for o in report.coverage.outages),
         distance=fmt.distance_unbroken(rules.distance_m, rules.distance_unit),
         readings_note=sections.readings_note(report),
-        between={a.area_id: a.often.value for a in report.readings.areas} if report.readings else {},
+        between={a.area_id: a.violation_rate.value for a in report.readings.areas} if report.readings else {},
         cards=cards(report, question=report.story.question),
         unusual=sections.unusual(report),
         contributions=contributions(report),
@@ -262,7 +264,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
 def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> frozenset[str]:
     always = {"data", "about"}
     always |= {"trend"} if report.trend is not None and report.trend.weeks else set()
-    if report.level.often.state != "not_measurable" and report.outlook is not None and report.outlook.highest:
+    if report.level.violation_rate.state != "not_measurable" and report.outlook is not None and report.outlook.highest:
         always |= {"next"}
     if report.state == "no_data":
         return frozenset(always | ({"changed"} if report.log and log_section == "changed" else set()))
@@ -271,7 +273,7 @@ def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> froz
         (figures.footsteps is not None or figures.flow is not None) and report.week.is_week
     ):
         maps |= {"spots"}
-    hours = set() if report.level.often.state == "not_measurable" else {"when"}
+    hours = set() if report.level.violation_rate.state == "not_measurable" else {"when"}
     asked = {"waiting"} if report.figures.keys() & {"M39", "M41"} else set()
     return frozenset({"changed"} | always | hours | maps | asked)
 
@@ -302,7 +304,7 @@ def _down(report: WeekReport) -> list[str]:
 
 def _why_not_compared(report: WeekReport) -> str:
     match report.state:
-        case _ if report.level.often.state == "not_measurable":
+        case _ if report.level.violation_rate.state == "not_measurable":
             return say("changed.why_not_measurable")
         case "first_week":
             return say("changed.why_no_week_before" if report.has_history else "changed.why_first_week")

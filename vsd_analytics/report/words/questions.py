@@ -223,15 +223,15 @@ def wording(candidate: Candidate, past: Sequence[PastQuestion], *, monday: date)
 
 def candidates(report: WeekReport) -> Iterator[Candidate]:
     """Yield what this week could ask, most pressing first."""
-    week, often = report.week.number, report.level.often
+    week, violation_rate = report.week.number, report.level.violation_rate
     if report.state == "no_data":
         texts = nothing(report)
         yield Candidate(place=FLOOR, remedy=texts.rule.replace("_", "-"), text=texts.question, is_change=False)
         return
-    if often.state == "not_measurable":
+    if violation_rate.state == "not_measurable":
         yield Candidate(place=FLOOR, remedy="means", text=say("question.no_means"), is_change=False)
         return
-    if often.value is None and report.state != "too_incomplete":
+    if violation_rate.value is None and report.state != "too_incomplete":
         yield Candidate(place=FLOOR, remedy="quiet", text=say("question.few"), is_change=False)
         return
     if report.state == "empty":
@@ -243,9 +243,11 @@ def candidates(report: WeekReport) -> Iterator[Candidate]:
         return
     places = places_to_ask(report)
     watched = {p.area_id for p in places if p.changed_on is not None}
-    rises = [a for a in report.areas if a.often.verdict == "clear_rise" and a.area_id is not None and a.is_material]
+    rises = [
+        a for a in report.areas if a.violation_rate.verdict == "clear_rise" and a.area_id is not None and a.is_material
+    ]
     if report.state == "normal":
-        for area in sorted(rises, key=lambda a: -(a.often.change or 0.0)):
+        for area in sorted(rises, key=lambda a: -(a.violation_rate.change or 0.0)):
             if area.area_id not in watched:
                 text, again = (say(f"{t}.rose", area=area.name, week=week) for t in ("question", "again"))
                 yield Candidate(place=str(area.area_id), remedy="why", text=text, again=again, area_id=area.area_id,
