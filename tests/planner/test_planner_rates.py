@@ -18,8 +18,8 @@ from vsd_analytics.figures.panels import FloorHours, Panel, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.planner.planner_data import PlannerData
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.changes import compare_encounter_rates, compare_violation_rates
 from vsd_analytics.stats.rates import encounter_rate, violation_rate

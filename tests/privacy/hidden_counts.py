@@ -28,8 +28,8 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from vsd_analytics.figures import hotspots as analysis
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import open_warehouse
 

@@ -20,9 +20,9 @@ from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.planner.cell_counts import CELL_M, grid_of
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.wording.reasons import reason_text
 

@@ -18,8 +18,8 @@ from typing import Any
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.warehouse.sqlfiles import figure_headers
 
 MONDAY = date(2012, 10, 22)

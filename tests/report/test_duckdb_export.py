@@ -16,9 +16,9 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import DiskError
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.pages.duckdb_file import export_duckdb, exported_tables
 from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.store import durable
 
 MONDAY = date(2026, 11, 9)

@@ -11,10 +11,10 @@ import pytest
 from report import ingested_worlds as w
 
 from vsd_analytics.cli import cli, run
-from vsd_analytics.report.model.assemble import days_report, week_report
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import from_json, to_csv, to_json
 from vsd_analytics.report.pages.mail import make_mail
+from vsd_analytics.report.pages.story import days_report, week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.site.model import LANGUAGES, Site
 from vsd_analytics.site_index.read_reports import find_reports

@@ -28,10 +28,9 @@ from vsd_analytics.planner.space_use import SpaceUseView, space_use_view
 from vsd_analytics.planner.t_quantiles import few_events, quantiles
 from vsd_analytics.report.draw.floor_frame import Frame
 from vsd_analytics.report.draw.svg import smooth_path, straight_path
-from vsd_analytics.report.model.spot_words import place_name
+from vsd_analytics.report.model.spot_names import place_name
 from vsd_analytics.report.pages.spot_cards import watched
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
-from vsd_analytics.report.words.terms import capital, joined, verdict_words
 from vsd_analytics.stats.day_correlation import LARGEST, PRIOR_CORRELATION, PRIOR_DAYS
 from vsd_analytics.stats.rates import MIN_EVENTS, MIN_HISTORY_WEEKS, SMALL_COUNT
 from vsd_analytics.stats.weekly_steps import PRIOR_DF, PRIOR_EXTRA, PRIOR_WEEK_SD
@@ -40,6 +39,7 @@ from vsd_analytics.wording import catalogue
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.languages import days
 from vsd_analytics.wording.reasons import reason_text, text_or_none
+from vsd_analytics.wording.terms import capital, joined, verdict_words
 
 UNIT: Final = 100
 """Units of the drawing in a metre of floor."""

@@ -14,7 +14,6 @@ from vsd_analytics.answer import Verdict
 from vsd_analytics.figures.week.results import LogLine
 from vsd_analytics.report.model.week import Span
 from vsd_analytics.report.pages.week import policy_hash, printed_footers, rendered, shipped_style
-from vsd_analytics.report.words import terms
 from vsd_analytics.site_index import week_bars
 from vsd_analytics.site_index.compare_section import CompareSection, compare_section
 from vsd_analytics.site_index.floor_weeks import Catalogue, FloorWeeks, standing, verdict_of
@@ -22,6 +21,7 @@ from vsd_analytics.site_index.read_reports import Entry, IndexedReport
 from vsd_analytics.site_index.site_comparison import compare_sites
 from vsd_analytics.site_index.summary import headline, lead, week_line
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import months
 from vsd_analytics.wording.reasons import reason_text

@@ -11,12 +11,12 @@ from datetime import date
 from typing import Final
 
 from vsd_analytics.report.model.week import Span
-from vsd_analytics.report.words.terms import capital, sentence, verdict_words
 from vsd_analytics.site_index.floor_weeks import FloorWeeks, Standing, standing, verdict_of
 from vsd_analytics.site_index.read_reports import IndexedReport
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import separated
+from vsd_analytics.wording.terms import capital, sentence, verdict_words
 
 NAMED: Final = 3
 """Floors a sentence names; the others are counted."""

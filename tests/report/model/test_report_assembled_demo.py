@@ -16,8 +16,8 @@ from report.pages.test_report_numbers import strangers
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.simulate import DemoTruth, write_demo_project
 from vsd_analytics.site.model import Site

@@ -10,8 +10,8 @@ import shapely
 from report import ingested_worlds as w
 
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.story import finish
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words.headline import finish
 from vsd_analytics.wording.reasons import reason_text
 
 VIEWS = {

@@ -15,8 +15,8 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.geometry.embedded_pictures import has_paper
 from vsd_analytics.geometry.scale_bar import nice_metres
 from vsd_analytics.report.draw.floor_plan import floor_map
+from vsd_analytics.report.pages import figure_titles
 from vsd_analytics.report.pages.week import make_page, render_html
-from vsd_analytics.report.words import figure_titles
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.reasons import read_reason
 

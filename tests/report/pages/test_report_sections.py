@@ -20,10 +20,10 @@ from vsd_analytics.figures.forecast import HourForecast, SeriesForecast
 from vsd_analytics.figures.unusual import UnusualWeek
 from vsd_analytics.figures.week import outlook, redesigns, trend_weeks
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, chart, spark
+from vsd_analytics.report.pages import questions
 from vsd_analytics.report.pages import sections as page_sections
 from vsd_analytics.report.pages.spot_cards import cards
 from vsd_analytics.report.pages.week import make_page, render_html
-from vsd_analytics.report.words import questions
 from vsd_analytics.site.model import Area, Fixture, Floor
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate

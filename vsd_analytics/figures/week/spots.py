@@ -79,7 +79,7 @@ def spots(
     maps: Sequence[FloorMap],
     coverage: Coverage,
 ) -> Spots:
-    """Return the numbered spots of the week; the page names them and asks (`report.model.spot_words`).
+    """Return the numbered spots of the week; the page names them and asks (`report.model.spot_names`).
 
     Args:
         data: The week; its warehouse holds the hotspots' window.

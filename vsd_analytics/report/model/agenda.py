@@ -19,9 +19,9 @@ from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.model_sections import SpotCard
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.figures.week.spots import place_shape
+from vsd_analytics.report.model import remedies as rules
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.model.week_agenda import Agenda, PastQuestion, PlaceToAsk
-from vsd_analytics.report.words import questions as rules
 from vsd_analytics.site.model import Fixture
 from vsd_analytics.site.questions import QuestionAnswer
 

@@ -13,7 +13,7 @@ from vsd_analytics.report.draw.spot_pictures import spot_pictures
 from vsd_analytics.report.model.agenda import agenda
 from vsd_analytics.report.model.ledger import ledger
 from vsd_analytics.report.model.site_changes import same_engine_since
-from vsd_analytics.report.model.spot_words import with_words
+from vsd_analytics.report.model.spot_names import with_words
 from vsd_analytics.report.model.week import WeekReport
 
 

@@ -16,10 +16,10 @@ from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.findings import Findings
 from vsd_analytics.figures.week.model_recording import Coverage, Outage
 from vsd_analytics.figures.week.results import LogLine, SettingsChange
-from vsd_analytics.report.words import terms
 from vsd_analytics.site.model import LogEntry
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 
 DETECTED_MIN_H: Final = 2.0

@@ -12,8 +12,8 @@ from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 

@@ -16,8 +16,8 @@ from markupsafe import Markup, escape
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.draw.svg import step_bar
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 
 MAX_PARTS: Final = 6

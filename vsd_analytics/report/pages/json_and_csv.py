@@ -20,7 +20,7 @@ from vsd_analytics.figures.week.results import AreaRow, HourCell
 from vsd_analytics.report.model import week, week_agenda
 from vsd_analytics.report.model.older_files import brought_up_to_date
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words.headline import finish
+from vsd_analytics.report.pages.story import finish
 from vsd_analytics.store.spreadsheet import safe_cell
 from vsd_analytics.wording.reasons import decode_reason, reason_schema, reason_text
 

@@ -11,9 +11,9 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Usual
 from vsd_analytics.report.draw.trend_chart import spark
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.things_to_know import weakest_camera
+from vsd_analytics.report.pages.things_to_know import weakest_camera
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 

@@ -13,8 +13,8 @@ from vsd_analytics.figures.week.model_sections import Causes, Redesign, Target, 
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, Measure, chart, known
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 

@@ -11,8 +11,8 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, UsualHours
 from vsd_analytics.report.draw import small_maps
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import days
 from vsd_analytics.wording.reasons import reason_text

@@ -17,24 +17,22 @@ from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.figures.week.uncertain_floor import LIMIT_SHARE
 from vsd_analytics.report.draw import floor_plan, svg
 from vsd_analytics.report.model.week import Story, WeekReport
-from vsd_analytics.report.pages import sections, tables
-from vsd_analytics.report.pages.asked import AskedLine, asked_lines
+from vsd_analytics.report.pages import figure_titles, sections, tables
 from vsd_analytics.report.pages.change_rows import ChangeRow, change_rows
 from vsd_analytics.report.pages.contributions import Contributions, contributions
 from vsd_analytics.report.pages.figure_list import FigureRow, more_figures
 from vsd_analytics.report.pages.json_and_csv import rounded
 from vsd_analytics.report.pages.key_figures import Tile, tiles
+from vsd_analytics.report.pages.logged_changes import AskedLine, LogRow, asked_lines, log_rows
 from vsd_analytics.report.pages.map_figures import MapFigures, map_figures
-from vsd_analytics.report.pages.site_log import LogRow, log_rows
+from vsd_analytics.report.pages.spoken import in_its_words
 from vsd_analytics.report.pages.spot_cards import Cards, cards
+from vsd_analytics.report.pages.story import finish
 from vsd_analytics.report.pages.templates import environment
 from vsd_analytics.report.pages.waiting import WaitingView, waiting
-from vsd_analytics.report.words import figure_titles, terms
-from vsd_analytics.report.words.headline import finish
-from vsd_analytics.report.words.privacy import privacy
-from vsd_analytics.report.words.spoken import in_its_words
 from vsd_analytics.resources import shipped
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 
 WIDE = 1.8
@@ -387,3 +385,28 @@ def rendered(template: str, page: Any) -> str:
 def policy_hash(text: str) -> str:
     """Return the base64 SHA-256 by which a content security policy allows a style or script."""
     return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def privacy(report: WeekReport) -> str:
+    """Return what is stored about people, until when, and what was deleted."""
+    stored, rules = report.stored, report.rules
+    key = "pseudonyms" if stored is None or stored.has_pseudonyms else "ids"
+    said = [
+        say(
+            "about.privacy_text",
+            numbers=say(f"about.privacy_{key}"),
+            below=rules.mask_below,
+            masked=fmt.masked(rules.mask_below),
+        )
+    ]
+    if stored is not None and stored.first_day is not None:
+        said.append(say("about.privacy_since", first=fmt.date_long(stored.first_day)))
+        n, days = stored.n_overdue_days, rules.retention_days
+        if n:
+            said.append(say("about.privacy_overdue", plural=n, n=n, days=days))
+        else:
+            said.append(say("about.privacy_in_time", on=fmt.date_long(report.generated_at.date()), days=days))
+    if stored is not None and stored.purged_before is not None and stored.purged_on is not None:
+        before, on = fmt.date_long(stored.purged_before), fmt.date_long(stored.purged_on)
+        said.append(say("about.privacy_purged", before=before, on=on))
+    return " ".join(said)

@@ -1,4 +1,4 @@
-"""The words of every branch as text, in golden/: `python tests/report/words/golden_cases.py` writes them."""
+"""The words of every branch as text, in golden/: `python tests/report/story/golden_cases.py` writes them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from report import sample_weeks as weeks
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.report.model import week as page_model
-from vsd_analytics.report.words.headline import story_of
+from vsd_analytics.report.pages.story import story_of
 from vsd_analytics.wording.reasons import read_reason
 
 FOLDER = Path(__file__).parent / "golden"

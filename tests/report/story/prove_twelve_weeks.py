@@ -6,7 +6,7 @@ truth.json: what the simulator counted of true positions in all open hours. Make
 made by
 
     vsd demo twelve --weeks 12 --reports all
-    python tests/report/words/prove_twelve_weeks.py --project twelve
+    python tests/report/story/prove_twelve_weeks.py --project twelve
 """
 
 from __future__ import annotations

@@ -12,11 +12,11 @@ from report import sample_weeks as weeks
 
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.model.week_agenda import Agenda, PastQuestion, PlaceToAsk
-from vsd_analytics.report.pages.asked import asked_lines
+from vsd_analytics.report.pages import questions
+from vsd_analytics.report.pages.logged_changes import asked_lines
+from vsd_analytics.report.pages.questions import Candidate, choose, wording
+from vsd_analytics.report.pages.story import story_of
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words import questions
-from vsd_analytics.report.words.headline import story_of
-from vsd_analytics.report.words.questions import Candidate, choose, wording
 from vsd_analytics.site.questions import AskedQuestion
 
 MONDAY = date(2026, 11, 9)

@@ -29,8 +29,8 @@ from sceptic_worlds import TALES, Tale, Truth, sites_of, weeks_of
 from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.logged_changes import came_of
 from vsd_analytics.report.pages.week import Page, make_page
-from vsd_analytics.report.words.change_results import came_of
 from vsd_analytics.site.model import Area
 from vsd_analytics.wording import catalogue
 

@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "stats"))
 
 from change_worlds import OFFICE, draw
 from planted_changes import site_of
-from report.words.prove_words import AREAS, N_AREAS, REFERENCE, entries, monday, planted, report_of, said_of
+from report.story.prove_words import AREAS, N_AREAS, REFERENCE, entries, monday, planted, report_of, said_of
 
 pytestmark = pytest.mark.simulation
 

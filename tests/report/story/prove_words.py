@@ -1,4 +1,4 @@
-"""Prove the words of a year of reports: python tests/report/words/prove_words.py --sites 40.
+"""Prove the words of a year of reports: python tests/report/story/prove_words.py --sites 40.
 
 Sites in which nothing is changed, with an entry in the log each month at a random place and day, as somebody writes
 who tidies up: in which share of site-years does a page say that something worked? And sites whose floor does change by
@@ -45,7 +45,7 @@ from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.report.model.assemble import floor_level
 from vsd_analytics.report.model.site_changes import log_lines
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words.headline import story_of
+from vsd_analytics.report.pages.story import story_of
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.running_verdict import log_e_values
 from vsd_analytics.warehouse.warehouse import Warehouse

@@ -12,17 +12,19 @@ import pytest
 from forbidden_words import forbidden_in
 from report import sample_weeks as weeks
 from report.sample_sections import redesigns, trend
-from report.words.golden_cases import CASES, CLOSE, OFTEN, after_a_gap, beside_usual, silent, unusual_hour
+from report.story.golden_cases import CASES, CLOSE, OFTEN, after_a_gap, beside_usual, silent, unusual_hour
 
 from vsd_analytics.answer import Verdict
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign, Usual
 from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.model.week_agenda import Agenda
+from vsd_analytics.report.pages import figure_titles
+from vsd_analytics.report.pages.headline import MAX_WORDS, change_to_name
+from vsd_analytics.report.pages.story import finish, story_of
+from vsd_analytics.report.pages.things_to_know import things
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words import figure_titles, terms
-from vsd_analytics.report.words.headline import MAX_WORDS, change_to_name, finish, story_of
-from vsd_analytics.report.words.things_to_know import things
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import has
 from vsd_analytics.wording.reasons import read_reason
 

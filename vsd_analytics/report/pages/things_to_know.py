@@ -12,9 +12,10 @@ from vsd_analytics.figures.week.model_recording import CameraRecord
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.model.week import Thing, WeekReport
-from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.no_data import nothing
+from vsd_analytics.report.pages.no_data import nothing
+from vsd_analytics.report.pages.spoken import week_before
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 
@@ -96,7 +97,7 @@ def _is_material(change: Redesign, report: WeekReport) -> bool:
 
 
 def _worked(report: WeekReport) -> Thing:
-    since = terms.week_before(report)
+    since = week_before(report)
     new = _results(report, is_new=True)
     if new:
         return new[0]
@@ -161,7 +162,7 @@ def _watch(report: WeekReport) -> Thing:
     rises = [a for a in report.areas if a.violation_rate.verdict == "clear_rise" and a.is_material]
     if rises and report.state == "normal":
         top = max(rises, key=lambda a: a.violation_rate.change or 0.0)
-        text = _against(top.violation_rate, terms.week_before(report))
+        text = _against(top.violation_rate, week_before(report))
         return Thing(kind="watch", title=say("things.rose", area=top.name), text=text, target="changed")
     spot = report.busiest_spot
     if (

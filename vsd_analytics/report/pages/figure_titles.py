@@ -7,10 +7,10 @@ from typing import Final
 
 from vsd_analytics.figures.week.model_map import ChangedPlace, ChangeMaps
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.no_data import nothing
-from vsd_analytics.report.words.things_to_know import weakest_camera
+from vsd_analytics.report.pages.no_data import nothing
+from vsd_analytics.report.pages.things_to_know import weakest_camera
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 
 NAMED_SHARE: Final = 0.2

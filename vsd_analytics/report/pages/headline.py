@@ -17,13 +17,12 @@ from typing import Final
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.week.model_recording import CameraRecord
 from vsd_analytics.figures.week.results import AreaRow, LogLine
-from vsd_analytics.report.model.week import Span, Story, WeekReport
-from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.no_data import nothing
-from vsd_analytics.report.words.questions import choose, may_ask
-from vsd_analytics.report.words.spoken import spoken_of
-from vsd_analytics.report.words.things_to_know import things
+from vsd_analytics.report.model.week import Span, WeekReport
+from vsd_analytics.report.pages.no_data import nothing
+from vsd_analytics.report.pages.spoken import week_before
+from vsd_analytics.report.pages.things_to_know import things
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import has, say
 from vsd_analytics.wording.reasons import reason_text
 
@@ -31,37 +30,6 @@ MAX_WORDS: Final = 15
 OWN_SHARE: Final = 0.8
 """A change of the floor is an area's own when at least this part of it lies there."""
 CLEAR: Final = ("clear_fall", "clear_rise")
-
-
-def finish(report: WeekReport) -> WeekReport:
-    """Return the report with its story filled in."""
-    if report.story is not None:
-        return report
-    with spoken_of(report):
-        return replace(report, story=story_of(report))
-
-
-def story_of(report: WeekReport) -> Story:
-    """Make the words of the page.
-
-    Args:
-        report: The figures; `report.story` is not read.
-
-    Returns:
-        Headline with the name of its rule, lead, at most three things to know, one question, notes.
-    """
-    rule, headline = _headline(report)
-    lead, notes = _lead(report)
-    question = choose(report) if may_ask(report) else None
-    return Story(
-        headline=headline,
-        rule=rule,
-        lead=tuple(lead),
-        things=things(report),
-        question="" if question is None else question.text,
-        question_id="" if question is None else question.question_id,
-        notes=tuple(notes),
-    )
 
 
 def close_key(report: WeekReport) -> str:
@@ -83,7 +51,8 @@ def violation_rate_key(report: WeekReport) -> str:
     return report.level.violation_rate.verdict or "too_little_data"
 
 
-def _headline(report: WeekReport) -> tuple[str, str]:
+def headline(report: WeekReport) -> tuple[str, str]:
+    """Return the name of the rule that a week comes under, and the headline it gives."""
     if report.state == "no_data":  # nothing was recorded anywhere, so no camera is named
         texts = nothing(report)
         return texts.rule, texts.headline
@@ -188,7 +157,7 @@ def _where(report: WeekReport) -> list[str]:
 
 def _settings_headline(report: WeekReport) -> str:
     change = report.settings_change
-    when = say("headline.since", week=terms.week_before(report))
+    when = say("headline.since", week=week_before(report))
     if change is not None and change.at is not None:
         when = say("headline.on_day", day=fmt.weekday(change.at.date()))
     key = f"headline.setting_{change.name if change is not None else 'other'}"
@@ -230,7 +199,7 @@ def _after(entry: LogLine) -> list[str]:
     return [*quoted, say("headline.after_area", area=entry.area_name or entry.area_id)]
 
 
-def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
+def lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     """Return the lead and notes of any week; a camera that recorded nothing is named at its end."""
     spans, notes = _lead_of_all(report)
     cameras = report.silent_cameras
@@ -308,7 +277,7 @@ def _times(report: WeekReport) -> Span:
 def _normal_lead(report: WeekReport) -> list[Span]:
     violation_rate = report.level.violation_rate
     spans = [_people_came(report), _times(report)]
-    since, likely = terms.week_before(report), fmt.likely_change(violation_rate)
+    since, likely = week_before(report), fmt.likely_change(violation_rate)
     match violation_rate.verdict:
         case "clear_fall" | "clear_rise":
             spans.append(
@@ -364,7 +333,7 @@ def _close_spans(report: WeekReport) -> list[Span]:
     if close.state == "not_enough_data" or close.value is None:
         return [Span(text=say("lead.close_little", reason=reason_text(close.reason) or say("lead.few_seen")))]
     strong = Span(text=say("lead.close_strong", share=fmt.percent(close.value)), is_strong=True)
-    since = terms.week_before(report)
+    since = week_before(report)
     match close.verdict if report.state == "normal" else None:
         case "clear_fall" | "clear_rise" if close.change is not None:
             likely = fmt.likely_change(close, is_counted=False)
