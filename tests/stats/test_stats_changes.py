@@ -24,7 +24,7 @@ hours = arrays(np.float64, (2, 7), elements=st.floats(1, 24))
 
 
 def brute_force_change(n_a: np.ndarray, n_b: np.ndarray, x: np.ndarray) -> tuple[float, float, float]:
-    """House plan 7.3 and the prior of weekly steps, with loops, for cameras that all recorded all days."""
+    """The paired change with the prior of weekly steps, by loops, for cameras that all recorded all days."""
     influences, rates = [], []
     for n in (n_a, n_b):
         rate = sum(n[c].sum() / x[c].sum() for c in range(len(n)))

@@ -179,7 +179,7 @@ class OpenProject:
             return before_after.before_after(warehouse, number, area_id=area_id, weeks=weeks)
 
     def plan(self, area_id: str, *, effect: float, power: float = 0.8, weeks_max: int = 26) -> ExperimentPlan:
-        """Return how many weeks a change of an area must be watched until an effect is clear (J11); stores nothing.
+        """Return how many weeks a change of an area must be watched until an effect is clear; stores nothing.
 
         Args:
             area_id: The area to be changed.

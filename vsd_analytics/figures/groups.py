@@ -1,4 +1,4 @@
-"""People together: the groups of a range, and its violations in two readings, all and between groups (R4, M9).
+"""People together: the groups of a range, and its violations in two readings, all and between groups (M9).
 
 A violation is within a group when the marts `track_groups` put both its tracks into one; every other is between groups.
 Both readings are reported, side by side. Where track ids are cut, the filter says that it is not applicable, and no

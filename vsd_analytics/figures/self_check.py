@@ -1,4 +1,4 @@
-"""How often the verdicts on a floor are false: its own past weeks, shuffled so that nothing changes on average (J10).
+"""How often the verdicts on a floor are false: its own past weeks, shuffled so that nothing changes on average.
 
 The arithmetic is `vsd_analytics.stats.false_alarms`, on the two numbers of the floor that a weekly report judges: how
 often (M0) and how risky (M7).

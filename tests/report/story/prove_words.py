@@ -62,7 +62,7 @@ STEPS_A_YEAR: Final = 3
 ALONE: Final = 500
 """Running verdicts alone cost little: so many sites for each whose pages are made."""
 CLEAR_E: Final = 20.0
-"""Evidence from which a running verdict is clear (judgement.md, J7)."""
+"""Evidence from which a running verdict is clear."""
 WORLDS: Final = (
     replace(OFFICE, n_areas=N_AREAS, weeks_before=REFERENCE, weeks_after=YEAR),
     replace(MUSEUM, n_areas=N_AREAS, weeks_before=REFERENCE, weeks_after=YEAR),

@@ -24,7 +24,7 @@ from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.wording import format as fmt
 
 SAME: Final = 0.15
-"""What "about the same" allows (J5)."""
+"""What "about the same" allows."""
 CLOSE_TO_NOTHING: Final = 0.005
 """A planted change below this is none."""
 FLOOR: Final = range(N_AREAS)
@@ -259,7 +259,7 @@ def is_silent(said: Said, truth: Truth) -> bool | None:
 
 
 def names_missing(said: Said, truth: Truth) -> bool | None:
-    """Judge that a headline or lead says which part of the floor is missing, in a week with any record (J13)."""
+    """Judge that a headline or lead says which part of the floor is missing, in a week with any record."""
     silent = truth.silent()
     if not silent or len(silent) == len(CAMERAS):
         return None

@@ -234,7 +234,10 @@ class HourCell:
     hour: int = _f("Local hour, 0 to 23.")
     fold: int = _f("1 for the second of two equal local hours (clocks set back).", default=0)
     start: datetime = _f("Start with offset.")
-    state: HourState = _f("See the house plan, section 7.6.")
+    state: HourState = _f(
+        "full: recorded for at least 0.92 of the hour; partial: for 0.5 to 0.92, in rates as well; low_data: for less, "
+        "in no rate or ranking; no_data: not recorded; closed; not_over: still to come."
+    )
     violations: int | None = _o("Violations counted; None if masked, no data, closed or not over.", "violations", "M8")
     is_masked: bool = _f("True: 1 to `mask_below`-1 were counted.", default=False)
     is_held_back: bool = _f("True: its count is held back, as it would tell a masked one.", default=False)

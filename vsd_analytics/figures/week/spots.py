@@ -1,6 +1,6 @@
 """The numbered spots of the map and their cards: tested hotspots (M20) where there are any, else the busiest areas.
 
-A spot says when it is busy, how sure it is, and what to ask about the room. How sure (brief, 4.3): high when at least
+A spot says when it is busy, how sure it is, and what to ask about the room. How sure: high when at least
 90 % of the hours were recorded, it shows on at least five days, and its camera knows positions to half a metre; medium
 when one of these is missed; low when two are, or its camera was down in its usual hours.
 """

@@ -1,4 +1,4 @@
-"""Three things to know and one question, made by rule from the figures (report brief, 4.1 and 4.3)."""
+"""At most three things to know about a week, made by rule: what worked, what to watch, what not to trust."""
 
 from __future__ import annotations
 
