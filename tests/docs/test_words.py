@@ -15,7 +15,7 @@ import generate_reference as reference
 import pytest
 from markdown_pages import REPOSITORY
 
-from vsd_analytics.cli import explanations
+from vsd_analytics.cli.explain import explanations
 from vsd_analytics.settings import SETTINGS
 from vsd_analytics.wording.catalogue import catalogue
 
@@ -70,7 +70,7 @@ def test_help_and_explanations_use_plain_words() -> None:
     texts = {name: command.help or "" for name, command in reference.every_command()}
     for name, command in reference.every_command():
         texts |= {f"{name} {p.name}": p.help or "" for p in command.params if isinstance(p, click.Option)}
-    texts |= explanations.EXPLANATIONS
+    texts |= explanations()
     texts |= {s.name: s.help for s in SETTINGS}
     assert {where: found for where, text in texts.items() if (found := banned_in(text))} == {}
 

@@ -19,13 +19,12 @@ from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.planner import cell_counts, map_kinds
 from vsd_analytics.planner.change_words import ChangeWords, change_words
 from vsd_analytics.planner.encode import PackedNumbers, packed_numbers
-from vsd_analytics.planner.fixture_drawings import FixtureLabel, drawn_fixtures
 from vsd_analytics.planner.flow_layer import FlowLayer, flow_layer
+from vsd_analytics.planner.layouts import FixtureLabel, drawn_fixtures
 from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.planner.planner_data import PlaceRow, PlannerData
-from vsd_analytics.planner.script import script, sentences
+from vsd_analytics.planner.script import few_events, quantiles, script, sentences
 from vsd_analytics.planner.space_use import SpaceUseView, space_use_view
-from vsd_analytics.planner.t_quantiles import few_events, quantiles
 from vsd_analytics.report.draw.floor_frame import Frame
 from vsd_analytics.report.draw.svg import smooth_path, straight_path
 from vsd_analytics.report.model.spot_names import place_name

@@ -235,7 +235,7 @@ class HourCell:
     fold: int = _f("1 for the second of two equal local hours (clocks set back).", default=0)
     start: datetime = _f("Start with offset.")
     state: HourState = _f(
-        "full: recorded for at least 0.92 of the hour; partial: for 0.5 to 0.92, in rates as well; low_data: for less, "
+        "full: for `full_hour_share` of the hour or more; partial: for `partial_hour_share`; low_data: for less, "
         "in no rate or ranking; no_data: not recorded; closed; not_over: still to come."
     )
     violations: int | None = _o("Violations counted; None if masked, no data, closed or not over.", "violations", "M8")

@@ -1,4 +1,7 @@
-"""What came of logged changes and earlier questions: a sentence each, lines above the question, rows of the log."""
+"""What came of logged changes and earlier questions: a sentence each, lines above the question, rows of the log.
+
+A change worked, moved elsewhere, rose, or nobody can tell yet: which may be said is `change_outcome.outcome`.
+"""
 
 from __future__ import annotations
 
