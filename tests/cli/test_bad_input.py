@@ -21,7 +21,7 @@ from site_text import site_text
 import vsd_analytics
 from vsd_analytics.cli import COMMANDS, cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.cli.explanations import EXPLANATIONS
+from vsd_analytics.cli.explain import explanations
 
 CONFIG = site_text("cam-1", "cam-2")
 HEADER = "ts,camera_id,track_id,x_m,y_m\n"
@@ -334,7 +334,7 @@ def test_help_imports_nothing_heavy() -> None:
 def test_every_code_in_the_source_is_explained() -> None:
     package = Path(vsd_analytics.__file__).parent
     used = {c for p in package.rglob("*.py") for c in re.findall(r"\"([EW]\d{3})[\":]", p.read_text("utf-8"))}
-    assert used - set(EXPLANATIONS) == set()
+    assert used - set(explanations()) == set()
 
 
 def test_what_is_missing_in_the_table_of_a_query_is_a_dash(vsd: Vsd, tmp_path: Path) -> None:

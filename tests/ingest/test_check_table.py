@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
 from vsd_analytics.cli.explanations import EXPLANATIONS
+
 from vsd_analytics.ingest.checks.check_case import Case, SourceCheck, SourceWarning, always
 from vsd_analytics.ingest.checks.check_table import CHECKS, warnings_of
 from vsd_analytics.ingest.checks.sample import sample_of

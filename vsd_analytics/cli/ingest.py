@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vsd_analytics.cli.card import print_card
-from vsd_analytics.cli.file_options import file_options, ingest_options
+from vsd_analytics.cli.file_options import file_options, ingest_options, with_standard_input
 from vsd_analytics.cli.ingest_output import print_source, print_total, result_as_dict
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import count, emit_json, plain, progress
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.cli.standard_input import with_standard_input
 from vsd_analytics.errors import UsageError
 
 if TYPE_CHECKING:
@@ -125,7 +124,7 @@ def read_files(
 
 
 def _watch(project: Project, folder: Path, given: dict[str, Any], *, as_json: bool) -> int:
-    from vsd_analytics.cli.stop_signals import stop_signals
+    from vsd_analytics.cli.exit_codes import stop_signals
     from vsd_analytics.live.watch import watch
 
     with stop_signals() as stopped:

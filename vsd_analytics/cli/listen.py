@@ -85,7 +85,7 @@ def listen(
     from functools import partial
 
     from vsd_analytics.cli.alarms import live_alarms
-    from vsd_analytics.cli.stop_signals import stop_signals
+    from vsd_analytics.cli.exit_codes import stop_signals
     from vsd_analytics.live.listener import Listener
     from vsd_analytics.live.mqtt import password_of, recommended_config
     from vsd_analytics.live.single_instance import alone

@@ -207,7 +207,7 @@ def _rounds(
     project: Project, one_round: Callable[[Callable[[], bool]], dict[str, Any]], *, every_s: float | None
 ) -> dict[str, Any]:
     """Do one round, or rounds until SIGTERM or Ctrl-C; return what the last one found."""
-    from vsd_analytics.cli.stop_signals import stop_signals
+    from vsd_analytics.cli.exit_codes import stop_signals
     from vsd_analytics.live.exchange_rounds import ONCE, keep_on, write_status
 
     if every_s is None:

@@ -22,8 +22,9 @@ from vsd_analytics.figures.panels import Flags, positions
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
+from vsd_analytics.geometry.camera_views import view_polygon
 from vsd_analytics.planner.rounding import merge_small_counts
-from vsd_analytics.site.model import Area
+from vsd_analytics.site.model import Area, Camera
 
 Ints = NDArray[np.int64]
 SQUARE_M: Final = 1.0
@@ -314,3 +315,28 @@ def _rounded(times_ms: Ints, unit_ms: int) -> Ints:
     """Return times in units, rounded so that running sums are right to half a unit."""
     sums = np.cumsum(times_ms)
     return np.diff((sums + unit_ms // 2) // unit_ms, prepend=0)
+
+
+def seen_cells(cameras: Sequence[Camera], *, extent: Extent, grid: CellGrid) -> NDArray[np.bool_] | None:
+    """Return the fine cells whose middle lies in each camera's view, shape (n_cameras, n_y, n_x).
+
+    Args:
+        cameras: The floor's cameras.
+        extent: The floor shown, in metres.
+        grid: Squares that cover it.
+
+    Returns:
+        None when what some camera sees is unknown.
+    """
+    fine = round(SQUARE_M / FINE_M)
+    x = grid.x0 + (np.arange(grid.n_x * fine) + 0.5) * FINE_M
+    y = grid.y0 + (np.arange(grid.n_y * fine) + 0.5) * FINE_M
+    at = np.meshgrid(x, y)
+    seen = []
+    for camera in cameras:
+        calibration = camera.calibrations[-1] if camera.calibrations else None
+        view = view_polygon(camera, calibration=calibration, bounds=extent)
+        if view is None:
+            return None
+        seen.append(shapely.contains_xy(view, *at))
+    return np.stack(seen) if seen else None
