@@ -235,7 +235,12 @@ class HourCell:
     fold: int = _f("1 for the second of two equal local hours (clocks set back).", default=0)
     start: datetime = _f("Start with offset.")
     state: HourState = _f("See the house plan, section 7.6.")
-    violations: int | None = _o("Violations counted; None if masked, no data, closed or not over.", "violations", "M8")
+    violations: int | None = _o(
+        "Violations of the hour, also of low-data hours, which M8 leaves out; None if masked, no data, closed or not "
+        "over.",
+        "violations",
+        "M0",
+    )
     is_masked: bool = _f("True: 1 to `mask_below`-1 were counted.", default=False)
     is_held_back: bool = _f("True: its count is held back, as it would tell a masked one.", default=False)
     scaled: float | None = _o("Low-data hours: counted over recorded share, rough.", "violations")
