@@ -17,9 +17,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from vsd_analytics.figures.maps import ExcessMap, excess_map
+from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.panels import Flags, positions
-from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
 from vsd_analytics.geometry.camera_views import view_polygon
@@ -101,11 +100,11 @@ class WeekCells(CellCounts):
     Attributes:
         fine: Violations of the whole week by camera and cell of the report's map, which tell how those of a cell of
             half a metre lie in it: camera, cell, violations, shape (3, n).
-        excess: Time in violation over that of random mixing (M19), the whole week.
+        excess: Hotspots of the window that ends with the week (M20), whose cells are the map of excess.
     """
 
     fine: Ints
-    excess: ExcessMap
+    excess: FloorHotspots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -132,10 +131,15 @@ class CellsAsked:
     hidden: Sequence[Area | None] | None = ()
 
 
-def week_cells(data: WeekData, period: Period, asked: CellsAsked) -> WeekCells:
-    """Return the counts and times of a week by cell, where violations are inside the cells, and the week's excess."""
+def week_cells(data: WeekData, asked: CellsAsked, *, excess: FloorHotspots) -> WeekCells:
+    """Return the counts and times of a week by cell, where violations are inside the cells, and the excess.
+
+    Args:
+        data: The floor.
+        asked: What of the week is asked for.
+        excess: The hotspots of the window that ends with the week.
+    """
     cells = counts_by_cell(data, asked)
-    excess = excess_map(data.warehouse, floor=data.floor, first=period.first, last=period.last)
     return WeekCells(cells.violations, cells.time, cells.unit_ms, fine=_fine(data, asked), excess=excess)
 
 

@@ -158,13 +158,13 @@ def _cell_bytes(week: PlannerWeek, grid: cell_counts.CellGrid | None) -> list[by
     per_square = round(cell_counts.SQUARE_M / cell_counts.FINE_M) ** 2
 
     cells = week.cells
-    ratio = cells.excess
-    if ratio.grid is None or ratio.values is None:
+    grid_m, tested = cells.excess.grid, cells.excess.cells
+    if grid_m is None or tested is None:
         excess = [varints([0, 0, ORIGIN, ORIGIN])]
     else:
-        n_y, n_x = ratio.grid.shape
-        whole = np.nan_to_num(np.rint(ratio.values * 100) + 1, nan=0.0)
-        excess = [varints([n_x, n_y, ORIGIN + ratio.grid.cx, ORIGIN + ratio.grid.cy]), varints(whole)]
+        n_y, n_x = grid_m.shape
+        whole = np.nan_to_num(np.rint(tested.ratio * 100) + 1, nan=0.0)
+        excess = [varints([n_x, n_y, ORIGIN + grid_m.cx, ORIGIN + grid_m.cy]), varints(whole)]
     return [
         *_table(cells.violations, grid.n_squares * across**2),
         *_part(sparse(cells.fine[0] * grid.n_squares * per_square + cells.fine[1], cells.fine[2])),

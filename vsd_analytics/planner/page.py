@@ -143,7 +143,9 @@ def _page(data: PlannerData) -> PlannerPage:
     refs = [week] + ([data.before.ref] if data.before is not None else [])
     weeks = tuple(_week_name(r, year=week.year) for r in refs)
     distance = fmt.distance(site.settings.distance_m, site.settings.distance_unit)
-    maps = map_kinds.map_kinds(tuple(site.settings.heat_steps), distance=distance)
+    maps = map_kinds.map_kinds(
+        tuple(site.settings.heat_steps), distance=distance, hotspot_days=int(site.settings.hotspot_days)
+    )
     hours = _hours(data)
     title = catalogue.say(
         "planner.title", site=site.name, floor=data.floor.name, weeks=joined(weeks[::-1]), year=week.year
@@ -293,7 +295,7 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
         "cameras": [int(c) for c in row.cameras],
         "hidden": [text_or_none(why) for why in hidden],
         "past": int(row.has_history),
-        "close": int(row.is_close_known),
+        "close": [[int(c) for c in cameras] for cameras in row.close_cameras],
         "report": changes,
     }
 

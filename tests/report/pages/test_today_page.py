@@ -90,8 +90,9 @@ def test_a_day_with_a_small_hour_is_given_in_round_numbers_so_that_the_hour_cann
 
 
 def test_a_number_that_makes_up_for_a_camera_is_called_an_estimate() -> None:
-    said = today_words(cards.card(yesterday=cards.level(cards.FRIDAY, 151.4, is_estimated=True)), cards.site())
-    assert any("estimate" in note for note in said.days[0].notes)
+    said = today_words(cards.card(yesterday=cards.level(cards.FRIDAY, 140.0, estimate=151.4)), cards.site())
+    assert said.days[0].value == "140"
+    assert "For all cameras, in the hours recorded enough: about 151." in said.days[0].notes
 
 
 def test_what_to_expect_names_the_fullest_hour_that_is_not_over() -> None:

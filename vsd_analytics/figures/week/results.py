@@ -238,7 +238,12 @@ class HourCell:
         "full: for `full_hour_share` of the hour or more; partial: for `partial_hour_share`; low_data: for less, "
         "in no rate or ranking; no_data: not recorded; closed; not_over: still to come."
     )
-    violations: int | None = _o("Violations counted; None if masked, no data, closed or not over.", "violations", "M8")
+    violations: int | None = _o(
+        "Violations of the hour, also of low-data hours, which M8 leaves out; None if masked, no data, closed or not "
+        "over.",
+        "violations",
+        "M0",
+    )
     is_masked: bool = _f("True: 1 to `mask_below`-1 were counted.", default=False)
     is_held_back: bool = _f("True: its count is held back, as it would tell a masked one.", default=False)
     scaled: float | None = _o("Low-data hours: counted over recorded share, rough.", "violations")

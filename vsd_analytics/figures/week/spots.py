@@ -100,7 +100,7 @@ def spots(
     return Spots(
         kind="tested" if is_tested else "busiest",
         reason=why,
-        first=max(found.first, _first_recorded(data)) if is_tested else None,
+        first=found.first if is_tested else None,
         last=found.last if is_tested else None,
         cards=tuple(cards),
         n_more=len(found.spots) - len(cards) if is_tested else len(found.spots) if found.state == "ok" else 0,

@@ -13,7 +13,16 @@ from markupsafe import Markup
 
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
 from vsd_analytics.figures.suppression import is_small
-from vsd_analytics.figures.today import DayLevel, SilentCamera, Today, TodayHour, coarse, coarse_days, publishable
+from vsd_analytics.figures.today import (
+    HALF,
+    DayLevel,
+    SilentCamera,
+    Today,
+    TodayHour,
+    coarse,
+    coarse_days,
+    publishable,
+)
 from vsd_analytics.report.draw.day_hours import day_hours
 from vsd_analytics.report.pages import mail
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
@@ -134,8 +143,8 @@ def _day(level: DayLevel | None, *, title: str, below: int, rough: Collection[da
     if level is None:
         return DayWords(title=title, value=fmt.MISSING, unit="", position=None, judged="", notes=(say("today.closed"),))
     notes, position = [], None
-    if level.usual is not None and level.violations is not None:
-        position = level.usual.position(level.violations)
+    if level.usual is not None and level.estimate is not None:
+        position = level.usual.position(level.estimate)
         notes.append(
             say(
                 "today.usual" if level.is_over else "today.usual_hours",
@@ -148,8 +157,8 @@ def _day(level: DayLevel | None, *, title: str, below: int, rough: Collection[da
         notes.append(say("today.unknown", reason=reason_text(level.reason)))
     if 0 < level.recorded_hours < level.open_hours:
         notes.append(say("today.partly", n=level.recorded_hours, of=level.open_hours))
-    if level.is_estimated:
-        notes.append(say("today.estimated"))
+    if level.estimate is not None and level.violations is not None and abs(level.estimate - level.violations) >= HALF:
+        notes.append(say("today.estimated", n=_written(level.estimate, below=below, is_rough=level.day in rough)))
     return DayWords(
         title=title,
         value=_count(level, below=below, is_rough=level.day in rough),
@@ -164,10 +173,15 @@ def _count(level: DayLevel, *, below: int, is_rough: bool) -> str:
     """Write the violations of a day; in round numbers where one of its hours is too small to print."""
     if level.violations is None:
         return fmt.MISSING
-    n = round(level.violations)
-    if is_small(n, below=below):
+    n = _written(level.violations, below=below, is_rough=is_rough)
+    is_about = is_rough and not is_small(round(level.violations), below=below)
+    return say("today.about", n=n) if is_about else n
+
+
+def _written(n: float, *, below: int, is_rough: bool) -> str:
+    if is_small(round(n), below=below):
         return fmt.masked(below)
-    return say("today.about", n=fmt.count(coarse(n, below=below))) if is_rough else fmt.count(n)
+    return fmt.count(coarse(n, below=below)) if is_rough else fmt.count(round(n))
 
 
 def _unusual(found: Today, *, below: int) -> tuple[str, ...]:
