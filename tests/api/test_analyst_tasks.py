@@ -280,7 +280,7 @@ print(week.hours.df()["start"].iloc[0])
 
 def test_importing_a_room_replaces_no_function() -> None:
     importlib.import_module("vsd_analytics.figures.compare")
-    importlib.import_module("vsd_analytics.ingest.pipeline")
+    importlib.import_module("vsd_analytics.ingest.intake.pipeline")
     assert callable(vsd.compare)
     assert not hasattr(vsd, "nope")
     assert "homography" not in dir(vsd)

@@ -14,7 +14,7 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.site.model import Site
 
 if TYPE_CHECKING:
-    from vsd_analytics.ingest.pipeline import IngestResult
+    from vsd_analytics.ingest.intake.pipeline import IngestResult
 
 
 def ingest_frame(
@@ -26,8 +26,8 @@ def ingest_frame(
         VsdError: The frame could not be read to its end, or would almost surely be read wrongly.
         UsageError: E101, it is no frame.
     """
-    from vsd_analytics.ingest.adapter import IngestOptions
-    from vsd_analytics.ingest.pipeline import ingest
+    from vsd_analytics.ingest.intake.pipeline import ingest
+    from vsd_analytics.ingest.reading.adapter import IngestOptions
 
     try:
         rows = pa.table(frame)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.report.pages.flow_figure import Rows, doubts, rows_of
+from vsd_analytics.report.pages.map_figures import Rows, doubts, rows_of
 from vsd_analytics.report.pages.waiting import WaitingView, time_text, waiting
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say

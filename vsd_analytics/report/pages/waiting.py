@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.report.words import terms
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 
