@@ -187,27 +187,28 @@ def relations_markdown() -> str:
         "# Relations",
         NOTE,
         """\
-`week.hours` in Python, `week.sql("select ... from hours")`, and `vsd sql "select ... from hours"` answer from the same tables. This page
-describes them, and what lies behind them.""",
+`week.hours` in Python, `week.sql("select ... from hours")`, and `vsd sql "select ... from hours"` answer from the same
+tables. This page describes them, and what lies behind them.""",
         "## Tables",
         """\
-Made for analysts: each has exactly the local days asked for and a row for everything that could have one. Instants have the
-site's zone. A count is null where it is unknown, never 0. What several cameras see is counted once. `state` says how much of the
-time was recorded (full, partial, low_data, no_data, closed), and `is_in_rates` whether that is enough for rates and averages.
-`vsd sql --show NAME` prints the query.""",
+Made for analysts: each has exactly the local days asked for and a row for everything that could have one. Instants have
+the site's zone. A count is null where it is unknown, never 0. What several cameras see is counted once. `state` says
+how much of the time was recorded (full, partial, low_data, no_data, closed), and `is_in_rates` whether that is enough
+for rates and averages. `vsd sql --show NAME` prints the query.""",
         """\
-**An average per hour** is one over hours that enter rates: `select avg(n_violations_open) from area_hours where area_id =
-'checkout-queue' and is_in_rates`. Hours without a violation are rows with 0, so they count.
+**An average per hour** is one over hours that enter rates: `select avg(n_violations_open) from area_hours where
+area_id = 'checkout-queue' and is_in_rates`. Hours without a violation are rows with 0, so they count.
 
-**The number of the weekly page** ("Counted", M8) leaves out camera-hours recorded to less than half: `select sum(n_violations_open)
-from camera_hours where is_in_rates`. Without the condition the sum has all that was recorded.
+**The number of the weekly page** ("Counted", M8) leaves out camera-hours recorded to less than half: `select
+sum(n_violations_open) from camera_hours where is_in_rates`. Without the condition the sum has all that was recorded.
 
-**Violations at different distances do not compare.** An episode ends when two people part by more than the distance, so a short
-distance cuts one meeting into several: a week of the demo has 11,401 violations at 1 m, 8,626 at 1.25 m, 9,043 at 1.5 m and 16,052 at
-2 m. Compare `violation_s`, the time too close, which falls with the distance.
+**Violations at different distances do not compare.** An episode ends when two people part by more than the distance,
+so a short distance cuts one meeting into several: a week of the demo has 11,401 violations at 1 m, 8,626 at 1.25 m,
+9,043 at 1.5 m and 16,052 at 2 m. Compare `violation_s`, the time too close, which falls with the distance.
 
-**A sum of nothing known.** SQL's `sum` is null, `Table.total` None, and the sum of a column of `.df()` `<NA>`, also by group. The sum of
-polars is 0, and so is that of pandas after arithmetic on the column: ask `total`, or check `is_not_null().any()`.""",
+**A sum of nothing known.** SQL's `sum` is null, `Table.total` None, and the sum of a column of `.df()` `<NA>`, also by
+group. The sum of polars is 0, and so is that of pandas after arithmetic on the column: ask `total`, or check
+`is_not_null().any()`.""",
     ]
     computed = [(f"### {name}", f"{row} Computed in Python: `week.{name}`.") for name, row in COMPUTED_TABLES.items()]
     files = [tuple(_relation(r)) for r in relations("tables").values()]
@@ -215,15 +216,16 @@ polars is 0, and so is that of pandas after arithmetic on the column: ask `total
     parts += [
         "## Internal relations",
         """\
-Facts and marts of a range of local days, for the curious and for questions that no table answers: `internal.NAME` in a query. They
-change without notice, and most facts reach over the days asked for on both sides. A notebook's `warehouse.frame(...)` names
-them bare. `vsd sql --show internal.NAME` prints the query. Times are UTC milliseconds since 1970 or, where the name says so, local.""",
+Facts and marts of a range of local days, for questions that no table answers: `internal.NAME` in a query. They change
+without notice, and most facts reach over the days asked for on both sides. A notebook's `warehouse.frame(...)` names
+them bare. `vsd sql --show internal.NAME` prints the query. Times are UTC milliseconds since 1970 or, where the name
+says so, local.""",
         """\
 Settings reach SQL as the one-row relation `params`. `vsd.toml` reaches it as `cameras`, `areas`, `calibrations`,
 `area_cells` (which floor cells lie in an area), `owner_cells` (which camera counts where the views of several overlap)
 and `calendar` (UTC quarter-hours with local date, hour, weekday, and whether the site was open). `site_days` has the
-site day of each quarter-hour, for the site days that touch the range; a site day starts at `day_starts`. These small relations need
-no `internal.`.""",
+site day of each quarter-hour, for the site days that touch the range; a site day starts at `day_starts`. These small
+relations need no `internal.`.""",
     ]
     for layer, title, said in (
         (
