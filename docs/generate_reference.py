@@ -243,8 +243,9 @@ relations need no `internal.`.""",
         (
             "staging",
             "Staging",
-            "Steps between the store and the facts; they are in no file. A query can name `internal.located` and\n"
-            "`internal.pairs`, which are computed from the records then; the others exist while facts are computed only.",
+            "Steps between the store and the facts; they are in no file. A query can name\n"
+            "`internal.located` and `internal.pairs`, which are computed from the records then; the others exist\n"
+            "while facts are computed only.",
         ),
     ):
         found = relations(layer)

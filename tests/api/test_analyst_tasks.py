@@ -154,7 +154,7 @@ def test_a_week_without_records_is_unknown_not_0(done: dict[str, Any]) -> None:
     assert pd.concat([frame, frame])["violation_s"].sum() is pd.NA
     assert frame.query("local_hour > 7")["violation_s"].sum() is pd.NA
     areas = done["site"].week("2026-W30").areas
-    reasons = {*areas["violations_per_open_h_reason"], *areas["close_share_reason"]}
+    reasons = {*areas["violations_per_open_h_reason"], *areas["close_time_share_reason"]}
     assert reasons == {"no open hour was recorded"}
 
 

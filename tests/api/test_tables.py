@@ -41,11 +41,11 @@ def test_rows_are_indexed_iterated_counted_and_asked_for_columns() -> None:
 
 
 def test_every_reader_of_arrow_streams_takes_a_table() -> None:
-    some = table(a=[1, None, 3])
-    assert pl.DataFrame(some)["a"].to_list() == [1, None, 3]
-    assert pa.table(some).equals(some.arrow())
-    assert pd.DataFrame.from_arrow(some)["a"].isna().tolist() == [False, True, False]
-    assert duckdb.sql("select sum(a) as s from some").fetchall() == [(4,)]
+    rows = table(a=[1, None, 3])
+    assert pl.DataFrame(rows)["a"].to_list() == [1, None, 3]
+    assert pa.table(rows).equals(rows.arrow())
+    assert pd.DataFrame.from_arrow(rows)["a"].isna().tolist() == [False, True, False]
+    assert duckdb.sql("select sum(a) as s from rows").fetchall() == [(4,)]
 
 
 @pytest.mark.parametrize(("values", "total"), [([1, None], 1), ([None, None], None), ([], None), ([0.5, 0.25], 0.75)])
@@ -72,7 +72,7 @@ def test_pandas_sums_known_values_and_knows_when_there_are_none(kind: pa.DataTyp
 def test_places_are_geojson_and_a_table_without_them_says_so(day: vsd.Days) -> None:
     text = json.dumps(day.violations.geojson())
     assert len(json.loads(text)["features"]) == len(day.violations)
-    with pytest.raises(UsageError, match="no places.*x_m and y_m.*cells"):
+    with pytest.raises(UsageError, match=r"no places.*x_m and y_m.*cells"):
         day.hours.geojson()
 
 
@@ -96,8 +96,12 @@ def test_instants_have_the_zone_of_the_site_and_lie_in_the_days_asked_for(day: v
 
 @pytest.mark.parametrize(
     ("name", "keys", "n"),
-    [("hours", ["start"], 24), ("camera_hours", ["camera_id", "start"], 4 * 24), ("days", ["local_date"], 1)]
-    + [("area_hours", ["floor_id", "area_id", "start"], 5 * 24)],
+    [
+        ("hours", ["start"], 24),
+        ("camera_hours", ["camera_id", "start"], 4 * 24),
+        ("area_hours", ["floor_id", "area_id", "start"], 5 * 24),
+        ("days", ["local_date"], 1),
+    ],
 )
 @pytest.mark.parametrize("asked", [DAY, "2026-06-01", "2026-10-25"])
 def test_each_key_that_could_have_a_row_has_one(
@@ -148,5 +152,5 @@ def test_what_cannot_be_answered_is_an_error_that_says_how_to_ask(demo_project: 
 
 
 def test_an_error_of_a_query_says_why_where_a_notebook_shows_it(day: vsd.Days) -> None:
-    with pytest.raises(vsd.VsdError, match="no_such_column.*vsd sql --list"):
+    with pytest.raises(vsd.VsdError, match=r"no_such_column.*vsd sql --list"):
         day.sql("select no_such_column from hours")

@@ -24,6 +24,6 @@ def change_table(site: Site, first: date | None = None, last: date | None = None
         for number, entry in enumerate(read_log(site), start=1)
         if first is None or last is None or first <= entry.at.astimezone(site.zone).date() <= last
     ]
-    at = pa.timestamp("ms", tz=site.timezone)
+    at = pa.timestamp("us", tz=site.timezone)
     schema = pa.schema([("number", pa.int64()), ("at", at), ("text", pa.string()), ("area_id", pa.string())])
     return Table(pa.Table.from_pylist(rows, schema=schema), title="Change log")

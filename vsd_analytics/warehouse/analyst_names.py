@@ -87,7 +87,12 @@ def named_query(
     Raises:
         SqlError: E603, a relation is named without `internal.`, or `internal` has no such relation.
     """
-    [(serialized,)] = con.execute("select json_serialize_sql($query)", {"query": query}).fetchall()
+    import duckdb
+
+    try:
+        [(serialized,)] = con.execute("select json_serialize_sql($query)", {"query": query}).fetchall()
+    except (duckdb.Error, UnicodeEncodeError):
+        return NamedQuery(query, (), ())
     parsed = json.loads(serialized)
     if parsed["error"]:
         return NamedQuery(query, (), ())
