@@ -101,9 +101,8 @@ def test_a_table_of_the_callers_own_may_have_the_name_of_a_relation_elsewhere(co
 
 @given(st.text(max_size=60))
 def test_any_text_ends_in_a_query_or_an_error_for_people(text: str) -> None:
-    with duckdb.connect() as con:
-        with contextlib.suppress(SqlError):
-            assert isinstance(named(con, text), NamedQuery)
+    with duckdb.connect() as con, contextlib.suppress(SqlError):
+        assert isinstance(named(con, text), NamedQuery)
 
 
 def test_half_a_surrogate_is_left_to_whoever_runs_the_query(con: duckdb.DuckDBPyConnection) -> None:

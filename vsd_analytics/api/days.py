@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import date
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Final, Literal, TypeVar
 
 import pandas as pd
 import pyarrow as pa
@@ -16,10 +16,8 @@ from vsd_analytics.api.heatmap import Heatmap, as_heatmap
 from vsd_analytics.api.table import Table
 from vsd_analytics.errors import UsageError
 from vsd_analytics.settings import BY_NAME
-from vsd_analytics.site.model import Area, Floor, Site
-from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
-from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.api.space_use import Rows
@@ -32,12 +30,6 @@ _COVERAGE = (
     "select camera_id, local_date, sum(open_s) / 3600 as open_h, sum(recorded_open_s) / 3600 as recorded_h "
     "from camera_hours group by all order by camera_id, local_date"
 )
-_HOTSPOTS = pa.schema(
-    [("floor_id", pa.string()), ("number", pa.int64()), ("area_id", pa.string())]
-    + [(name, pa.float64()) for name in ("x_m", "y_m", "ratio", "ratio_lo", "ratio_hi", "excess_min_per_week")]
-    + [("n_violations", pa.int64()), ("state", pa.string()), ("since", pa.date32())]
-)
-"""Columns of `hotspots`, which a table without rows has too."""
 COMPUTED_TABLES: Final = {
     "visits": "One row per area with visits = true and figure: visits per open hour (M35) and dwell times (M36).",
     "queues": "One row per area with queue = true and figure: people waiting (M39), waiting times (M40).",
@@ -237,36 +229,9 @@ class Days:
             >>> week.areas.df()["kind"].tolist()
             ['floor', 'area', 'area', 'area', 'area', 'rest']
         """
-        from vsd_analytics.figures import close_time, compare, rates
-        from vsd_analytics.figures.panels import FloorHours
-        from vsd_analytics.figures.periods import Period
+        from vsd_analytics.api.figure_tables import area_table
 
-        rows: list[dict[str, Any]] = []
-        with self._warehouse(*compare.days_needed(self.site, (self.first, self.last))) as warehouse:
-            for floor in self.site.floors:
-                data = FloorHours(warehouse, floor=floor)
-                period = Period(data, self.first, self.last)
-                places: list[Floor | Area | None] = [floor]
-                if period.why_no_places is None and data.areas:
-                    places += [*data.areas, None]
-                for where in places:
-                    is_floor = isinstance(where, Floor)
-                    area_id = where.area_id if isinstance(where, Area) else None
-                    violation_rate = rates.violation_rate_level(
-                        period, period.whole if is_floor else period.area(area_id)
-                    )
-                    close = close_time.close_time_share(period, close_time.close_time(period, where))
-                    rows.append(
-                        {
-                            "floor_id": floor.floor_id,
-                            "kind": "floor" if is_floor else "area" if where is not None else "rest",
-                            "area_id": area_id,
-                            "name": "Rest of the floor" if where is None else where.name,
-                            **_estimate("violations_per_open_h", violation_rate),
-                            **_estimate("close_time_share", close),
-                        }
-                    )
-        return Table(pa.Table.from_pylist(rows), title=f"Areas, {self.name}")
+        return area_table(self.site, self.first, self.last, title=f"Areas, {self.name}")
 
     @cached_property
     def visits(self) -> Table:
@@ -334,34 +299,9 @@ class Days:
             >>> print(week.hotspots.note)
             Ground floor: 7 of the 28 days were recorded ... hotspots need 14
         """
-        from vsd_analytics.figures import hotspots as figures
+        from vsd_analytics.api.figure_tables import hotspot_table
 
-        rows: list[dict[str, Any]] = []
-        notes = []
-        with self._warehouse(*figures.days_needed(self.site, self.last)) as warehouse:
-            for floor in self.site.floors:
-                found = figures.hotspots(warehouse, floor_id=floor.floor_id, until=self.last)
-                if found.state != "ok":
-                    notes.append(f"{floor.name}: {reason_text(found.reason)}")
-                rows += [
-                    {
-                        "floor_id": floor.floor_id,
-                        "number": spot.number,
-                        "area_id": spot.place.area_id,
-                        "x_m": spot.place.x_m,
-                        "y_m": spot.place.y_m,
-                        "ratio": spot.ratio,
-                        "ratio_lo": spot.lo,
-                        "ratio_hi": spot.hi,
-                        "excess_min_per_week": spot.excess_min_per_week,
-                        "n_violations": spot.n,
-                        "state": spot.state,
-                        "since": spot.since,
-                    }
-                    for spot in found.spots
-                ]
-        found_rows = pa.Table.from_pylist(rows, schema=_HOTSPOTS)
-        return Table(found_rows, title=f"Hotspots until {self.last}", note="; ".join(notes))
+        return hotspot_table(self.site, self.last)
 
     def heatmap(self, kind: MapKind = "burden", *, floor_id: str | None = None, cell_m: float = 0.5) -> Heatmap:
         """Return a map of a floor as an array.
@@ -484,13 +424,3 @@ def _check_setting(name: str, value: float) -> None:
     if not setting.minimum <= value <= setting.maximum:
         allowed = f"{setting.minimum:g} and {setting.maximum:g} {setting.unit}".strip()
         raise UsageError(f"{name} = {value:g} is not between {allowed}")
-
-
-def _estimate(name: str, found: RateEstimate) -> dict[str, Any]:
-    return {
-        name: found.value,
-        f"{name}_lo": found.lo,
-        f"{name}_hi": found.hi,
-        f"{name}_state": found.state,
-        f"{name}_reason": reason_text(found.reason) or None,
-    }
