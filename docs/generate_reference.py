@@ -322,7 +322,8 @@ def _relation(relation: Relation) -> list[str]:
         facts.append(f"Settings: {_listed(relation.params)}.")
     if relation.figures:
         facts.append(f"Figures made from it: {', '.join(f.metric for f in relation.figures)} ([which](figures.md)).")
-    parts = [f"### {relation.name}", relation.description, " ".join([*facts, f"File: [{where}](../{where})."])]
+    title = relation.name if relation.layer == "tables" else f"internal.{relation.name}"
+    parts = [f"### {title}", relation.description, " ".join([*facts, f"File: [{where}](../{where})."])]
     rows = [(f"`{c}`", said or _USUAL.get(c, "")) for c, said in relation.columns.items()]
     parts.append(_table(("column", "what it is"), rows))
     if relation.steps:

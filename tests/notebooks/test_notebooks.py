@@ -106,7 +106,7 @@ def test_relations_named_in_the_docs_can_be_queried(demo_project: Path) -> None:
     names |= {
         *re.findall(r"`(\w+)`", introduction.partition("Settings reach SQL")[2].partition("a site day starts")[0])
     }
-    internal = {*re.findall(r"^### (\w+)$", rest.partition("## Staging")[0], re.M), "located", "pairs"}
+    internal = {*re.findall(r"^### internal\.(\w+)$", rest.partition("## Staging")[0], re.M), "located", "pairs"}
     assert {"params", "calendar", "owner_cells", "violations"} <= names
     assert {"exposure", "violations"} <= internal
     names |= {f"internal.{name}" for name in internal}

@@ -104,8 +104,8 @@ class Table:
     def df(self) -> pd.DataFrame:
         """Return the rows as a pandas frame: days are `datetime64`, numbers that may be null are `Int64` and `Float64`.
 
-        A sum over values of which none is known is `<NA>`, not 0, also by group, and of columns put together. After
-        arithmetic (`frame["n"] + 1`) or `astype` pandas' own rule holds, by which it is 0.
+        A sum of unknown values is `<NA>`, not 0, also by group and of frames put together. After arithmetic
+        (`frame["n"] + 1`) or `astype` pandas' own rule holds, and it is 0.
 
         Example:
             >>> str(week.hours.df()["n_violations"].dtype)
@@ -125,7 +125,7 @@ class Table:
         return frame
 
     def pl(self) -> pl.DataFrame:
-        """Return the rows as a polars frame. Its `sum` of values of which none is known is 0; `total` says None.
+        """Return the rows as a polars frame. Its `sum` of unknown values is 0; `total` says None.
 
         Raises:
             UsageError: E101, polars is not installed.
