@@ -9,7 +9,6 @@ from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures import (
     before_after,
     borders,
-    capacities,
     episodes,
     forecast,
     gathering_hours,
@@ -19,7 +18,6 @@ from vsd_analytics.figures import (
     maps,
     mixing,
     person_time,
-    queues,
     self_check,
     sensitivity,
     trend,
@@ -69,16 +67,6 @@ class Findings:
     def groups(self) -> groups.Groups:
         """Who came together, and violations in two readings (M9)."""
         return groups.groups(self._long, first=self._days[0], last=self._days[1])
-
-    @cached_property
-    def queues(self) -> tuple[queues.AreaQueue, ...]:
-        """How many people wait in queues, and how long (M39, M40)."""
-        return queues.queues(self._data.this)
-
-    @cached_property
-    def capacities(self) -> tuple[capacities.CapacityUse, ...]:
-        """How much of the time places with a capacity are full (M41)."""
-        return capacities.capacities(self._data.this)
 
     @cached_property
     def self_check(self) -> self_check.FloorSelfCheck:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import date, datetime, timedelta
 from typing import Any
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.catalogue import figures
+from vsd_analytics.figures.catalogue import figures, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
 from vsd_analytics.figures.panels import WEEK
@@ -188,6 +187,8 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
     level = floor_level(data, is_compared=is_compared, areas=areas)
     has_ranking = is_ranked and level.often.value != 0
     made_at = _made_at(data, now)
+    inputs = FigureInputs(data, found, coverage, level, areas.rows, hours.when, is_ranked)
+    shared = shared_answers(inputs)
     return WeekReport(
         site=SiteRef(
             site_id=site.site_id,
@@ -204,7 +205,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
             engines=sent,
             settings_id=settings.settings_id(),
             settings_non_default=tuple((k, _plain(v)) for k, v in settings.non_default().items()),
-            inputs_digest=_inputs(data.warehouse),
+            inputs_digest=data.warehouse.inputs_digest,
             language=language(),
             is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in sent),
             notes=tuple(run.warning(site) for run in data.warehouse.other_rules()),
@@ -222,7 +223,8 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         stored=stored_records(site, at=made_at.date()),
         settings_change=change if state == "settings_changed" else None,
         close_by_crowding=close_by_crowding(data.this, why_hidden=data.hidden.why_floor),
-        figures=with_row_texts(figures(FigureInputs(data, found, coverage, level, areas.rows, hours.when, is_ranked))),
+        answers=shared,
+        figures=with_row_texts(figures(inputs, shared)),
     )
 
 
@@ -302,10 +304,3 @@ def _made_at(data: WeekData, now: datetime | None) -> datetime:
 def _plain(value: object) -> str:
     """Return a setting as a person would write it: 0, 100, 200."""
     return ", ".join(f"{v:g}" for v in value) if isinstance(value, tuple) else str(value)
-
-
-def _inputs(warehouse: Warehouse) -> str:
-    h = hashlib.blake2b(digest_size=8)
-    for hour, fingerprint in sorted(warehouse.built.fingerprints.items()):
-        h.update(f"{hour}:{fingerprint};".encode())
-    return h.hexdigest()

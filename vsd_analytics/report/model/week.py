@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final, Literal
 
+from vsd_analytics.answer import Answers
 from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.figures.week.model_estimate import optional as _o
 from vsd_analytics.figures.week.model_map import ChangeMaps, FloorMap, Footsteps, MapViews, SpotPicture
@@ -129,6 +130,7 @@ class WeekReport:
     close_by_crowding: CloseByCrowding | None = _o(
         "Time too close by crowding and day; None in files of older versions.", metric="M6"
     )
+    answers: Answers = _f("Tables of figures by name, as they may leave the operator's hands.", default=Answers())
     figures: Mapping[str, Figure] = _f(
         "Keyed by the catalogue, as M7; absent: not in this version, nobody asks for it, or it needs weeks."
     )

@@ -249,7 +249,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         redesigns=sections.redesigns(report),
         trend=weeks,
         outlook=sections.outlook(report),
-        waiting=waiting(report.figures),
+        waiting=waiting(report.answers),
         log=log_rows(report, with_weeks=log_section == "trend"),
         log_section=log_section,
         messages=_messages(report),
@@ -272,7 +272,7 @@ def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> froz
     ):
         maps |= {"spots"}
     hours = set() if report.level.often.state == "not_measurable" else {"when"}
-    asked = {"waiting"} if report.figures.keys() & {"M39", "M41"} else set()
+    asked = {"waiting"} if "queues" in report.answers or "capacity" in report.answers else set()
     return frozenset({"changed"} | always | hours | maps | asked)
 
 
