@@ -143,11 +143,11 @@ def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     With half of the frames it takes a quarter of a minute, not half a minute. The workers of a run share one: the first
     that needs it makes it.
     """
-    from vsd_analytics.config import load_site
-    from vsd_analytics.ingest import pipeline
+    from vsd_analytics.config.project import load_site
+    from vsd_analytics.ingest.intake import pipeline
     from vsd_analytics.simulate import demo_project as demo
-    from vsd_analytics.simulate import write_demo_project
     from vsd_analytics.simulate.demo import ingest_demo
+    from vsd_analytics.simulate.demo_project import write_demo_project
     from vsd_analytics.warehouse.build import build
 
     base = tmp_path_factory.getbasetemp()

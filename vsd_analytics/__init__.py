@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from vsd_analytics.api.project import open_project as open
     from vsd_analytics.api.table import Table as Table
     from vsd_analytics.api.trajectories import TrackTable as TrackTable
-    from vsd_analytics.config import find_project as find_project
-    from vsd_analytics.config import load_site as load_site
+    from vsd_analytics.config.project import find_project as find_project
+    from vsd_analytics.config.project import load_site as load_site
     from vsd_analytics.figures.before_after import before_after as before_after
     from vsd_analytics.figures.compare import compare as compare
     from vsd_analytics.figures.episodes import episode_figures as episode_figures
@@ -54,10 +54,10 @@ if TYPE_CHECKING:
     from vsd_analytics.figures.sensitivity import threshold_sensitivity as threshold_sensitivity
     from vsd_analytics.figures.trend import trend as trend
     from vsd_analytics.figures.unusual import unusual as unusual
-    from vsd_analytics.report.model.assemble import week_report as week_report
+    from vsd_analytics.report.pages.story import week_report as week_report
     from vsd_analytics.report.pages.week import render_html as render_html
     from vsd_analytics.site.model import Site as Site
-    from vsd_analytics.store import Store as Store
+    from vsd_analytics.store.store import Store as Store
     from vsd_analytics.warehouse.warehouse import Warehouse as Warehouse
     from vsd_analytics.warehouse.warehouse import open_warehouse as open_warehouse
 
@@ -66,7 +66,7 @@ _PLACES = {
     "Heatmap": "vsd_analytics.api.heatmap",
     "OpenProject": "vsd_analytics.api.project",
     "Site": "vsd_analytics.site.model",
-    "Store": "vsd_analytics.store",
+    "Store": "vsd_analytics.store.store",
     "Table": "vsd_analytics.api.table",
     "TrackTable": "vsd_analytics.api.trajectories",
     "Warehouse": "vsd_analytics.warehouse.warehouse",
@@ -78,14 +78,14 @@ _PLACES = {
     "episode_figures": "vsd_analytics.figures.episodes",
     "excess_map": "vsd_analytics.figures.maps",
     "exposure_map": "vsd_analytics.figures.maps",
-    "find_project": "vsd_analytics.config",
+    "find_project": "vsd_analytics.config.project",
     "forecast": "vsd_analytics.figures.forecast",
     "gatherings": "vsd_analytics.figures.gatherings",
     "groups": "vsd_analytics.figures.groups",
     "heatmap": "vsd_analytics.figures.operator_counts",
     "hotspots": "vsd_analytics.figures.hotspots",
     "hours": "vsd_analytics.figures.operator_counts",
-    "load_site": "vsd_analytics.config",
+    "load_site": "vsd_analytics.config.project",
     "open": "vsd_analytics.api.project",
     "open_warehouse": "vsd_analytics.warehouse.warehouse",
     "person_time": "vsd_analytics.figures.person_time",
@@ -96,7 +96,7 @@ _PLACES = {
     "trend": "vsd_analytics.figures.trend",
     "unusual": "vsd_analytics.figures.unusual",
     "week_profile": "vsd_analytics.figures.hour_of_week",
-    "week_report": "vsd_analytics.report.model.assemble",
+    "week_report": "vsd_analytics.report.pages.story",
 }
 _NAMES = {"open": "open_project"}
 """Names that differ from those in their module."""

@@ -125,31 +125,36 @@ function pairHours() {
 }
 
 /* Sums by camera and day of a place over some camera-hours: {n, x} for how often, {n, x} of one row for how risky. */
-function panelOf(p, used, place) {
+function panelOf(p, used, place, close_cameras = closeCameras(place, p)) {
   const on = chosen(p), C = M.cameras, S = p.S, days = [], weekday = [], column = new Int32Array(S).fill(-1);
   for (let i = 0; i < S; i++) if (on[i]) {
     if (days[days.length - 1] !== p.day[i]) { days.push(p.day[i]); weekday.push(p.weekday[i]); }
     column[i] = days.length - 1;
   }
-  const blank = () => new Array(days.length).fill(0), n = [], x = [], time = blank(), close = blank();
+  const blank = () => new Array(days.length).fill(0), n = [], x = [], time = blank(), close = blank(), closeTime = blank();
   for (let c = 0; c < C; c++) {
     const nc = blank(), xc = blank(); n.push(nc); x.push(xc);
-    if (!place.cameras[c]) continue;
+    if (!place.cameras[c] && !close_cameras[c]) continue;
     const base = (place.index * C + c) * S, told = place.index >= 0;
     for (let i = 0; i < S; i++) if (column[i] >= 0 && used[c * S + i]) {
       const d = column[i];
+      if (told && close_cameras[c]) { closeTime[d] += p.time[base + i]; close[d] += p.close[base + i]; }
+      if (!place.cameras[c]) continue;
       xc[d] += p.recorded[c * S + i];
-      if (told) { nc[d] += p.n[base + i]; time[d] += p.time[base + i]; close[d] += p.close[base + i]; }
+      if (told) { nc[d] += p.n[base + i]; time[d] += p.time[base + i]; }
     }
   }
   if (place.index < 0) {
     const inside = place.squares, A = M.grid.cellsAcross, wide = M.grid.nx * A, square = k => Math.floor(Math.floor(k / wide) / A) * M.grid.nx + Math.floor(k % wide / A);
     const v = p.cells.violations.rows, t = p.cells.time.rows;
     for (let i = 0; i < v.n; i++) if (on[v.slot[i]] && used[v.camera[i] * S + v.slot[i]] && place.cameras[v.camera[i]] && inside[square(v.cell[i])]) n[v.camera[i]][column[v.slot[i]]] += v.v[i];
-    for (let i = 0; i < t.n; i++) if (on[t.slot[i]] && used[t.camera[i] * S + t.slot[i]] && place.cameras[t.camera[i]] && inside[t.cell[i]]) { const d = column[t.slot[i]]; time[d] += t.v[i]; close[d] += t.w[i] * 3600; }
+    for (let i = 0; i < t.n; i++) if (on[t.slot[i]] && used[t.camera[i] * S + t.slot[i]] && place.cameras[t.camera[i]] && inside[t.cell[i]]) {
+      const d = column[t.slot[i]]; time[d] += t.v[i];
+      if (close_cameras[t.camera[i]]) { closeTime[d] += t.v[i]; close[d] += t.w[i] * 3600; }
+    }
   }
   const total = time.map((_, d) => sum(n.map(row => row[d])));
-  return { often: { n, x }, risky: { n: [total], x: [time] }, close: { n: [close], x: [time] }, weekday, hours: sum(x.map(sum)) / Math.max(1, sum(place.cameras)) };
+  return { often: { n, x }, risky: { n: [total], x: [time] }, close: { n: [close], x: [closeTime] }, weekday, hours: sum(x.map(sum)) / Math.max(1, sum(place.cameras)) };
 }
 
 /* Some squares of the floor as a place: the cameras that ever counted anybody in them. */
@@ -175,7 +180,9 @@ function placeNow() {
   return spot && week.cells ? squaresAsPlace(spot.id, spot.name, spot.squares) : M.places.find(p => p.id === state.place) || M.places[0];
 }
 
-const isCloseTold = place => (place.index >= 0 ? place : M.places[0]).close;
+/* Whose person-time makes the share of time too close, as in the report (M6): cameras that know distances. */
+const closeCameras = (place, p) => { const [now, then] = (place.index >= 0 ? place : M.places[0]).close; return p === before ? then : now; };
+const closeInBoth = place => closeCameras(place, week).map((v, c) => v & closeCameras(place, before)[c]);
 
 /* Everything said about a place: this week's rates and, where the weeks can be compared, the change. */
 function rates(place) {
@@ -187,17 +194,17 @@ function rates(place) {
     place, hours: now.hours,
     often: M.noViolations ? nothing(M.noViolations) : hide ? nothing(hide) : howOften(now.often, M.rules, now.weekday, history('often')),
     risky: M.noViolations || M.noExposure ? nothing(M.noViolations || M.noExposure) : hide ? nothing(hide) : howRisky(now.risky, M.rules, now.weekday, history('risky')),
-    close: M.noExposure ? nothing(M.noExposure) : hide ? nothing(hide) : !isCloseTold(place) ? nothing(word('no_close')) : howClose(now.close, M.rules, now.weekday, history('close')),
+    close: M.noExposure ? nothing(M.noExposure) : hide ? nothing(hide) : !sum(closeCameras(place, week)) ? nothing(word('no_close')) : howClose(now.close, M.rules, now.weekday, history('close')),
     change: null,
   };
   if (noDay()) { told.often = told.close = told.risky = nothing(word('no_day')); return told; }
   if (told.often.rate === 0 && M.rules.mask > 1 && !(isWhole() && place.index >= 0)) told.often = told.close = told.risky = nothing(word('reason.masked', { n: M.rules.mask }));
   if (before && !M.notCompared && !hide && !place.hidden[1] && !M.noViolations) {
-    const a = panelOf(before, before.same, place), b = panelOf(week, week.same, place);
+    const inBoth = closeInBoth(place), a = panelOf(before, before.same, place, inBoth), b = panelOf(week, week.same, place, inBoth);
     told.change = {
       hours: b.hours, often: compareRates(a.often, b.often, M.rules, false),
       risky: M.noExposure ? null : compareRates(a.risky, b.risky, M.rules, true),
-      close: M.noExposure || !isCloseTold(place) ? null : inSeconds(compareRates(a.close, b.close, M.rules, true)),
+      close: M.noExposure || !sum(inBoth) ? null : inSeconds(compareRates(a.close, b.close, M.rules, true)),
     };
     if (isWhole() && place.report) for (const k of ['often', 'close', 'risky']) if (told.change[k] && place.report[k]) Object.assign(told.change[k], place.report[k]);
   }
@@ -243,9 +250,9 @@ function field(p, used) {
     const inView = spread(p, used, t, 'v', 1, false), near = smooth(inView, fine, M.grid.sigmaRisk), risky = smooth(spread(p, used, t, 'w', 1, false), fine, M.grid.sigmaRisk);
     return filled(risky.map((w, i) => near[i] >= M.grid.leastRisk && inView[i] > 0 ? Math.min(1, w / near[i]) * 100 : NaN));
   }
-  const e = p.cells.excess, k = M.grid.fineAcross / 2, out = new Float64Array(fine.nx * fine.ny).fill(NaN);
+  const e = p.cells.excess, k = M.grid.fineAcross, out = new Float64Array(fine.nx * fine.ny).fill(NaN);
   for (let j = 0; j < e.ny; j++) for (let i = 0; i < e.nx; i++) for (let b = 0; b < k; b++) for (let a = 0; a < k; a++) {
-    const x = (e.x + i - M.grid.x0 * 2) * k + a, y = (e.y + j - M.grid.y0 * 2) * k + b;
+    const x = (e.x + i - M.grid.x0) * k + a, y = (e.y + j - M.grid.y0) * k + b;
     if (x >= 0 && y >= 0 && x < fine.nx && y < fine.ny) out[y * fine.nx + x] = e.v[j * e.nx + i];
   }
   return filled(out);

@@ -24,7 +24,7 @@
 --   violation_s          person-seconds in violation; likewise
 --   violation_open_s     person-seconds in violation in opening hours; likewise
 --   n_violations         violations that started in it; null also where the engine sends no track ids
---   n_violations_open    those that started in opening hours
+--   n_violations_open    those that started in opening hours; M8 sums hours with recorded_open_s >= partial_hour_share * open_s
 -- figure: M0 How often (headline 1)
 --   definition   sum over cameras of violations / recorded open hours of that camera
 --   unit         violations per open hour

@@ -17,7 +17,7 @@ from vsd_analytics.api.table import Table
 from vsd_analytics.errors import UsageError
 from vsd_analytics.report.draw.cell_map import LOW, doubling_steps
 from vsd_analytics.report.draw.svg import RAMP_LIGHT
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ HERE = Path(__file__).resolve().parents[2]
 BUILD = """
 import json, resource, sys, time
 from pathlib import Path
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.warehouse import build as module, compute
 took = {}
 def noted(function, name_of):

@@ -23,7 +23,7 @@ from datetime import date, timedelta
 from pathlib import Path
 
 from vsd_analytics.bench.made_up_site import write_site
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.warehouse.build import build
 
 FIRST = date(2026, 11, 9)

@@ -33,11 +33,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from simulate.small_scenes import START_MS
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.schema import SCHEMAS, TableName
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 BATCH_ROWS = 10_000
 CAMERAS = 18
@@ -164,7 +164,7 @@ def steps(table: TableName, rows: pa.Table, lines: list[bytes]) -> dict[str, Ste
         return size(folder)
 
     def decode(folder: Path) -> int:
-        from vsd_analytics.ingest.frames import FrameMessage
+        from vsd_analytics.ingest.formats.frames import FrameMessage
 
         decoder = msgspec.json.Decoder(FrameMessage)
         for line in text.split(b"\n"):

@@ -24,11 +24,11 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store
 from vsd_analytics.store.duck import connect
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.warehouse import open_warehouse

@@ -21,9 +21,9 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
-from vsd_analytics.config import load_site
-from vsd_analytics.simulate import write_demo_project
+from vsd_analytics.config.project import load_site
 from vsd_analytics.simulate.demo import ingest_demo
+from vsd_analytics.simulate.demo_project import write_demo_project
 from vsd_analytics.warehouse.build import build
 
 PARTS = """
@@ -38,8 +38,8 @@ if sys.argv[1] == "-":
 from datetime import date
 from pathlib import Path
 from vsd_analytics.cli import GARBAGE_AFTER
-from vsd_analytics.config import load_site
-from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.config.project import load_site
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.pages.json_and_csv import to_json
 gc.set_threshold(GARBAGE_AFTER)

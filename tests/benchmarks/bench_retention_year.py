@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from vsd_analytics.bench.made_up_site import CAMERAS, DAY_MS, FIRST_MS, HOUR_S, camera_hour, write_site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 OPEN_H = 6
 """Six people in view at a frame a second: 2.3 million records a day, as the published deployment has in 24 hours."""

@@ -27,11 +27,11 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from vsd_analytics.bench.made_up_site import FIRST_MS, write_site
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store
 from vsd_analytics.store.durable import publish
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.camera_days import day_bytes, day_path, day_units, hour_units, read_days
 from vsd_analytics.warehouse.day_files import DayFiles, relations_stored_by_day

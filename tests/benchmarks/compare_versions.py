@@ -23,7 +23,7 @@ START = """
 import resource, sys
 from datetime import date, timedelta
 from pathlib import Path
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.warehouse import open_warehouse
 year, week = map(int, sys.argv[2].split("-W"))

@@ -15,8 +15,8 @@ import numpy as np
 import pyarrow as pa
 from bench_marts import CONFIG, FIRST_MS, stored_rows, write_week
 
-from vsd_analytics.config import load_site
-from vsd_analytics.store import Store
+from vsd_analytics.config.project import load_site
+from vsd_analytics.store.store import Store
 
 CAMERAS, OPEN_S, EPISODE_S, RECORDS = 18, 12 * 3600, 12, 2_400_000
 

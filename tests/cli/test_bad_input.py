@@ -21,7 +21,7 @@ from site_text import site_text
 import vsd_analytics
 from vsd_analytics.cli import COMMANDS, cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.cli.explanations import EXPLANATIONS
+from vsd_analytics.cli.explain import explanations
 
 CONFIG = site_text("cam-1", "cam-2")
 HEADER = "ts,camera_id,track_id,x_m,y_m\n"
@@ -227,7 +227,7 @@ def test_an_interrupt_is_exit_code_130(vsd: Vsd, tmp_path: Path, monkeypatch: py
     def interrupted(*arguments: object, **more: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("vsd_analytics.ingest.pipeline.ingest", interrupted)
+    monkeypatch.setattr("vsd_analytics.ingest.intake.pipeline.ingest", interrupted)
     (tmp_path / "a.csv").write_text(HEADER + GOOD)
     code, _, err = vsd("ingest", tmp_path / "a.csv")
     assert (code, err.strip()) == (130, "interrupted")
@@ -239,7 +239,7 @@ def test_an_internal_error_is_reported_without_a_traceback_unless_asked(
     def broken(*arguments: object, **more: object) -> None:
         raise ZeroDivisionError("of all things")
 
-    monkeypatch.setattr("vsd_analytics.ingest.pipeline.ingest", broken)
+    monkeypatch.setattr("vsd_analytics.ingest.intake.pipeline.ingest", broken)
     code, _, err = vsd("ingest", tmp_path / "a.csv")
     assert code == 2
     assert "error[E900]" in err
@@ -254,7 +254,7 @@ _SLOW = """
 import signal, sys, time
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background starts with it ignored
 from vsd_analytics.cli import main
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 def fold(self, **more):
     print("ready", flush=True)
     time.sleep(60)
@@ -334,7 +334,7 @@ def test_help_imports_nothing_heavy() -> None:
 def test_every_code_in_the_source_is_explained() -> None:
     package = Path(vsd_analytics.__file__).parent
     used = {c for p in package.rglob("*.py") for c in re.findall(r"\"([EW]\d{3})[\":]", p.read_text("utf-8"))}
-    assert used - set(EXPLANATIONS) == set()
+    assert used - set(explanations()) == set()
 
 
 def test_what_is_missing_in_the_table_of_a_query_is_a_dash(vsd: Vsd, tmp_path: Path) -> None:

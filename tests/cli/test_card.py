@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 
 from vsd_analytics.cli.card import print_card
-from vsd_analytics.ingest.understanding import SourceCard
+from vsd_analytics.ingest.checks.understanding import SourceProfile
 
 
 def printed(capsys: pytest.CaptureFixture[str], **changes: Any) -> str:
     without_times: Any = None  # the project is asked for its zone only
-    print_card(without_times, SourceCard(**{"format": "table", "n_records": 50_000, "is_whole": False, **changes}))
+    print_card(without_times, SourceProfile(**{"format": "table", "n_records": 50_000, "is_whole": False, **changes}))
     return capsys.readouterr().out
 
 

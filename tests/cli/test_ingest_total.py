@@ -11,10 +11,10 @@ import pytest
 from site_text import site_text
 
 from vsd_analytics.cli.ingest_output import print_total
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.store import Store
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
+from vsd_analytics.store.store import Store
 
 RECORD = "ts,camera_id,track_id,x_m,y_m\n2026-11-09T09:00:00Z,cam-1,a,1,2\n"
 

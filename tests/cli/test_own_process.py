@@ -13,7 +13,7 @@ from warehouse.small_projects import T0, Person, beats, make_site, put
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.warehouse import warehouse as module
 
 LEFT_OUT = ("pandas", "scipy.optimize", "tqdm", "duckdb")

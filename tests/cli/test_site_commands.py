@@ -19,14 +19,13 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.calibrate import calibrate
 from vsd_analytics.cli.doctor import doctor
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.cli.explain import explain
-from vsd_analytics.cli.explanations import EXPLANATIONS, explanation
+from vsd_analytics.cli.explain import explain, explanation, explanations
 from vsd_analytics.cli.init import init
 from vsd_analytics.cli.log import log
 from vsd_analytics.cli.schema import schema
-from vsd_analytics.config import load_site
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.config.first_config import Answers, render, write_first_config
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError, UsageError
 
 PACKAGE = Path(__file__).resolve().parents[2] / "vsd_analytics"
@@ -329,10 +328,10 @@ def codes_in_the_package() -> set[str]:
 
 
 def test_every_code_is_explained_and_every_explanation_is_used() -> None:
-    assert codes_in_the_package() == set(EXPLANATIONS)
+    assert codes_in_the_package() == set(explanations())
 
 
-@pytest.mark.parametrize("code", sorted(EXPLANATIONS))
+@pytest.mark.parametrize("code", sorted(explanations()))
 def test_explanation_is_short_and_whole(code: str) -> None:
     text = explanation(code.lower())
     assert 1 <= len(text.splitlines()) <= 6
@@ -350,7 +349,7 @@ def test_unknown_code_is_answered_with_the_nearest(vsd: Vsd) -> None:
 def test_explain_without_a_code_lists_all(vsd: Vsd) -> None:
     code, out, _ = vsd("explain")
     assert code == 0
-    assert [line[:4] for line in out.splitlines()] == sorted(EXPLANATIONS)
+    assert [line[:4] for line in out.splitlines()] == sorted(explanations())
 
 
 def test_schema_of_the_tables_is_that_of_the_store(vsd: Vsd) -> None:

@@ -19,9 +19,9 @@ from vsd_analytics.cluster.exchange import Exchange, exchange_of, unusable
 from vsd_analytics.cluster.handing_on import hand_on
 from vsd_analytics.cluster.joining import invitation, join
 from vsd_analytics.cluster.receiving import receive
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import outbox
 from vsd_analytics.store.secrets import DayKeys, namer

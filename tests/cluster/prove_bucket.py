@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 from prove_cluster import free_port, kill, start, wait_for
 
 from vsd_analytics.bench.made_up_site import write_site
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.warehouse.build import build, current_files
 
 BUCKET, URL = "figures", "s3://figures/shop"

@@ -38,10 +38,11 @@ from vsd_analytics.errors import DiskError, StoreError
 from vsd_analytics.live import folding
 from vsd_analytics.retention.purge import Terms, forget_keys, purge_older
 from vsd_analytics.retention.purge_import import purge_import
-from vsd_analytics.store import Store, durable, outbox, quarantine
+from vsd_analytics.store import durable, outbox, quarantine
 from vsd_analytics.store.imports import imports_of
 from vsd_analytics.store.owners import OWNER
 from vsd_analytics.store.secrets import DayKeys
+from vsd_analytics.store.store import Store
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.cluster.bucket import publish
 from vsd_analytics.cluster.record_mirror import RECORDS, fetch_records, publish_records
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.retention.purge import Terms, purge_older
 from vsd_analytics.site.model import Site

@@ -14,10 +14,10 @@ from warehouse.small_projects import FACTS_WITHOUT_AREAS
 
 from vsd_analytics.bench import made_up_site
 from vsd_analytics.cluster.workers import workers
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.spread import Work
 

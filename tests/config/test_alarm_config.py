@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from site_text import site_text
 
-from vsd_analytics.config import load_site
 from vsd_analytics.config.first_config import Answers, write_first_config
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError
 from vsd_analytics.site.model import AlarmDelivery, AlarmRule, Site
 

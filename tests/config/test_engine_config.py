@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError
 from vsd_analytics.site.model import EngineError
 

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from site_text import site_text
 
-from vsd_analytics.config import load_site
 from vsd_analytics.config.access_token import UnsafeTokenError, access_token
 from vsd_analytics.config.broker_and_alarms import is_topic_filter
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError, LiveError, VsdError
 from vsd_analytics.live.mqtt import password_of
 from vsd_analytics.site.model import Broker

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from report import ingested_worlds as w
 
-from vsd_analytics.config import load_site
-from vsd_analytics.config.mail_route import is_address
+from vsd_analytics.config.project import load_site
+from vsd_analytics.config.routes import is_address
 from vsd_analytics.errors import ConfigError, VsdError
 from vsd_analytics.site.model import Site
 

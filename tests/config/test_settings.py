@@ -13,7 +13,7 @@ import pytest
 from site_text import site_text
 
 import vsd_analytics
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError
 from vsd_analytics.settings import BY_NAME, DEFAULTS, FLOOR_CELL_M, FORMER, OWNER_CELL_M, SETTINGS, Setting, Settings
 from vsd_analytics.site.model import Site

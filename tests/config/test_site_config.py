@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from site_text import site_text
 
-from vsd_analytics.config import find_project, load_site
+from vsd_analytics.config.project import find_project, load_site
 from vsd_analytics.errors import ConfigError, UsageError, VsdError
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.site.model import Site

@@ -15,8 +15,8 @@ from jsonschema import Draft202012Validator
 from markdown_pages import PAGES
 from site_text import site_text
 
-from vsd_analytics.config import load_site
 from vsd_analytics.config.first_config import Answers, render
+from vsd_analytics.config.project import load_site
 from vsd_analytics.config.schema import SCHEMA_FILE, as_json
 from vsd_analytics.errors import ConfigError, VsdError
 from vsd_analytics.simulate import demo_project

@@ -16,8 +16,8 @@ from markdown_pages import REPOSITORY, blocks
 from site_text import site_text
 
 from vsd_analytics import settings
-from vsd_analytics.ingest import adapters, recognise
-from vsd_analytics.ingest.adapter import IngestOptions, Source
+from vsd_analytics.ingest.formats import adapters, recognise
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.warehouse import sqlfiles
 
 PAGE = REPOSITORY / "CONTRIBUTING.md"
@@ -33,7 +33,7 @@ def example(mark: str) -> str:
 
 def test_every_path_of_the_page_exists_but_those_of_the_examples() -> None:
     made_by_examples = {
-        "vsd_analytics/ingest/acme.py",
+        "vsd_analytics/ingest/formats/acme.py",
         "sql/marts/long_violations.sql",
         "vsd_analytics/figures/catalogue/long_violations.py",
         "tests/sql/long_violations.toml",
@@ -44,10 +44,10 @@ def test_every_path_of_the_page_exists_but_those_of_the_examples() -> None:
 
 
 def test_the_adapter_example_reads_its_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    module = types.ModuleType("vsd_analytics.ingest.acme")
+    module = types.ModuleType("vsd_analytics.ingest.formats.acme")
     exec(compile(example("adapter"), "acme.py", "exec"), module.__dict__)
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setitem(adapters.SPECIFIC, "acme", "vsd_analytics.ingest.acme:Acme")
+    monkeypatch.setitem(adapters.SPECIFIC, "acme", "vsd_analytics.ingest.formats.acme:Acme")
     path = tmp_path / "hall.txt"
     path.write_text(
         "#acme 1\n2025-11-10T09:00:00Z;2;p1@1.25,3 p2@far,3\nnonsense\n2025-11-10T09:00:01Z;0;\n"
@@ -98,7 +98,7 @@ def with_the_setting() -> Iterator[types.ModuleType]:
 
 def test_the_setting_example_is_one_line_of_one_file(with_the_setting: types.ModuleType, tmp_path: Path) -> None:
     """All that reads the table knows the setting: vsd.toml, environment, doctor, manual, SQL, and the reports' id."""
-    from vsd_analytics.config import load_site
+    from vsd_analytics.config.project import load_site
     from vsd_analytics.doctor.checks import settings_in_force
     from vsd_analytics.warehouse.dimensions import params
 

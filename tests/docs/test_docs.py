@@ -12,7 +12,8 @@ import pytest
 from forbidden_words import forbidden_in
 from markdown_pages import PAGES, REPOSITORY, anchors, commands, links
 
-from vsd_analytics.cli import COMMANDS, cli, explanations
+from vsd_analytics.cli import COMMANDS, cli
+from vsd_analytics.cli.explain import explanations
 from vsd_analytics.errors import VsdError
 
 GENERATED = sorted(reference.PAGES)
@@ -113,7 +114,7 @@ def test_pages_never_claim_that_data_are_anonymous() -> None:
 def test_help_and_messages_use_the_words_of_the_product() -> None:
     texts = {name: command.help or "" for name, command in all_commands()}
     texts |= {f"{n} {p.name}": p.help or "" for n, c in all_commands() for p in c.params if isinstance(p, click.Option)}
-    texts |= explanations.EXPLANATIONS
+    texts |= explanations()
     for where, text in texts.items():
         assert forbidden_in(text) == [], where
 

@@ -11,7 +11,7 @@ from markdown_pages import REPOSITORY, blocks
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 
 GUIDE = REPOSITORY / "docs" / "guide.md"
 CHAPTERS = list(dict.fromkeys(b.chapter for b in blocks(GUIDE) if b.language == "console"))

@@ -17,7 +17,7 @@ from click.testing import CliRunner
 from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, free_port, write_project
 
 from vsd_analytics.cli import cli
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.doctor import broker
 from vsd_analytics.doctor.broker import ask, config_faults, examine_config, examine_listener, parse_config
 from vsd_analytics.errors import LiveError

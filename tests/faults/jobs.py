@@ -97,7 +97,7 @@ def vsd(root: Path, *arguments: str, ack: Ack = lambda value: None) -> str:
     """
     from vsd_analytics.cli import cli
     from vsd_analytics.cli.exit_codes import run
-    from vsd_analytics.store import Store
+    from vsd_analytics.store.store import Store
 
     append = Store.append
 
@@ -125,11 +125,11 @@ def _given(root: Path, name: str) -> Path:
 
 def tables(root: Path, file: Path) -> Iterator[tuple[Any, Any]]:
     """Return the rows that `vsd ingest` makes of a file."""
-    from vsd_analytics.config import load_site
-    from vsd_analytics.ingest.adapter import IngestOptions, Source
-    from vsd_analytics.ingest.frames import Frames
-    from vsd_analytics.ingest.normalise import Normaliser
-    from vsd_analytics.ingest.pipeline import with_site
+    from vsd_analytics.config.project import load_site
+    from vsd_analytics.ingest.formats.frames import Frames
+    from vsd_analytics.ingest.intake.normalise import Normaliser
+    from vsd_analytics.ingest.intake.pipeline import with_site
+    from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 
     site = load_site(root, environ={})
     normaliser = Normaliser(site, now=datetime.fromisoformat(NOW), keys=None)
@@ -139,7 +139,7 @@ def tables(root: Path, file: Path) -> Iterator[tuple[Any, Any]]:
 
 
 def _store(root: Path) -> Any:
-    from vsd_analytics.store import Store
+    from vsd_analytics.store.store import Store
 
     return Store(root / "store", site_id="shop")
 
@@ -204,8 +204,8 @@ def make_keys(root: Path, ack: Ack) -> None:
 
 
 def fill_quarantine(root: Path, ack: Ack) -> None:
-    from vsd_analytics.ingest.adapter import Rejected
-    from vsd_analytics.ingest.quarantine_writer import Quarantine
+    from vsd_analytics.ingest.intake.quarantine_writer import Quarantine
+    from vsd_analytics.ingest.reading.adapter import Rejected
 
     for source in ("a.jsonl", "b.jsonl"):
         quarantine = Quarantine(root / "quarantine", source=source)

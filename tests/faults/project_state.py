@@ -104,8 +104,8 @@ def glance(root: Path, truth: Truth, acked: Sequence[Any], *, are_facts_read: bo
     import pyarrow.parquet as pq
 
     from vsd_analytics.schema import TABLES
-    from vsd_analytics.store import Store
     from vsd_analytics.store.segments import read_segment
+    from vsd_analytics.store.store import Store
 
     is_under_way = any((root / "store" / "purge").glob("*.json"))  # its next step names the part by its bytes
     damaged = () if is_under_way else Store(root / "store", site_id="shop").damaged()

@@ -11,7 +11,7 @@ from crash_points import FAULTS, why_not
 from jobs import JOBS, START, messages, vsd, write_project
 from prove_crashes import Unharmed, disturb, unharmed
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 POINTS = [

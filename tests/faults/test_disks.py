@@ -17,9 +17,9 @@ from site_text import site_text
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
-from vsd_analytics.store import FoldResult, Store
+from vsd_analytics.config.project import load_site
 from vsd_analytics.store.segments import about
+from vsd_analytics.store.store import FoldResult, Store
 from vsd_analytics.warehouse.verify_facts import verify
 
 CONFIG = site_text(timezone="UTC", more="hz = 1\n[ingest]\nballast_mb = {ballast_mb}\n")

@@ -16,7 +16,7 @@ from report import ingested_worlds as w
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.figures.walks import is_directed
 from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.report.pages.week import render_html

@@ -17,7 +17,7 @@ from vsd_analytics.retention.purge import Terms, purge_older
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Floor, Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.warehouse import Warehouse
 from vsd_analytics.wording.reasons import reason_text

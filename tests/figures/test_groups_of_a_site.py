@@ -255,8 +255,8 @@ def test_both_readings_are_there_and_add_up(tmp_path: Path) -> None:
     assert (found.between.n, found.between.of, found.n_by_size) == (1, 3, {2: 2})
     assert (left.n.sum(), period.whole.n.sum()) == (1.0, 3.0)
     reading = found.readings[0]
-    assert (reading.often.n_events, reading.often_between.n_events) == (3.0, 1.0)
-    assert reading.often.exposure_h == reading.often_between.exposure_h > 0
+    assert (reading.violation_rate.n_events, reading.violation_rate_between.n_events) == (3.0, 1.0)
+    assert reading.violation_rate.exposure_h == reading.violation_rate_between.exposure_h > 0
     assert found.people_share == 1.0
     assert found.time_share == pytest.approx(80 / 89)
 
@@ -358,7 +358,8 @@ def test_the_command_prints_both_readings_and_names_tracks_in_json_only(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "vsd.toml").write_text(
-        '[site]\nid = "shop"\nname = "Shop"\ntimezone = "UTC"\n[[floor]]\nid = "ground"\nname = "Ground"\n'
+        '[site]\nid = "shop"\nname = "Shop"\ntimezone = "UTC"\n[rules]\npartial_hour_share = 0.0\n'
+        '[[floor]]\nid = "ground"\nname = "Ground"\n'
         '[[camera]]\nid = "cam"\nname = "Cam"\nfloor = "ground"\nhz = 1.0\n'
     )
     put(make_site(tmp_path), [replace(r, track=f"track-{r.track}") for r in two_groups_that_meet()])
@@ -377,7 +378,8 @@ def test_the_command_prints_both_readings_and_names_tracks_in_json_only(
 
 def test_the_command_exits_with_1_when_it_cannot_tell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "vsd.toml").write_text(
-        '[site]\nid = "shop"\nname = "Shop"\ntimezone = "UTC"\n[[floor]]\nid = "ground"\nname = "Ground"\n'
+        '[site]\nid = "shop"\nname = "Shop"\ntimezone = "UTC"\n[rules]\npartial_hour_share = 0.0\n'
+        '[[floor]]\nid = "ground"\nname = "Ground"\n'
         '[[camera]]\nid = "cam"\nname = "Cam"\nfloor = "ground"\nhz = 1.0\n'
     )
     put(make_site(tmp_path), [Pair(T0 + s * 1000, "a", "b", 900) for s in range(30)])

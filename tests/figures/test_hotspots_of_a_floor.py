@@ -13,14 +13,14 @@ import pytest
 import shapely
 from planted_floors import LAST, QUEUE, SHAPE, VIEW, planted, site_of, square
 
-from vsd_analytics.config import load_site
 from vsd_analytics.config.change_log import add_entry
+from vsd_analytics.config.project import load_site
 from vsd_analytics.figures import cell_weeks
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS, NO_POSITIONS, FloorDays
 from vsd_analytics.figures.hotspots import FloorHotspots, hotspots
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.simulate import DemoTruth
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
+from vsd_analytics.simulate.truth import DemoTruth
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 from vsd_analytics.wording.reasons import reason_text

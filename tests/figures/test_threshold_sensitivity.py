@@ -14,7 +14,7 @@ from vsd_analytics.figures.sensitivity import NOBODY, NOT_SENT, NOTHING, PURGED,
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, EngineError, Floor, Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.warehouse import Warehouse
 from vsd_analytics.wording.reasons import reason_text
 

@@ -10,7 +10,7 @@ import numpy as np
 from report import ingested_worlds as w
 from warehouse.small_projects import DAY, HOUR, T0, Person, beats, make_site, put
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.site.model import Area, Site
 
 ROUND, SHORT, RARE = ("door", "bread", "till", "door"), ("door", "wine", "door"), ("door", "till", "door")

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from fuzz_judge import Judge, Kept, Outcome, WrongRowsError
 from fuzz_worlds import World, parquet, same, text_of, worlds
 
-from vsd_analytics.ingest import adapters
+from vsd_analytics.ingest.formats import adapters
 
 WORLDS = worlds()
 FORMATS = (*adapters.SPECIFIC, *adapters.GENERAL)

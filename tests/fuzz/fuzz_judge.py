@@ -19,16 +19,16 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from fuzz_worlds import CONFIG, World
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import VsdError
-from vsd_analytics.ingest import pipeline
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.frames import MessageRows
-from vsd_analytics.ingest.normalise import Normaliser
+from vsd_analytics.ingest.formats.frames import MessageRows
+from vsd_analytics.ingest.intake import pipeline
+from vsd_analytics.ingest.intake.normalise import Normaliser
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import FoldResult
 from vsd_analytics.store.secrets import DayKeys
+from vsd_analytics.store.store import FoldResult
 
 NOW = datetime(2026, 11, 20, tzinfo=UTC)
 LIMIT_S = 5.0

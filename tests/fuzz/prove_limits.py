@@ -38,10 +38,10 @@ from fuzz_cases import WORLDS, run_case  # noqa: E402
 from fuzz_judge import NOW, Judge  # noqa: E402
 from fuzz_worlds import text_of  # noqa: E402
 
-from vsd_analytics.config import load_site  # noqa: E402
+from vsd_analytics.config.project import load_site  # noqa: E402
 from vsd_analytics.errors import VsdError  # noqa: E402
-from vsd_analytics.ingest.adapter import IngestOptions  # noqa: E402
-from vsd_analytics.ingest.pipeline import ingest  # noqa: E402
+from vsd_analytics.ingest.intake.pipeline import ingest  # noqa: E402
+from vsd_analytics.ingest.reading.adapter import IngestOptions  # noqa: E402
 
 LIMIT_S = 10.0
 LIMIT_MB = 1000.0

@@ -21,7 +21,7 @@ from fuzz_worlds import CONFIG, START_MS, World, annotations, object_log, parque
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from vsd_analytics.ingest import frames
+from vsd_analytics.ingest.formats import frames
 
 BY_NAME = {w.name: w for w in WORLDS}
 CAMERA = {"camera": "cam-1"}

@@ -12,7 +12,7 @@ import pytest
 from engine.simulated_people import SIZE, SimulatedCamera
 from engine.vsd_in_a_shop import shop
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import CalibrationError
 from vsd_analytics.geometry.camera_files import CameraFile, floor_fit, read_camera
 from vsd_analytics.geometry.homography import to_floor

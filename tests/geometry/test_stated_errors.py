@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from site_text import site_text
 
-from vsd_analytics.config import load_site
 from vsd_analytics.config.calibrate import calibrate
+from vsd_analytics.config.project import load_site
 from vsd_analytics.geometry.stated_errors import beside, position_error_m, read_stated
 
 

@@ -96,10 +96,10 @@ def _as_file(lab: Lab, text: str) -> str:
 def _as_payload(lab: Lab, text: str) -> str:
     from datetime import datetime
 
-    from vsd_analytics.config import load_site
-    from vsd_analytics.ingest.adapter import IngestOptions
-    from vsd_analytics.ingest.frames import MessageRows
-    from vsd_analytics.ingest.normalise import Normaliser
+    from vsd_analytics.config.project import load_site
+    from vsd_analytics.ingest.formats.frames import MessageRows
+    from vsd_analytics.ingest.intake.normalise import Normaliser
+    from vsd_analytics.ingest.reading.adapter import IngestOptions
     from vsd_analytics.store.secrets import DayKeys
 
     site = load_site(lab.project)

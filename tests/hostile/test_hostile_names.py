@@ -16,12 +16,12 @@ from simulate.small_scenes import START_MS, make_empty, make_pair, merge
 
 from vsd_analytics.cli.output import emit_json, plain
 from vsd_analytics.errors import CONTROL
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.frames import MessageRows
+from vsd_analytics.ingest.formats.frames import MessageRows
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.simulate.frame_messages import write_messages
-from vsd_analytics.store import Store
 from vsd_analytics.store.part_files import ENGINES_MAX, engines_of
 from vsd_analytics.store.spreadsheet import safe_cell
+from vsd_analytics.store.store import Store
 
 
 @pytest.fixture(scope="module")

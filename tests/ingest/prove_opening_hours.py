@@ -22,9 +22,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from site_text import site_text
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 
 ZONES = (
     "Europe/Rome",
@@ -111,7 +111,7 @@ def is_doubted(stays: Stays, *, zone: str, opens_h: float, closes_h: float, n_of
         path.write_text("\n".join(["ts,track_id,x_m,y_m", *lines]) + "\n", encoding="utf-8")
         (found,) = ingest(load_site(root), [path], IngestOptions(camera="cam-1"), now=NOW, is_dry_run=True).sources
     assert found.card is not None
-    return any(d.code == "W223" and "opening hours" in d.what for d in found.card.doubts)
+    return any(d.code == "W223" and "opening hours" in d.what for d in found.card.warnings)
 
 
 def _clock(hours: float) -> str:

@@ -11,9 +11,9 @@ from typing import Any
 import pyarrow as pa
 
 from vsd_analytics.errors import VsdError
-from vsd_analytics.ingest.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
-from vsd_analytics.ingest.frames import Frames
-from vsd_analytics.ingest.tables import Tables
+from vsd_analytics.ingest.formats.frames import Frames
+from vsd_analytics.ingest.formats.tables import Tables
+from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.schema import RAW_SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import Camera, Floor, Site
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from docs.markdown_pages import REPOSITORY, blocks
 
-from vsd_analytics.ingest.adapter import RawBatch
+from vsd_analytics.ingest.reading.adapter import RawBatch
 from vsd_analytics.ingest.testing import AdapterSample, prove
 
 EXAMPLE = {b.mark: b.text for b in blocks(REPOSITORY / "docs" / "plugins.md") if b.mark}

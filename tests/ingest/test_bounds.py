@@ -14,10 +14,10 @@ import pyarrow.parquet as pq
 import pytest
 from raw_reading import NINE_MS, NOW, small_site
 
-from vsd_analytics.ingest import parquet
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.limits import GB, records_max, unpacked_max
-from vsd_analytics.ingest.pipeline import SourceResult, ingest
+from vsd_analytics.ingest.intake.pipeline import SourceResult, ingest
+from vsd_analytics.ingest.reading import parquet
+from vsd_analytics.ingest.reading.adapter import IngestOptions
+from vsd_analytics.ingest.reading.limits import GB, records_max, unpacked_max
 from vsd_analytics.settings import Settings
 
 DAY_MESSAGES = 30 * 10 * 86_400
@@ -210,7 +210,7 @@ def test_bad_rows_beyond_what_quarantine_keeps_are_counted_exactly(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "vsd_analytics.ingest.quarantine_writer.Quarantine.room", property(lambda self: 100 - self._n_taken)
+        "vsd_analytics.ingest.intake.quarantine_writer.Quarantine.room", property(lambda self: 100 - self._n_taken)
     )
     result = take_table(tmp_path, table(1000, x_m=1e9))
     assert result.n_rejected == {"out-of-range": 1000}

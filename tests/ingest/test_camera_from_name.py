@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from test_source_profiles import TOML, project, stored, vsd
 from watched_folders import watched
 
-from vsd_analytics.config import load_site
 from vsd_analytics.config.camera_in_name import camera_named, cameras_in_name
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError
 
 PROFILE = """

@@ -10,12 +10,12 @@ from typing import Any
 import pyarrow as pa
 import pytest
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.crowds import Crowds
-from vsd_analytics.ingest.pipeline import IngestResult, ingest
-from vsd_analytics.ingest.raw import raw_table
-from vsd_analytics.ingest.replay import replay
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.checks.crowds import Crowds
+from vsd_analytics.ingest.intake.pipeline import IngestResult, ingest
+from vsd_analytics.ingest.intake.replay import replay
+from vsd_analytics.ingest.reading.adapter import IngestOptions
+from vsd_analytics.ingest.reading.raw import raw_table
 from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.decode import Preparer
 from vsd_analytics.settings import DEFAULTS

@@ -31,12 +31,12 @@ from engine_files import (
 )
 from walks import project
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import IngestResult, ingest
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import IngestResult, ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.schema import TABLES
-from vsd_analytics.store import Store
 from vsd_analytics.store.part_files import read_part
+from vsd_analytics.store.store import Store
 
 METRES = frames()
 SHARES = frames(width=1.0, height=1.0)
@@ -411,7 +411,7 @@ def test_camera_that_classifies_nobody_as_a_person_is_warned_of(
     read_in = read(root, "a.jsonl", b"\n" + lines(frame), size_px=SIZE).sources[0]
     assert read_in.format == "axis-scene"
     assert read_in.card is not None
-    found = [d for d in read_in.card.doubts if d.code == "W222"]
+    found = [d for d in read_in.card.warnings if d.code == "W222"]
     assert [d.code for d in found] == codes
     assert [d.is_note for d in found] == is_note
     assert len(stored(root)["frames"]) == 20, "an empty frame is a frame"

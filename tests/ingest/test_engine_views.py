@@ -11,10 +11,10 @@ import pytest
 from engine_files import SIZE
 from test_source_profiles import TOML, project, stored
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.frame_rows import KINDS_MAX, FrameRows
-from vsd_analytics.ingest.pipeline import SourceResult, ingest
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import SourceResult, ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
+from vsd_analytics.ingest.reading.frame_rows import KINDS_MAX, FrameRows
 
 NOW = datetime(2025, 12, 1, tzinfo=UTC)
 

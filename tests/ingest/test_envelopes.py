@@ -12,10 +12,10 @@ import pytest
 from engine_files import SIZE, axis, axis_v1, azure, deepstream, frames, nvidia
 from walks import START, project, walks
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.envelopes import as_object
-from vsd_analytics.ingest.pipeline import IngestResult, ingest
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import IngestResult, ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
+from vsd_analytics.ingest.reading.envelopes import as_object
 
 NOW = datetime(2025, 12, 1, tzinfo=UTC)
 METRES, SHARES = frames(), frames(width=1.0, height=1.0)
@@ -109,7 +109,7 @@ def test_topics_of_several_cameras_are_doubted_where_none_is_read(
     given = {"ts": "payload.t", "track_id": "id", "x_m": "x", "y_m": "y"}
     (source,) = read(project(tmp_path / "p"), acme(topic), persons="payload.people", map=given).sources
     assert source.card is not None
-    assert ([d.code for d in source.card.doubts], source.error is not None) == (codes, is_refused)
+    assert ([d.code for d in source.card.warnings], source.error is not None) == (codes, is_refused)
 
 
 def test_a_camera_that_no_message_names_is_one_topic(tmp_path: Path) -> None:

@@ -14,9 +14,9 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from raw_reading import NINE_MS, read, read_frames
 
-from vsd_analytics.ingest import frames
-from vsd_analytics.ingest.adapter import IngestOptions, Source
-from vsd_analytics.ingest.frames import FrameMessage, Frames, json_schema
+from vsd_analytics.ingest.formats import frames
+from vsd_analytics.ingest.formats.frames import FrameMessage, Frames, json_schema
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 
 GOOD: dict[str, Any] = {"v": 1, "camera": "cam-1", "ts": "2026-11-09T09:00:00Z", "persons": [{"id": 7, "x_m": 1.5}]}
 
@@ -263,7 +263,7 @@ def test_what_msgspec_writes_the_reader_reads(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("damaged", ["\x00\x00\x00\x00", 'am": "cam-1"}', '{"v', "[" * 100_000 + "\n" + "\x00"])
 def test_a_damaged_first_line_is_quarantined_and_the_others_are_read(tmp_path: Path, damaged: str) -> None:
-    from vsd_analytics.ingest.recognise import find_adapter
+    from vsd_analytics.ingest.formats.recognise import find_adapter
 
     path = tmp_path / "a.jsonl"
     path.write_text(f"{damaged}\n{line()}\n")

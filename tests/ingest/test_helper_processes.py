@@ -22,11 +22,12 @@ from raw_reading import Reading, read
 
 from vsd_analytics.cli.output import progress
 from vsd_analytics.errors import InputError
-from vsd_analytics.ingest import frames, helper_processes
-from vsd_analytics.ingest.adapter import IngestOptions, RawBatch
-from vsd_analytics.ingest.frames import Frames
-from vsd_analytics.ingest.helper_processes import LARGE_BYTES, in_order, n_helpers
-from vsd_analytics.ingest.reasons import TOO_MANY
+from vsd_analytics.ingest.formats import frames
+from vsd_analytics.ingest.formats.frames import Frames
+from vsd_analytics.ingest.reading import helper_processes
+from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch
+from vsd_analytics.ingest.reading.helper_processes import LARGE_BYTES, in_order, n_helpers
+from vsd_analytics.ingest.reading.reasons import TOO_MANY
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="helpers are copies of the process on Linux alone")
 
@@ -112,7 +113,7 @@ KILLED = """
 import os, signal, sys, time
 sys.path.insert(0, {folder!r})
 from test_helper_processes import pid_of
-from vsd_analytics.ingest.helper_processes import in_order
+from vsd_analytics.ingest.reading.helper_processes import in_order
 found = set()
 for pid in in_order(pid_of, iter(range(10**6)), n_helpers=2):
     found.add(pid)

@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from raw_reading import NOW, small_site
 
 from vsd_analytics.errors import InputError, UsageError
-from vsd_analytics.ingest.adapter import IngestOptions, Rejected, Source
-from vsd_analytics.ingest.adapters import adapter
-from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.ingest.quarantine_writer import Quarantine
-from vsd_analytics.ingest.recognise import find_adapter
-from vsd_analytics.ingest.text_lines import line_blocks
+from vsd_analytics.ingest.formats.adapters import adapter
+from vsd_analytics.ingest.formats.recognise import find_adapter
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.intake.quarantine_writer import Quarantine
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Rejected, Source
+from vsd_analytics.ingest.reading.text_lines import line_blocks
 from vsd_analytics.settings import Settings
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 GOOD = '{"v":1,"camera":"%s","ts":"2026-11-09T09:00:%02dZ","persons":[{"id":1,"x_m":%d,"y_m":2}]}\n'
 TABLE = "ts,camera_id,track_id,x_m,y_m\n"
@@ -47,7 +47,7 @@ def test_records_are_counted_once_however_often_files_come(tmp_path: Path) -> No
 def test_first_and_last_instant_are_those_of_all_batches_in_any_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vsd_analytics.ingest.frames.BATCH_ROWS", 1)
+    monkeypatch.setattr("vsd_analytics.ingest.formats.frames.BATCH_ROWS", 1)
     path = tmp_path / "a.jsonl"
     path.write_text("".join(GOOD % ("cam-1", k, k) for k in (20, 5, 40, 30)))
     (source,) = ingest(small_site(tmp_path / "site"), [path], IngestOptions(), now=NOW).sources

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsd_analytics.ingest.instants import local_to_utc, parse_instants
+from vsd_analytics.ingest.reading.instants import local_to_utc, parse_instants
 
 MS = timedelta(milliseconds=1)
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

@@ -15,13 +15,14 @@ from site_text import site_text
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError, UsageError
-from vsd_analytics.ingest.adapter import IngestOptions, Source
-from vsd_analytics.ingest.frame_rows import FrameRows, instant_of
-from vsd_analytics.ingest.json_guess import guessed_mapping
-from vsd_analytics.ingest.json_map import JsonMap, message_paths, value_at
-from vsd_analytics.ingest.raw import BadRowError
+from vsd_analytics.ingest.formats.json_map import JsonMap, message_paths
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
+from vsd_analytics.ingest.reading.frame_rows import FrameRows, instant_of
+from vsd_analytics.ingest.reading.json_guess import guessed_mapping
+from vsd_analytics.ingest.reading.json_values import value_at
+from vsd_analytics.ingest.reading.raw import BadRowError
 from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.decode import Preparer
 from vsd_analytics.live.mapped import mapped_readers, topic_matches, topics_of

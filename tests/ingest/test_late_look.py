@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 from walks import Step, project, walks
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest import late_look, pipeline, sample
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import IngestResult, ingest
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.checks import late_look, sample
+from vsd_analytics.ingest.intake import pipeline
+from vsd_analytics.ingest.intake.pipeline import IngestResult, ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 
 NOW = datetime(2025, 12, 1, tzinfo=UTC)
 WALK = walks(seconds=100)
@@ -49,13 +50,13 @@ def test_what_looks_wrong_behind_the_first_records_is_said_with_the_way_back(
 ) -> None:
     for module in (sample, pipeline, late_look):
         monkeypatch.setattr(module, "SAMPLE_ROWS", FIRST)
-    monkeypatch.setattr("vsd_analytics.ingest.text_table.BLOCK_BYTES", 4096)
-    monkeypatch.setattr("vsd_analytics.ingest.table_head.HEAD_ROWS", FIRST)
+    monkeypatch.setattr("vsd_analytics.ingest.reading.text_table.BLOCK_BYTES", 4096)
+    monkeypatch.setattr("vsd_analytics.ingest.reading.table_head.HEAD_ROWS", FIRST)
     body = "".join(line(s) if i < FIRST else change(s) for i, s in enumerate(WALK))
     (result,) = take(project(tmp_path / "project"), a=body).sources
     assert result.error is None
     assert result.card is not None
-    assert result.card.doubts == ()
+    assert result.card.warnings == ()
     assert [says in note for note in result.notes] == [True] if says else result.notes == []
     if says:
         assert result.notes[0].startswith("W229: from about line 302 on")

@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from raw_reading import NINE_MS, read_frames
 
-from vsd_analytics.ingest import frames
-from vsd_analytics.ingest.adapter import IngestOptions
+from vsd_analytics.ingest.formats import frames
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 
 TOKYO = "Asia/Tokyo"
 OPTIONS = IngestOptions(clocks={"cam-2": TOKYO}, persons_max=4)

@@ -16,8 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsd_analytics.errors import InputError, UsageError
-from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Source
-from vsd_analytics.ingest.motchallenge import ADAPTER
+from vsd_analytics.ingest.formats.motchallenge import ADAPTER
+from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch, Source
 from vsd_analytics.schema import RAW_SCHEMAS, TABLES
 
 START = 1_700_000_000_000
@@ -206,7 +206,7 @@ def test_no_text_makes_it_fall_over(tmp_path_factory: pytest.TempPathFactory, te
 def test_batches_are_bounded_and_add_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = sequence(tmp_path, "hall", [f"{f},{p},0,0,9,9" for f in range(1, 51) for p in range(5)], ini="seqLength=130")
     whole, _ = read(path)
-    monkeypatch.setattr("vsd_analytics.ingest.motchallenge.BATCH_ROWS", 40)
+    monkeypatch.setattr("vsd_analytics.ingest.formats.motchallenge.BATCH_ROWS", 40)
     tables, batches = read(path)
     assert max(b.table(name).num_rows for b in batches for name in TABLES) == 40
     assert all(tables[name].equals(whole[name]) for name in TABLES)

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from raw_reading import NINE_MS, NOW, small_site
 
 from vsd_analytics.errors import StoreError
-from vsd_analytics.ingest.adapter import RawBatch, Rejected
-from vsd_analytics.ingest.normalise import NORMALISED, Normalised, Normaliser
-from vsd_analytics.ingest.pseudonyms import Pseudonyms
+from vsd_analytics.ingest.intake.normalise import NORMALISED, Normalised, Normaliser
+from vsd_analytics.ingest.intake.pseudonyms import Pseudonyms
+from vsd_analytics.ingest.reading.adapter import RawBatch, Rejected
 from vsd_analytics.schema import RAW_SCHEMAS, TableName
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Site
@@ -288,7 +288,7 @@ def test_a_key_that_was_destroyed_meanwhile_names_no_other_track(tmp_path: Path)
 def test_each_track_has_the_pseudonym_of_its_camera_and_day(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, names_max: int
 ) -> None:
-    monkeypatch.setattr("vsd_analytics.ingest.pseudonyms.NAMES_MAX", names_max)
+    monkeypatch.setattr("vsd_analytics.ingest.intake.pseudonyms.NAMES_MAX", names_max)
     keys, rng = DayKeys(tmp_path), np.random.default_rng(3)
     pseudonyms = Pseudonyms(SITE, keys)
     for _ in range(3):

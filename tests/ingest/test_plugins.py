@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.ingest import adapters
-from vsd_analytics.ingest.adapter import IngestOptions, Source
-from vsd_analytics.ingest.recognise import find_adapter
+from vsd_analytics.ingest.formats import adapters
+from vsd_analytics.ingest.formats.recognise import find_adapter
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 
 MODULE = """
 class Hall:
@@ -59,7 +59,7 @@ def test_a_plug_in_is_a_format_like_ours(site_packages: Path, tmp_path: Path) ->
 def test_a_plug_in_cannot_replace_a_format_of_ours(site_packages: Path) -> None:
     install(site_packages, "frames = hall_vsd:Hall\npairs = hall_vsd:Hall")
     assert adapters.formats() == (*adapters.SPECIFIC, *adapters.GENERAL)
-    assert type(adapters.adapter("frames")).__module__ == "vsd_analytics.ingest.frames"
+    assert type(adapters.adapter("frames")).__module__ == "vsd_analytics.ingest.formats.frames"
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from raw_reading import NOW, small_site
 
 from vsd_analytics.errors import StoreError
-from vsd_analytics.ingest.adapter import IngestOptions, Rejected
-from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading, summarise
-from vsd_analytics.ingest.raw import row_json, rows_table
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.intake.quarantine_writer import Quarantine, SourceReading, summarise
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Rejected
+from vsd_analytics.ingest.reading.raw import row_json, rows_table
 from vsd_analytics.store.quarantine import QuarantineEntry, drop, entries, files, rewrite, tidy
 
 HEADER = "ts,camera_id,track_id,x_m,y_m\n"

@@ -19,19 +19,20 @@ from site_text import site_text
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest import quarantine_writer as room
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.frames import MessageRows
-from vsd_analytics.ingest.normalise import Normaliser
-from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
-from vsd_analytics.ingest.replay import replay
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.formats.frames import MessageRows
+from vsd_analytics.ingest.intake import quarantine_writer as room
+from vsd_analytics.ingest.intake.normalise import Normaliser
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.intake.quarantine_writer import Quarantine, SourceReading
+from vsd_analytics.ingest.intake.replay import replay
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.schema import KEYS, TABLES
 from vsd_analytics.settings import Settings
-from vsd_analytics.site.model import Camera, Site, SourceProfile
-from vsd_analytics.store import Store, durable
+from vsd_analytics.site.model import Camera, ReadingRule, Site
+from vsd_analytics.store import durable
 from vsd_analytics.store.quarantine import QuarantineEntry, entries, files
+from vsd_analytics.store.store import Store
 
 HEADER = "ts,camera_id,track_id,x_m,y_m\n"
 MESSAGE = (
@@ -128,7 +129,7 @@ def test_a_corrected_mapping_reads_lines_again_and_none_twice(tmp_path: Path) ->
 
 
 def test_a_corrected_source_of_vsd_toml_is_used_and_the_command_wins_over_it(tmp_path: Path) -> None:
-    tills = SourceProfile(profile_id="tills", files=("a.csv",), map={"ts": "local"})
+    tills = ReadingRule(rule_id="tills", files=("a.csv",), map={"ts": "local"})
     site = replace(small_site(tmp_path / "site", settings=PLAIN), sources=(tills,))
     (tmp_path / "a.csv").write_text("local,utc,camera_id,x_m,y_m\n9h,2026-11-09T09:00:00Z,cam-1,1,2\n")
     ingest(site, [tmp_path / "a.csv"], IngestOptions(), now=NOW)

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vsd_analytics.ingest.adapter import EXCERPT_CHARS
-from vsd_analytics.ingest.raw import bounded_lines, raw_table, rejected
+from vsd_analytics.ingest.reading.adapter import EXCERPT_CHARS
+from vsd_analytics.ingest.reading.raw import bounded_lines, raw_table, rejected
 from vsd_analytics.schema import RAW_SCHEMAS, TABLES
 
 

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from walks import project
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions, RawBatch
-from vsd_analytics.ingest.doubt_case import Case
-from vsd_analytics.ingest.doubts import doubts_of
-from vsd_analytics.ingest.raw import raw_table
-from vsd_analytics.ingest.sample import LIFE_STEPS, Sample, sample_of
-from vsd_analytics.ingest.sketch import sketch_of
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.checks.check_case import Case
+from vsd_analytics.ingest.checks.check_table import warnings_of
+from vsd_analytics.ingest.checks.sample import LIFE_STEPS, Sample, sample_of
+from vsd_analytics.ingest.checks.sketch import sketch_of
+from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch
+from vsd_analytics.ingest.reading.raw import raw_table
 
 Row = tuple[str, str | None, int, float, float]
 
@@ -46,7 +46,7 @@ def random_rows(seed: int) -> list[Row]:
 
 def whats(folder: Path, rows: list[Row]) -> str:
     case = Case(load_site(project(folder / "project")), IngestOptions(), sample(rows), None)
-    return "; ".join(d.what for d in doubts_of(case))
+    return "; ".join(d.what for d in warnings_of(case))
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from vsd_analytics.ingest.adapter import RawBatch
-from vsd_analytics.ingest.raw import raw_table
-from vsd_analytics.ingest.sample import Sample, sample_of
+from vsd_analytics.ingest.checks.sample import Sample, sample_of
+from vsd_analytics.ingest.reading.adapter import RawBatch
+from vsd_analytics.ingest.reading.raw import raw_table
 
 TRACKS = [("a", "1", 1.0), ("a", "2", 2.0), ("b", "1", 4.0), ("b", None, 8.0)]
 """Camera, track, metres a second."""

@@ -15,9 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from vsd_analytics.errors import InputError, UsageError
-from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Source
-from vsd_analytics.ingest.body_distance import EngineSetting, LoggedFrame, Pairs
-from vsd_analytics.ingest.smart_social_distancing import ADAPTER
+from vsd_analytics.ingest.formats.body_distance import EngineSetting, LoggedFrame, Pairs
+from vsd_analytics.ingest.formats.smart_social_distancing import ADAPTER
+from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch, Source
 from vsd_analytics.schema import RAW_SCHEMAS, TABLES
 
 HEADER = "Version,Timestamp,DetectedObjects,ViolatingObjects,EnvironmentScore,Detections,ViolationsIndexes"
@@ -264,7 +264,7 @@ def test_too_many_people_or_rows_are_quarantined(tmp_path: Path) -> None:
 
 
 def test_large_logs_come_in_batches_of_bounded_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vsd_analytics.ingest.smart_social_distancing.BATCH_ROWS", 100)
+    monkeypatch.setattr("vsd_analytics.ingest.formats.smart_social_distancing.BATCH_ROWS", 100)
     path = write(tmp_path, [log_row(f"2026-01-05 09:{m:02}:{s:02}", [*NEAR, FAR]) for m in range(2) for s in range(60)])
     tables, batches = read(path)
     assert max(b.table("pairs").num_rows for b in batches) <= 110

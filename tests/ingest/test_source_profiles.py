@@ -15,10 +15,10 @@ from watched_folders import watched
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
-from vsd_analytics.config.source_profiles import NewProfile, profile_of
+from vsd_analytics.config.project import load_site
+from vsd_analytics.config.reading_rules import NewReadingRule, reading_rule_of
 from vsd_analytics.errors import ConfigError
-from vsd_analytics.site.model import SourceProfile
+from vsd_analytics.site.model import ReadingRule
 
 TOML = """\
 # our shop   (a comment that must stay)
@@ -182,7 +182,7 @@ def test_check_saves_what_was_said_and_leaves_the_file_as_it_is(tmp_path: Path) 
     [("shop.csv", "shop*.csv"), ("shop.csv.gz", "shop*.csv.gz"), ("export", "export*"), ("shop-2.csv", None)],
 )
 def test_a_pattern_without_numbers_has_a_wider_one(name: str, wider: str | None) -> None:
-    assert NewProfile("a", name).wider_pattern == wider
+    assert NewReadingRule("a", name).wider_pattern == wider
 
 
 def test_saving_a_profile_says_which_files_it_is_for_and_how_to_widen_it(tmp_path: Path) -> None:
@@ -255,18 +255,18 @@ files = "a.csv"
     ],
 )
 def test_pattern_of_a_name_fits_it_and_its_neighbours(name: str, pattern: str) -> None:
-    new = NewProfile("p", name)
+    new = NewReadingRule("p", name)
     assert new.pattern == pattern
-    assert profile_of(f"/data/{name}", [SourceProfile(profile_id="p", files=(pattern,))]) is not None
+    assert reading_rule_of(f"/data/{name}", [ReadingRule(rule_id="p", files=(pattern,))]) is not None
 
 
 def test_first_profile_that_fits_wins_and_a_slash_looks_at_the_folder() -> None:
     profiles = [
-        SourceProfile(profile_id="door", files=("door/*.csv", "exit-*.csv")),
-        SourceProfile(profile_id="any", files=("*.csv",)),
+        ReadingRule(rule_id="door", files=("door/*.csv", "exit-*.csv")),
+        ReadingRule(rule_id="any", files=("*.csv",)),
     ]
-    found = [profile_of(n, profiles) for n in ("in/door/a.csv", "in/x/exit-1.csv", "a.csv", "a.jsonl")]
-    assert [None if p is None else p.profile_id for p in found] == ["door", "door", "any", None]
+    found = [reading_rule_of(n, profiles) for n in ("in/door/a.csv", "in/x/exit-1.csv", "a.csv", "a.jsonl")]
+    assert [None if p is None else p.rule_id for p in found] == ["door", "door", "any", None]
 
 
 def test_json_names_the_profile(tmp_path: Path) -> None:

@@ -16,8 +16,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from raw_reading import NINE_MS, Reading, read
 
-from vsd_analytics.ingest.adapter import IngestOptions, Source
-from vsd_analytics.ingest.tables import Tables
+from vsd_analytics.ingest.formats.tables import Tables
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 
 
 def read_columns(path: Path, columns: dict[str, Any], options: IngestOptions | None = None, **writing: Any) -> Reading:

@@ -13,8 +13,8 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from raw_reading import NINE_MS, Reading, read, read_table
 
-from vsd_analytics.ingest.adapter import IngestOptions, Source
-from vsd_analytics.ingest.tables import Tables
+from vsd_analytics.ingest.formats.tables import Tables
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 
 HEADER = "ts,camera_id,track_id,x_m,y_m"
 ROWS = ["2026-11-09T09:00:00Z,cam-1,7,1.5,2.5", "2026-11-09T09:00:01Z,cam-2,8,-3,0.25"]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.ingest.where import parse_where, rows_where
+from vsd_analytics.ingest.reading.where import parse_where, rows_where
 
 CELLS = {
     "kind": pa.array(["person", " person ", "car", "", None]),

@@ -15,8 +15,8 @@ import pyarrow as pa
 import pytest
 
 from vsd_analytics.errors import InputError
-from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Source
-from vsd_analytics.ingest.wildtrack import ADAPTER
+from vsd_analytics.ingest.formats.wildtrack import ADAPTER
+from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch, Source
 from vsd_analytics.schema import RAW_SCHEMAS, TABLES
 
 START = 1_700_000_000_000
@@ -189,7 +189,7 @@ def test_hostile_member_names_write_nothing(tmp_path: Path) -> None:
 def test_large_sets_come_in_batches_of_bounded_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = folder(tmp_path, {f"{n:08}.json": json.dumps([person(p, p) for p in range(9)]).encode() for n in range(30)})
     whole, _ = read(path)
-    monkeypatch.setattr("vsd_analytics.ingest.wildtrack.BATCH_ROWS", 50)
+    monkeypatch.setattr("vsd_analytics.ingest.formats.wildtrack.BATCH_ROWS", 50)
     tables, batches = read(path)
     assert max(b.table("observations").num_rows for b in batches) <= 50
     assert all(tables[name].equals(whole[name]) for name in TABLES)

@@ -19,7 +19,7 @@ from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.decode import Preparer
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Camera, Floor, Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.build_result import BuildResult
 

@@ -27,7 +27,7 @@ from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.simulate.people import simulate_day
 from vsd_analytics.simulate.truth import violations
 from vsd_analytics.site.model import Camera
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 INTERVALS_MS = (400, 800, 1000, 1200, 1500, 2000, 2500, 3000, 4000)
 HALVED = ((400, 800), (400, 1200), (1000, 2000), (1500, 3000))

@@ -18,7 +18,7 @@ from vsd_analytics.simulate.people import SimulatedDay, simulate_day
 from vsd_analytics.simulate.shop import AREA_RECTS, AREAS
 from vsd_analytics.simulate.truth import in_view, violations
 from vsd_analytics.site.model import Calibration, Camera, Floor, Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 ZONE = ZoneInfo("Europe/Rome")
 OPENS, CLOSES = datetime(2026, 11, 14, 15, tzinfo=ZONE), datetime(2026, 11, 14, 20, tzinfo=ZONE)

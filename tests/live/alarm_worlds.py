@@ -12,9 +12,9 @@ import numpy as np
 import pyarrow as pa
 from simulate.small_scenes import START_MS, Message, frame_message, make_empty
 
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.frames import MessageRows
-from vsd_analytics.ingest.normalise import Normaliser
+from vsd_analytics.ingest.formats.frames import MessageRows
+from vsd_analytics.ingest.intake.normalise import Normaliser
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.live.alarms import AlarmEngine
 from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName

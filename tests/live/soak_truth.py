@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 from soak_producer import Load
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.warehouse.warehouse import open_warehouse, stored_extent
 
 HASHES = {

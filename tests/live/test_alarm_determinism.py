@@ -18,8 +18,8 @@ from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.live.stored_frames import replay
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Camera
-from vsd_analytics.store import Store
 from vsd_analytics.store.layout import HOUR_MS
+from vsd_analytics.store.store import Store
 
 Tables = dict[TableName, pa.Table]
 RULES = (

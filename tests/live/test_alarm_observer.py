@@ -18,7 +18,7 @@ from vsd_analytics.live.alarms import AlarmEngine
 from vsd_analytics.live.delivery import FILE, AlarmLog, AlarmSender
 from vsd_analytics.schema import TableName
 from vsd_analytics.site.model import AlarmRule, Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 WORLD = [
     *merge(stand(row(4), 900, start_s=30), quiet(1000), stand(row(3, y=8.0), 100, start_s=500, first_id=21)),

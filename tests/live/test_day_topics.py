@@ -20,7 +20,7 @@ from report.sample_cards import SATURDAY, card, hour, level
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError
 from vsd_analytics.live.day_topics import day_figures
 from vsd_analytics.live.home_assistant import discovery_messages

@@ -21,16 +21,16 @@ import pytest
 from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, frame, publish, write_project
 from paho.mqtt.enums import CallbackAPIVersion
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import LiveError
-from vsd_analytics.ingest.quarantine_writer import Quarantine
+from vsd_analytics.ingest.intake.quarantine_writer import Quarantine
 from vsd_analytics.live import listener as listening
-from vsd_analytics.live.alone import alone
 from vsd_analytics.live.listener import Listener
 from vsd_analytics.live.mqtt import password_of
+from vsd_analytics.live.single_instance import alone
 from vsd_analytics.live.status import FILE, Status
 from vsd_analytics.schema import TABLES
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 pytestmark = pytest.mark.skipif(MOSQUITTO is None, reason=WHY_NOT)
 VSD = [sys.executable, "-c", "from vsd_analytics.cli import main; main()"]

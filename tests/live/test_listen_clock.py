@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from live.local_broker import MOSQUITTO, WHY_NOT, Mosquitto, frame, publish, write_project
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.doctor.broker import examine_listener
-from vsd_analytics.ingest.replay import replay
+from vsd_analytics.ingest.intake.replay import replay
 from vsd_analytics.live.listener import Listener
 from vsd_analytics.live.status import Status
 

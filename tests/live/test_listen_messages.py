@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from live.local_broker import frame, write_project
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.normalise import NORMALISED
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.normalise import NORMALISED
 from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.decode import Prepared, Preparer
 
@@ -109,7 +109,7 @@ def test_bad_messages_are_rejected_with_reason_and_topic_and_the_good_beside_the
 def test_a_message_that_breaks_the_reading_is_quarantined_alone(
     preparer: Preparer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from vsd_analytics.ingest.frames import MessageRows
+    from vsd_analytics.ingest.formats.frames import MessageRows
 
     add = MessageRows.add
 

@@ -20,16 +20,16 @@ import pytest
 from live.local_broker import frame
 from site_text import site_text
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import LiveError
-from vsd_analytics.ingest.replay import replay
+from vsd_analytics.ingest.intake.replay import replay
 from vsd_analytics.live import posts
 from vsd_analytics.live.listener import Listener
 from vsd_analytics.live.mapped import mapped_readers
 from vsd_analytics.live.posts import MESSAGES_MAX, PostInbox, host_and_port, messages_of, token_of
 from vsd_analytics.schema import TABLES
-from vsd_analytics.store import Store
 from vsd_analytics.store.segments import read_segment
+from vsd_analytics.store.store import Store
 
 VSD = [sys.executable, "-c", "from vsd_analytics.cli import main; main()"]
 TOKEN = "a-token-of-the-tests"
@@ -58,7 +58,7 @@ class Run:
 
     def __init__(self, root: Path) -> None:
         site = load_site(root)
-        sources = [reader.profile_id for reader in mapped_readers(site)]
+        sources = [reader.rule_id for reader in mapped_readers(site)]
         limit = int(site.settings.line_max_bytes)
         self.posts = PostInbox("127.0.0.1:0", token=TOKEN, sources=sources, body_max_bytes=limit)
         self.listener = Listener(

@@ -18,15 +18,15 @@ import pyarrow.parquet as pq
 import pytest
 from site_text import site_text
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import InputError, LiveError, UsageError
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import SourceResult
+from vsd_analytics.ingest.intake.pipeline import SourceResult
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.live import inbox
 from vsd_analytics.live.inbox import as_it_is, waiting
 from vsd_analytics.live.watch import WatchStatus, read_watch_status, watch
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 NOW = datetime(2026, 11, 20, tzinfo=UTC)
 CONFIG = site_text()
@@ -285,8 +285,8 @@ def test_the_status_tells_how_it_goes(site: Site) -> None:
 def test_asked_to_stop_in_the_middle_of_a_large_file_it_stops_and_goes_on_later(
     site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vsd_analytics.ingest.frames.BATCH_ROWS", 100)
-    monkeypatch.setattr("vsd_analytics.ingest.frames._BLOCK_BYTES", 10_000)
+    monkeypatch.setattr("vsd_analytics.ingest.formats.frames.BATCH_ROWS", 100)
+    monkeypatch.setattr("vsd_analytics.ingest.formats.frames._BLOCK_BYTES", 10_000)
     world = World(site)
     (world.folder / "0.jsonl").write_text(message(3000))
     os.utime(world.folder / "0.jsonl", ns=(7, 7))

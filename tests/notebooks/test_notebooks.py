@@ -12,10 +12,11 @@ import pytest
 from notebooks.executed import NOTEBOOKS, execute, figures
 
 from vsd_analytics import load_site, open_warehouse
-from vsd_analytics.ingest import pipeline
+from vsd_analytics.ingest.intake import pipeline
 from vsd_analytics.simulate import demo_project as demo
-from vsd_analytics.simulate import write_canteen_project, write_demo_project
+from vsd_analytics.simulate.canteen_project import write_canteen_project
 from vsd_analytics.simulate.demo import ingest_demo
+from vsd_analytics.simulate.demo_project import write_demo_project
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 ON_ONE_WEEK = {"bring-your-own-engine": 1, "first-look": 3, "how-is-this-space-used": 3}

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from planner.planted_shop import of_base_85
 from scipy.stats import t
 
-from vsd_analytics.planner.pack import LARGEST, packed, planes, sparse, varints
-from vsd_analytics.planner.t_quantiles import few_events, quantiles
+from vsd_analytics.planner.encode import LARGEST, packed, planes, sparse, varints
+from vsd_analytics.planner.script import few_events, quantiles
 
 
 def decoded(data: bytes) -> list[int]:

@@ -14,7 +14,7 @@ from figures.walkers_between_areas import HOSTILE, week_of_walkers
 from planner.written_address import written_address
 from report import ingested_worlds as w
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.planner.flow_layer import flow_layer
 from vsd_analytics.planner.page import UNIT, render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages

@@ -22,8 +22,8 @@ import shapely
 from vsd_analytics.geometry import ownership
 from vsd_analytics.geometry.camera_views import seen_floor
 from vsd_analytics.geometry.homography import to_floor
-from vsd_analytics.ingest.adapter import IngestOptions, Source
-from vsd_analytics.ingest.wildtrack import ADAPTER, VIEWS
+from vsd_analytics.ingest.formats.wildtrack import ADAPTER, VIEWS
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.site.model import Calibration, Camera
 
 SIZE = (1920, 1080)

@@ -16,12 +16,12 @@ import scipy.stats
 import shapely
 from prove_atc import NOW, OPTIONS, TOML
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.figures.flow import flow
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.visits import visits
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.ingest.intake.pipeline import ingest
 from vsd_analytics.site.model import Area
 from vsd_analytics.warehouse.warehouse import Warehouse
 

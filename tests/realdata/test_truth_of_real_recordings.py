@@ -15,8 +15,8 @@ import pytest
 
 from vsd_analytics.figures import operator_counts
 from vsd_analytics.geometry.calibration_files import load_calibration
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse

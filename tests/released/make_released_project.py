@@ -20,11 +20,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from simulate.small_scenes import make_week
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.version import VERSION
 
 HERE = Path(__file__).resolve().parent

@@ -38,7 +38,7 @@ def level(day: date, violations: float | None, **changed: Any) -> DayLevel:
         "open_hours": 13 if day < SATURDAY else 6,
         "recorded_hours": 13 if day < SATURDAY else 6,
         "violations": violations,
-        "is_estimated": False,
+        "estimate": violations,
         "usual": usual,
         "n_days": 10,
         "state": "ok",
@@ -50,6 +50,7 @@ def level(day: date, violations: float | None, **changed: Any) -> DayLevel:
 def hour(day: date, hour: int, violations: float | None = None, **changed: Any) -> TodayHour:
     is_over = day < SATURDAY or (day == SATURDAY and hour < 14)
     made = {
+        "estimate": violations if is_over else None,
         "usual": 20.0,
         "lo": 10.0,
         "hi": 32.0,

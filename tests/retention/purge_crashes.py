@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from aged_projects import DAYS, TERMS, day, litter, make_project, messages, vsd, write
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.retention.purge import forget_keys, purge_older, purge_range
 from vsd_analytics.store import durable, secrets
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from aged_projects import DAYS, TERMS, TOML, make_project, messages, vsd, write
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.retention.purge import purge_range
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.warehouse import warehouse

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from aged_projects import DAYS, TERMS, TOML, audit, day, make_project, messages, three_days, vsd, write
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import StoreError
 from vsd_analytics.retention.purge import forget_keys
 from vsd_analytics.store import secrets

@@ -11,12 +11,12 @@ import pytest
 from aged_projects import DAYS, NOW, TERMS, day, litter, messages, vsd, write
 from purge_crashes import Crash, watched
 
-from vsd_analytics.config import load_site
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.retention.purge import purge_older
-from vsd_analytics.store import Store
 from vsd_analytics.store.quarantine import QuarantineEntry, entries, files
+from vsd_analytics.store.store import Store
 
 
 def late_file(root: Path) -> Path:

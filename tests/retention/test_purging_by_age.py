@@ -26,7 +26,7 @@ from aged_projects import (
     write,
 )
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.figures.week.stored_records import StoredRecords, stored_records
 from vsd_analytics.retention.purge import Terms, purge_older

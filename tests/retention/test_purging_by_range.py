@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from aged_projects import DAYS, TERMS, as_an_older_version_sealed, audit, litter, messages, seals_of, vsd, write
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.retention.purge import purge_range
 from vsd_analytics.schema import TABLES

@@ -13,17 +13,17 @@ from aged_projects import DAYS, TERMS, day, make_project, messages, vsd, write
 from purge_crashes import Crash, watched
 from store.stored_rows import litter_of
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import StoreError, UsageError
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.retention.purge import purge_older, purge_range
 from vsd_analytics.retention.purge_import import purge_import
 from vsd_analytics.schema import TABLES
-from vsd_analytics.store import Store
 from vsd_analytics.store.imports import holdings, imports_of
 from vsd_analytics.store.owners import OWNER
 from vsd_analytics.store.part_files import read_owned
+from vsd_analytics.store.store import Store
 
 CAMERAS = ("cam-1", "cam-2")
 

@@ -6,9 +6,8 @@ from datetime import date
 
 import pytest
 
-from vsd_analytics.simulate import simulate_day
 from vsd_analytics.simulate.demo_project import opening
-from vsd_analytics.simulate.people import SimulatedDay
+from vsd_analytics.simulate.people import SimulatedDay, simulate_day
 
 
 def _saturday(day: date, *, moved: bool) -> SimulatedDay:

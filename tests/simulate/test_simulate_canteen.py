@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vsd_analytics.config import load_site
-from vsd_analytics.simulate import write_canteen_project
+from vsd_analytics.config.project import load_site
 from vsd_analytics.simulate.canteen import AREAS, DEPTH_M, WIDTH_M, CanteenDay, canteen_day
+from vsd_analytics.simulate.canteen_project import write_canteen_project
 
 DAYS = [date(2026, 11, 9) + timedelta(days=k) for k in range(2)]
 

@@ -12,11 +12,12 @@ from typing import Any
 
 import pytest
 
-from vsd_analytics.simulate import DemoTruth, simulate_week, write_demo_project
 from vsd_analytics.simulate import demo_project as demo
+from vsd_analytics.simulate.demo_project import simulate_week, write_demo_project
 from vsd_analytics.simulate.history import GROWTH, MIN_WEEKS, ShopHistory, shop_history
 from vsd_analytics.simulate.people import SimulatedDay
 from vsd_analytics.simulate.shop import SHOP_AFTER, SHOP_BEFORE
+from vsd_analytics.simulate.truth import DemoTruth
 
 CAMERAS = ("cam-1", "cam-2")
 LAST = date(2026, 11, 9)

@@ -8,10 +8,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from vsd_analytics.ingest.adapter import Source
-from vsd_analytics.simulate import write_messages
+from vsd_analytics.ingest.reading.adapter import Source
 from vsd_analytics.simulate.cameras import CAMERAS, NOISE_SD_M
-from vsd_analytics.simulate.frame_messages import day_text, track_ids
+from vsd_analytics.simulate.frame_messages import day_text, track_ids, write_messages
 from vsd_analytics.simulate.people import SimulatedDay
 from vsd_analytics.simulate.shop import DEPTH_M, SHOP_AFTER, WIDTH_M
 

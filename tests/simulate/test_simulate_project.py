@@ -14,12 +14,12 @@ import pytest
 
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import UsageError
-from vsd_analytics.ingest.adapter import IngestOptions, Source
-from vsd_analytics.ingest.frames import Frames
-from vsd_analytics.simulate import DemoTruth, simulate_week, write_demo_project
+from vsd_analytics.ingest.formats.frames import Frames
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.simulate import demo_project as demo
-from vsd_analytics.simulate.demo_project import opening
+from vsd_analytics.simulate.demo_project import opening, simulate_week, write_demo_project
 from vsd_analytics.simulate.shop import AREA_RECTS
+from vsd_analytics.simulate.truth import DemoTruth
 
 Project = tuple[Path, DemoTruth]
 INTERVAL_S = 8.0

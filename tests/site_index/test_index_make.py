@@ -10,8 +10,8 @@ from report import ingested_worlds as w
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
 from vsd_analytics.config.asked_questions import read_asked
+from vsd_analytics.config.project import load_site
 
 
 def busy(day: int, hour: int) -> dict[w.Place, int]:

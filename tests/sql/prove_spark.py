@@ -27,11 +27,11 @@ import duckdb
 import pyarrow.parquet as pq
 
 from vsd_analytics.bench.made_up_site import write_site
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.schema import SCHEMAS, TABLES
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store
 from vsd_analytics.store.duck import connect, literal_list
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.compute import create, day_facts
 from vsd_analytics.warehouse.dimensions import create_tables, quarters, register_site
 from vsd_analytics.warehouse.sqlfiles import relations

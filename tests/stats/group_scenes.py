@@ -13,8 +13,8 @@ import pandas as pd
 import pytest
 
 from vsd_analytics.figures.groups import Groups, groups
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import ingest
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import open_warehouse

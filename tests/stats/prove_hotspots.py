@@ -100,8 +100,8 @@ def row(name: str, world: Variation | People, n_floors: int) -> str:
 def stored(world: People, seed: int) -> int:
     """Return how many hotspots the product finds on a floor whose positions were imported."""
     from vsd_analytics.figures.hotspots import hotspots as floor_hotspots
-    from vsd_analytics.ingest.adapter import IngestOptions
-    from vsd_analytics.ingest.pipeline import ingest
+    from vsd_analytics.ingest.intake.pipeline import ingest
+    from vsd_analytics.ingest.reading.adapter import IngestOptions
     from vsd_analytics.site.model import Camera, Floor, Site
     from vsd_analytics.warehouse.warehouse import Warehouse
 

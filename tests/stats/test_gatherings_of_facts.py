@@ -15,7 +15,7 @@ import pytest
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Floor, Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 DAY = date(2026, 11, 9)

@@ -9,11 +9,12 @@ import pyarrow as pa
 import pytest
 
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
-from vsd_analytics.store import Store, new_rows
+from vsd_analytics.store import new_rows
 from vsd_analytics.store.duck import connect
 from vsd_analytics.store.layout import HOUR_MS, segment_paths
 from vsd_analytics.store.owners import OWNER
 from vsd_analytics.store.spans import FoldSpan
+from vsd_analytics.store.store import Store
 
 HOUR = 497_000
 

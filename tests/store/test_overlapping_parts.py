@@ -10,9 +10,10 @@ import pytest
 from warehouse.small_projects import HOUR, T0, Frame, Person, make_site, put
 
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store, new_rows
+from vsd_analytics.store import new_rows
 from vsd_analytics.store.layout import segment_paths
 from vsd_analytics.store.spans import ends_ms, spans_of
+from vsd_analytics.store.store import Store
 
 
 def store_of(site: Site) -> Store:

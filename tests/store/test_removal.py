@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from stored_rows import HOUR, NINE, frame, litter_of, pair, part_names, person, stored, table
 
 from vsd_analytics.errors import StoreError
-from vsd_analytics.store import Store, durable
+from vsd_analytics.store import durable
 from vsd_analytics.store.removal import (
     AUDIT,
     LOCK,
@@ -30,6 +30,7 @@ from vsd_analytics.store.removal import (
     removing,
     rows_in_scope,
 )
+from vsd_analytics.store.store import Store
 
 CAMERAS = ("cam-1", "cam-2")
 

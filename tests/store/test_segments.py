@@ -11,10 +11,11 @@ import pytest
 from stored_rows import HOUR, NINE, frame, pair, person, stored, table
 
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
-from vsd_analytics.store import Store, durable
+from vsd_analytics.store import durable
 from vsd_analytics.store.owners import OWNER, owned_by
 from vsd_analytics.store.part_files import engines_in
 from vsd_analytics.store.segments import About, about, read_segment, segment_bytes, sent_bytes
+from vsd_analytics.store.store import Store
 
 Write = Callable[[TableName, pa.Table, Sequence[str]], pa.Buffer]
 KINDS = [pytest.param(segment_bytes, ".arrow", id="arrow"), pytest.param(sent_bytes, ".parquet", id="parquet")]

@@ -14,14 +14,16 @@ import pytest
 from stored_rows import HOUR, NINE, frame, part_names, person, stored, table
 
 from vsd_analytics.errors import DiskError
-from vsd_analytics.store import Store, TableCounts, durable
+from vsd_analytics.store import durable
+from vsd_analytics.store.store import Store, TableCounts
 
 _APPEND = """
 import os, sys
 from pathlib import Path
 sys.path.insert(0, {here!r})
 from stored_rows import *
-from vsd_analytics.store import Store, durable, store as module
+from vsd_analytics.store import durable, store as module
+from vsd_analytics.store.store import Store
 store = Store(Path(sys.argv[1]), site_id="shop")
 """
 

@@ -13,8 +13,9 @@ from stored_rows import HOUR, NINE, frame, pair, part_names, person, stored, tab
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.schema import TableName
-from vsd_analytics.store import Store, TableCounts, spans
+from vsd_analytics.store import spans
 from vsd_analytics.store.part_files import engines_of
+from vsd_analytics.store.store import Store, TableCounts
 
 
 def _folded(root: Path, *batches: list[dict[str, Any]], name: TableName = "observations") -> TableCounts:

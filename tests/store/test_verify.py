@@ -17,12 +17,13 @@ from stored_rows import HOUR, NINE, frame, pair, person, table
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.retention.purge import Terms, purge_older
 from vsd_analytics.schema import KEYS, SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store, durable
+from vsd_analytics.store import durable
 from vsd_analytics.store.part_files import part_bytes
+from vsd_analytics.store.store import Store
 from vsd_analytics.store.verify_files import Check, all_parts, check_parts, check_spool, newest_parts
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.sqlfiles import relations

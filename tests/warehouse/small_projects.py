@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Floor, Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import build as build_module
 from vsd_analytics.warehouse import unit_batches
 from vsd_analytics.warehouse.build_result import BuildResult

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from warehouse.small_projects import HOUR, T0, Frame, Pair, Person, make_site, put
 
 from vsd_analytics.site.model import Calibration, Camera, Floor, Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.arrays import held
 from vsd_analytics.warehouse.arrays.columns import NULL, beside, grouped_by, order_by, rounded
 from vsd_analytics.warehouse.compute import day_facts, hour_facts

@@ -17,7 +17,7 @@ from warehouse.small_projects import Frame, Person, make_site, put
 
 from vsd_analytics.retention.purge import Terms, purge_older, purge_range
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import fact_weeks
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.build_result import BuildResult

@@ -11,8 +11,8 @@ import pyarrow.parquet as pq
 
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.site.model import Camera, Floor, Site
-from vsd_analytics.store import Store
 from vsd_analytics.store.duck import connect
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
 
 AT_S = int(datetime(2026, 11, 9, 10, tzinfo=UTC).timestamp())

@@ -15,7 +15,7 @@ from warehouse.small_projects import HOUR, T0, Person, make_site, open_days, put
 
 from vsd_analytics.figures import operator_counts
 from vsd_analytics.site.model import Camera
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
 
 CAMERAS = tuple(Camera(c, c, "ground", hz=1.0) for c in ("cam", "cam-2"))

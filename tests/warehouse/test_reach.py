@@ -23,7 +23,7 @@ from warehouse.small_projects import (
 )
 
 from vsd_analytics.site.model import Camera, Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import compute
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.reach import NearParts, noted_spans, reach_ms, spans_of

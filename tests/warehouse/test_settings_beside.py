@@ -103,7 +103,7 @@ def test_the_settings_that_were_longest_not_in_use_give_way(site: Site) -> None:
 
 
 def test_a_setting_of_the_environment_is_another_setting(tmp_path: Path) -> None:
-    from vsd_analytics.config import load_site
+    from vsd_analytics.config.project import load_site
 
     floor, camera = '[[floor]]\nid = "f"\nname = "F"\n', '[[camera]]\nid = "c"\nname = "C"\nfloor = "f"\n'
     (tmp_path / "vsd.toml").write_text(f'[site]\nid = "shop"\nname = "Shop"\ntimezone = "UTC"\n{floor}{camera}')

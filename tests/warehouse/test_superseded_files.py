@@ -17,7 +17,7 @@ import pytest
 from warehouse.small_projects import Person, Site, at, beats, make_site, put
 
 from vsd_analytics.store import durable
-from vsd_analytics.store.page_folders import sweep_pages
+from vsd_analytics.store.durable import sweep_pages
 from vsd_analytics.warehouse import day_files
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.warehouse import Warehouse

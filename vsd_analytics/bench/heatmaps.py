@@ -58,7 +58,7 @@ def ours_first(root: Path) -> CountedCells:
 
 def ours_whole(root: Path) -> CountedCells:
     """Compute all facts of the store, then read heatmap and hours from them."""
-    from vsd_analytics.config import load_site
+    from vsd_analytics.config.project import load_site
     from vsd_analytics.warehouse.build import build
 
     build(load_site(root, environ={}))
@@ -67,7 +67,7 @@ def ours_whole(root: Path) -> CountedCells:
 
 def ours_again(root: Path) -> CountedCells:
     """Read heatmap and hours from facts that are there; a first time also writes the marts' week files."""
-    from vsd_analytics.config import load_site
+    from vsd_analytics.config.project import load_site
     from vsd_analytics.warehouse.stored_days import stored_extent
     from vsd_analytics.warehouse.warehouse import open_warehouse
 

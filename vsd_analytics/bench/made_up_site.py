@@ -10,10 +10,10 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store
+from vsd_analytics.store.store import Store
 
 CAMERAS: Final = 18
 """Of the published deployment, which sent a frame a second."""

@@ -21,7 +21,7 @@ from vsd_analytics.bench.heatmaps import HEATMAPS, CountedCells, ours_first, our
 from vsd_analytics.warehouse.input_fingerprint import text_hash
 
 LIBRARIES = {
-    **{"raw": ("duckdb",), "DuckDB": ("duckdb", "pandas"), "vsd": ("duckdb", "pandas", "vsd_analytics.config")},
+    **{"raw": ("duckdb",), "DuckDB": ("duckdb", "pandas"), "vsd": ("duckdb", "pandas", "vsd_analytics.config.project")},
     **{"polars": ("polars",), "pandas": ("pandas",), "boost": ("boost_histogram", "pandas")},
     **{"delta": ("deltalake",), "scipy": ("scipy",), "PedPy": ("pedpy",)},
 }

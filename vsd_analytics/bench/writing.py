@@ -40,7 +40,7 @@ def one_file(rows: pa.Table, folder: Path) -> None:
 
 def ours_append(rows: pa.Table, folder: Path) -> None:
     """Append batches to the store; each is on disk before the next one is taken."""
-    from vsd_analytics.store import Store
+    from vsd_analytics.store.store import Store
 
     store = Store(folder / "store", site_id="bench")
     for batch in _batches(rows):
@@ -49,7 +49,7 @@ def ours_append(rows: pa.Table, folder: Path) -> None:
 
 def ours_fold(rows: pa.Table, folder: Path) -> None:
     """Append, then fold: find second deliveries, sort, and write the parts that reports read."""
-    from vsd_analytics.store import Store
+    from vsd_analytics.store.store import Store
 
     ours_append(rows, folder)
     Store(folder / "store", site_id="bench").fold()

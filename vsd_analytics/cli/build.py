@@ -41,7 +41,7 @@ def build(project: Project, /, address: str | None, url: str | None, has_records
       vsd build --publish s3://figures/shop
     """
     from vsd_analytics.cli.without_pandas import answer_pyarrow
-    from vsd_analytics.store import Store
+    from vsd_analytics.store.store import Store
     from vsd_analytics.warehouse.build import build as build_facts
 
     site, s3 = project.site, None

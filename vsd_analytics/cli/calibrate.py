@@ -303,7 +303,7 @@ def _check(project: Project, camera_id: str, source: Path, *, size: str | None, 
 
 
 def _picture_px(camera: Camera, size: str | None) -> tuple[int, int]:
-    from vsd_analytics.cli.picture_sizes import known_size, parse_size
+    from vsd_analytics.cli.options import known_size, parse_size
 
     return known_size(camera, camera.picture_px if size is None else parse_size(size))
 

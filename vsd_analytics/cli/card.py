@@ -12,21 +12,21 @@ from vsd_analytics.cli.output import count, plain, rounded
 
 if TYPE_CHECKING:
     from vsd_analytics.cli.project import Project
-    from vsd_analytics.ingest.sample import Extent
-    from vsd_analytics.ingest.understanding import SourceCard
+    from vsd_analytics.ingest.checks.sample import Extent
+    from vsd_analytics.ingest.checks.understanding import SourceProfile
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _WIDTH = 10
 _PICTURE = "vsd check --picture where.svg shows whether it is so"
 
 
-def print_card(project: Project, card: SourceCard) -> None:
+def print_card(project: Project, card: SourceProfile) -> None:
     """Print what was understood of a source: columns, units, extent, ids, times, and its first rows."""
     for label, text in _lines(project, card):
         click.echo(plain(f"    {label:<{_WIDTH}}{text}".rstrip()))
 
 
-def card_as_dict(project: Project, card: SourceCard) -> dict[str, Any]:
+def card_as_dict(project: Project, card: SourceProfile) -> dict[str, Any]:
     """Return the key `card` of `--json`: instants as ISO 8601 in the site's zone, unknown is null."""
     found = rounded(asdict(card))
     del found["sketch"]
@@ -47,7 +47,7 @@ def local_time(project: Project, ms: int) -> str:
     return local.isoformat(sep=" ", timespec="seconds")
 
 
-def _lines(project: Project, card: SourceCard) -> list[tuple[str, str]]:
+def _lines(project: Project, card: SourceProfile) -> list[tuple[str, str]]:
     lines = []
     if card.profile is not None:
         lines.append(("profile", f"{card.profile} ([[source]] in vsd.toml)"))
@@ -58,7 +58,7 @@ def _lines(project: Project, card: SourceCard) -> list[tuple[str, str]]:
     if card.missing:
         lines.append(("missing", ", ".join(card.missing)))
     if card.confidence is not None and card.confidence_limit is not None:
-        from vsd_analytics.ingest.doubt_case import quoted
+        from vsd_analytics.ingest.checks.check_case import quoted
 
         name = card.confidence[:40]
         lines.append(("", f'{name} can be a limit: --where "{quoted(name)} >= {card.confidence_limit:g}"'))
@@ -99,7 +99,7 @@ def _extent(extent: Extent, across: str, up: str, *, digits: int, unit: str) -> 
     return f"{across} {least} to {most}{unit}, {up} {low} to {high}{unit}"
 
 
-def _unseen(card: SourceCard) -> list[tuple[str, str]]:
+def _unseen(card: SourceProfile) -> list[tuple[str, str]]:
     """Return what is assumed of positions and no number tells, with what shows it."""
     lines = [
         ("", "taken for granted: x grows to the right, y upwards; vsd check --picture where.svg shows whether it is so")
@@ -110,7 +110,7 @@ def _unseen(card: SourceCard) -> list[tuple[str, str]]:
     return lines
 
 
-def _trimmed(card: SourceCard) -> str:
+def _trimmed(card: SourceProfile) -> str:
     """Return what an extent leaves out, so that a row outside it does not look like a mistake."""
     return " (without 1 % at each end, at least one row)" if card.n_records > 1 else ""
 
@@ -121,7 +121,7 @@ def _beside(bounds: Extent | None) -> str:
     return f"; plan or view {_extent(bounds, 'x', 'y', digits=1, unit=' m')}"
 
 
-def _zone(card: SourceCard) -> str:
+def _zone(card: SourceProfile) -> str:
     if card.zone is None:
         return "every time has an offset"
     says = {
@@ -133,7 +133,7 @@ def _zone(card: SourceCard) -> str:
     return f"times without an offset are {card.zone}, {says[card.zone_from or 'assumed']}"
 
 
-def _counts(card: SourceCard) -> str:
+def _counts(card: SourceProfile) -> str:
     parts = [f"{count(card.n_records, 'record')}{'' if card.is_whole else ' at the beginning'}"]
     parts += [f"{count(card.n_second, 'second sighting')}"] if card.n_second else []
     parts += [f"left out: {n:,} {reason}" for reason, n in sorted(card.n_dropped.items())]

@@ -70,8 +70,8 @@ def check(
 
 def _draw(project: Project, files: tuple[str, ...], picture: str, given: dict[str, Any]) -> None:
     """Draw the first positions of one file."""
-    from vsd_analytics.ingest.adapter import Source
-    from vsd_analytics.ingest.first_positions import first_positions
+    from vsd_analytics.ingest.intake.first_positions import first_positions
+    from vsd_analytics.ingest.reading.adapter import Source
     from vsd_analytics.report.draw.positions_file import draw_positions
     from vsd_analytics.store.durable import publish
 
@@ -90,9 +90,9 @@ def _draw(project: Project, files: tuple[str, ...], picture: str, given: dict[st
 
 def _camera_in_name(project: Project, file: str, given: dict[str, Any]) -> CameraName | None:
     """Return the camera that a file's name says, where its records do not say it, and neither do options or profile."""
-    from vsd_analytics.ingest.adapter import Source
-    from vsd_analytics.ingest.pipeline import options_for
-    from vsd_analytics.ingest.profile_camera import name_to_save
+    from vsd_analytics.ingest.intake.pipeline import options_for
+    from vsd_analytics.ingest.intake.rule_camera import name_to_save
+    from vsd_analytics.ingest.reading.adapter import Source
 
     source = Source(Path(file), settings=project.site.settings)
     try:
@@ -106,16 +106,16 @@ def _save(
     project: Project, name: str, file_name: str, kind: str, given: dict[str, Any], named: CameraName | None
 ) -> None:
     from vsd_analytics.config.new_source import save_source
-    from vsd_analytics.config.source_profiles import NewProfile
-    from vsd_analytics.site.model import SourceProfile
+    from vsd_analytics.config.reading_rules import NewReadingRule
+    from vsd_analytics.site.model import ReadingRule
 
     options = ingest_options(project, given)
-    names = [f.name for f in fields(SourceProfile) if hasattr(options, f.name)]
+    names = [f.name for f in fields(ReadingRule) if hasattr(options, f.name)]
     stated = {name.removesuffix("_px"): getattr(options, name) for name in names}
     stated |= {"format": kind, "map": options.map or None}
     if named is not None:
         stated |= {"camera": None, "camera_from_name": named.pattern}
-    profile = NewProfile(name, file_name, stated, () if named is None else named.files)
+    profile = NewReadingRule(name, file_name, stated, () if named is None else named.files)
     written = save_source(project.site, profile)
     project.say(f"saved in vsd.toml:\n{written.rstrip()}")
     if named is not None:

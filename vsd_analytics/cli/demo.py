@@ -79,8 +79,9 @@ def demo(
 
     from vsd_analytics.cli.site import write_week
     from vsd_analytics.errors import UsageError
-    from vsd_analytics.simulate import write_canteen_project, write_demo_project
+    from vsd_analytics.simulate.canteen_project import write_canteen_project
     from vsd_analytics.simulate.demo import ingest_demo
+    from vsd_analytics.simulate.demo_project import write_demo_project
 
     root = Path(folder)
     weeks = WEEKS[place] if weeks is None else weeks

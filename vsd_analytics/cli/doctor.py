@@ -62,7 +62,7 @@ def doctor(project: Project, show_config: bool, broker_config: Path | None, as_j
 
 def _site_if_valid(start: Path) -> Any:
     """Return the site, or None when there is none to read: `examine` has reported why."""
-    from vsd_analytics.config import find_project, load_site
+    from vsd_analytics.config.project import find_project, load_site
     from vsd_analytics.errors import VsdError
 
     try:

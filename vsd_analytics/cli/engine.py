@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 
-from vsd_analytics.cli.options import json_option, path_option
+from vsd_analytics.cli.options import json_option, known_size, parse_size, path_option
 from vsd_analytics.cli.output import count, emit_json
-from vsd_analytics.cli.picture_sizes import known_size, parse_size
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
 from vsd_analytics.site.instants import instant

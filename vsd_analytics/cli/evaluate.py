@@ -70,7 +70,7 @@ def evaluate(
 
 def _data_set(project: Project, folder: Path, *, distance_m: float, size: str | None, as_json: bool) -> None:
     """Print the paper's tables for a folder of its layout."""
-    from vsd_analytics.cli.picture_sizes import parse_size
+    from vsd_analytics.cli.options import parse_size
     from vsd_analytics.engine.published_layout import read_sequences
     from vsd_analytics.engine.reproduction import reproduce
 

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Final
 
 import click
@@ -102,10 +106,11 @@ def refuse_unsupported(platform: str) -> None:
     """
     if platform in ("win32", "cygwin"):
         raise VsdError(
-            "Windows is not supported",
+            "the commands do not run on Windows",
             code="E130",
             why="the store needs file locks and durable renames as Linux and macOS have them",
-            fix="run it on Linux or macOS, or inside WSL with the project on its own disk, not below /mnt",
+            fix="run them on Linux or macOS, or inside WSL with the project on its own disk, not below /mnt; "
+            "to read a project in Python, vsd_analytics.open needs no locks",
         )
 
 
@@ -114,3 +119,25 @@ def _print_error(error: VsdError, *, as_json: bool) -> None:
         emit_json(error.as_dict())
     else:
         click.echo(render_error(error), err=True)
+
+
+@contextmanager
+def stop_signals(*, is_second_final: bool = False) -> Iterator[threading.Event]:
+    """Yield an event that SIGTERM and Ctrl-C set instead of ending the process.
+
+    Args:
+        is_second_final: The second of them interrupts the command at once.
+    """
+    stopped = threading.Event()
+
+    def note(*_: object) -> None:
+        if is_second_final and stopped.is_set():
+            raise KeyboardInterrupt
+        stopped.set()
+
+    before = {s: signal.signal(s, note) for s in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield stopped
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -10,8 +10,7 @@ import click
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import count, emit_json
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.cli.ranges import resolve
-from vsd_analytics.cli.record_selection import RECORD_NAMES, camera_id_of, parse_span
+from vsd_analytics.cli.ranges import RECORD_NAMES, camera_id_of, parse_span, resolve
 from vsd_analytics.errors import UsageError
 
 if TYPE_CHECKING:

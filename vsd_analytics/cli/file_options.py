@@ -12,11 +12,21 @@ from vsd_analytics.cli.options import F, choice_option
 from vsd_analytics.cli.project import Project
 from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES
 from vsd_analytics.errors import UsageError
-from vsd_analytics.ingest.adapters import formats
+from vsd_analytics.ingest.formats.adapters import formats
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
-    from vsd_analytics.ingest.adapter import IngestOptions
+    from vsd_analytics.ingest.reading.adapter import IngestOptions
+
+
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from vsd_analytics.errors import InputError, Where
+from vsd_analytics.settings import Settings
 
 
 def file_options(command: F) -> F:
@@ -106,15 +116,15 @@ def ingest_options(project: Project, given: dict[str, Any]) -> IngestOptions:
     Raises:
         UsageError: E101, a value is malformed or out of range, or two options contradict each other.
     """
-    from vsd_analytics.ingest.adapter import IngestOptions
+    from vsd_analytics.ingest.reading.adapter import IngestOptions
 
     renames = renames_of(given["map"])
     if given["where"] is not None:
-        from vsd_analytics.ingest.where import parse_where
+        from vsd_analytics.ingest.reading.where import parse_where
 
         parse_where(given["where"])
     if given["time_format"] is not None:
-        from vsd_analytics.ingest.time_formats import checked_format
+        from vsd_analytics.ingest.reading.time_formats import checked_format
 
         checked_format(given["time_format"])
     for name in ("period_s", "fps", "threshold_m"):
@@ -176,3 +186,40 @@ def renames_of(given: Sequence[str]) -> dict[str, str]:
             )
         renames[ours.strip()] = theirs.strip()
     return renames
+
+
+NAME = "standard input"
+
+
+@contextmanager
+def with_standard_input(files: Sequence[str], settings: Settings) -> Iterator[tuple[list[Path], Mapping[Path, str]]]:
+    """Yield the paths of files, `-` being a copy of standard input, and what messages call that copy.
+
+    Files are read more than once: first their beginning, to see what they are. So a pipe is copied.
+
+    Raises:
+        InputError: E206, more than `unpack_max_gb` come through it.
+    """
+    if "-" not in files:
+        yield [Path(f) for f in files], {}
+        return
+    with tempfile.TemporaryDirectory(prefix="vsd-input-") as folder:
+        copy = Path(folder) / "input"
+        _copy(copy, int(settings.unpack_max_gb * 10**9))
+        yield [copy if f == "-" else Path(f) for f in files], {copy: NAME}
+
+
+def _copy(path: Path, most: int) -> None:
+    n_bytes = 0
+    with path.open("wb") as f:
+        while data := sys.stdin.buffer.read(1 << 20):
+            n_bytes += len(data)
+            if n_bytes > most:
+                raise InputError(
+                    f"{NAME} has more than {most:,} bytes",
+                    code="E206",
+                    where=Where(NAME),
+                    why="it is copied to a file before it is read",
+                    fix="split it, or raise unpack_max_gb under [ingest] in vsd.toml",
+                )
+            f.write(data)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 _SIZES_SHOWN = 5
 _RATES = (
-    ("M0", "violations per open hour", "often"),
-    ("M7", "violations per person-hour", "risky"),
+    ("M0", "violations per open hour", "violation_rate"),
+    ("M7", "violations per person-hour", "encounter_rate"),
 )
 
 
@@ -66,7 +66,11 @@ def _as_dict(found: Groups) -> dict[str, Any]:
             "groups_by_size": {str(size): n for size, n in found.n_by_size.items()},
             "people_share": found.people_share,
             "violation_time_share": found.time_share,
-            "between": {**between, "unit": "share", "denominator": "violations in opening hours"},
+            "between": {
+                **between,
+                "unit": "share",
+                "denominator": "violations in the hours that enter rates, groups known",
+            },
             "n_unknown": found.n_unknown,
             "readings": [_readings(r) for r in found.readings],
             "cameras": [asdict(c) for c in found.cameras],
@@ -126,7 +130,7 @@ def _reading_lines(found: Groups) -> list[str]:
     if share.value is None:
         return [f"between groups   {reason_text(share.reason)}"]
     lines = [
-        f"between groups   {share.n:,} of {share.of:,} violations in opening hours: {share_text(share)}"
+        f"between groups   {share.n:,} of {share.of:,} violations in the hours that enter rates: {share_text(share)}"
         + (f"; {reason_text(share.reason)}" if share.reason else "")
     ]
     for r in found.readings:
@@ -171,7 +175,10 @@ def _accuracy(found: Groups) -> str:
 def _notes(found: Groups) -> list[str]:
     notes = []
     if found.n_unknown:
-        notes.append(f"of {found.n_unknown:,} violations it cannot be known whether they are within a group")
+        notes.append(
+            f"of {found.n_unknown:,} violations it cannot be known whether they are within a group: "
+            "the rates count them as between groups, the share leaves them out"
+        )
     short = [c.camera_id for c in found.cameras if c.lives.state == "ok" and (c.lives.long_share or 0) < 0.5]
     if short:
         notes.append(f"track ids live short at {', '.join(short)}, but are not cut: taken as short visits")

@@ -32,9 +32,9 @@ def imports(project: Project, is_all: bool, as_json: bool) -> None:
       vsd imports
       vsd purge --import 3f9c21ab --dry-run
     """
-    from vsd_analytics.store import Store
     from vsd_analytics.store.imports import Holding, holdings, imports_of
     from vsd_analytics.store.removal import reading
+    from vsd_analytics.store.store import Store
 
     store = Store(project.site.root / "store", site_id=project.site.site_id)
     if store.root.is_dir():

@@ -8,16 +8,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vsd_analytics.cli.card import print_card
-from vsd_analytics.cli.file_options import file_options, ingest_options
+from vsd_analytics.cli.file_options import file_options, ingest_options, with_standard_input
 from vsd_analytics.cli.ingest_output import print_source, print_total, result_as_dict
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import count, emit_json, plain, progress
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.cli.standard_input import with_standard_input
 from vsd_analytics.errors import UsageError
 
 if TYPE_CHECKING:
-    from vsd_analytics.ingest.pipeline import SourceResult
+    from vsd_analytics.ingest.intake.pipeline import SourceResult
 
 
 @click.command()
@@ -80,7 +79,7 @@ def read_files(
 
     The formats of files that could be read, and are not almost surely understood wrongly, are added to `read_as`.
     """
-    from vsd_analytics.ingest.pipeline import ingest as ingest_files
+    from vsd_analytics.ingest.intake.pipeline import ingest as ingest_files
 
     options = ingest_options(project, given)
     is_quiet = project.quiet or as_json
@@ -113,17 +112,19 @@ def read_files(
             print_source(project, source, has_card=is_dry_run)
         print_total(result, is_dry_run=is_dry_run)
     if read_as is not None:
-        is_right = [s for s in result.sources if not s.error and s.card is not None and not s.card.sure_doubts]
+        is_right = [s for s in result.sources if not s.error and s.card is not None and not s.card.sure_warnings]
         read_as += [s.format for s in is_right if s.n_records]
     if any(s.error for s in result.sources):
         return 2
-    warned = any(not n.startswith("info:") for s in result.sources for n in s.notes)
-    doubted = any(is_dry_run or not d.is_note for s in result.sources if s.card is not None for d in s.card.doubts)
-    return 1 if result.n_rejected or warned or doubted or result.fold.is_ballast_spent else 0
+    has_notes = any(not n.startswith("info:") for s in result.sources for n in s.notes)
+    has_warnings = any(
+        is_dry_run or not d.is_note for s in result.sources if s.card is not None for d in s.card.warnings
+    )
+    return 1 if result.n_rejected or has_notes or has_warnings or result.fold.is_ballast_spent else 0
 
 
 def _watch(project: Project, folder: Path, given: dict[str, Any], *, as_json: bool) -> int:
-    from vsd_analytics.cli.stop_signals import stop_signals
+    from vsd_analytics.cli.exit_codes import stop_signals
     from vsd_analytics.live.watch import watch
 
     with stop_signals() as stopped:
@@ -146,7 +147,7 @@ def _watch(project: Project, folder: Path, given: dict[str, Any], *, as_json: bo
 
 
 def _size(path: Path) -> int:
-    from vsd_analytics.ingest.adapter import Source
+    from vsd_analytics.ingest.reading.adapter import Source
 
     try:
         return Source(path).size_bytes

@@ -13,23 +13,23 @@ from vsd_analytics.cli.project import Project
 from vsd_analytics.errors import VsdError, Where
 
 if TYPE_CHECKING:
-    from vsd_analytics.ingest.pipeline import IngestResult, SourceResult
+    from vsd_analytics.ingest.intake.pipeline import IngestResult, SourceResult
     from vsd_analytics.schema import TableName
-    from vsd_analytics.store import FoldResult
+    from vsd_analytics.store.store import FoldResult
 
 
 _CODE = re.compile(r"^W\d{3}: ")
 
 
 def print_source(project: Project, source: SourceResult, *, has_card: bool = False) -> None:
-    """Print what came of one file: records, their times, notes, doubts, quarantined records by reason, the error.
+    """Print what came of one file: records, their times, notes, warnings, quarantined records by reason, the error.
 
     Args:
         project: For its zone.
         source: The file.
         has_card: Print also what was understood of it.
     """
-    from vsd_analytics.ingest.reasons import UNKNOWN_FIELD, fix_of
+    from vsd_analytics.ingest.reading.reasons import UNKNOWN_FIELD, fix_of
 
     n = source.n_records
     if not source.error or n:
@@ -54,9 +54,9 @@ def print_source(project: Project, source: SourceResult, *, has_card: bool = Fal
         else:
             code, _, text = note.partition(": ") if _CODE.match(note) else ("W209", "", note)
             click.echo(plain(f"warning[{code}]: {text}\n more: vsd explain {code}"), err=True)
-    for doubt in () if source.card is None else source.card.doubts:
-        if has_card or source.is_new_shape or not doubt.is_note:
-            warning = VsdError(doubt.what, code=doubt.code, where=Where(source.source), why=doubt.why, fix=doubt.fix)
+    for seen in () if source.card is None else source.card.warnings:
+        if has_card or source.is_new_shape or not seen.is_note:
+            warning = VsdError(seen.what, code=seen.code, where=Where(source.source), why=seen.why, fix=seen.fix)
             click.echo(render_error(warning, word="warning"), err=True)
     for reason, n_records in sorted(source.n_rejected.items()):
         example = source.examples[reason]
@@ -119,7 +119,7 @@ def warn_of_full_disk(fold: FoldResult) -> None:
 
 
 def _warn_of_sealed(fold: FoldResult) -> None:
-    from vsd_analytics.ingest.reasons import FIXES
+    from vsd_analytics.ingest.reading.reasons import FIXES
     from vsd_analytics.store.seals import SEALED
 
     if fold.n_sealed:

@@ -85,10 +85,10 @@ def listen(
     from functools import partial
 
     from vsd_analytics.cli.alarms import live_alarms
-    from vsd_analytics.cli.stop_signals import stop_signals
-    from vsd_analytics.live.alone import alone
+    from vsd_analytics.cli.exit_codes import stop_signals
     from vsd_analytics.live.listener import Listener
     from vsd_analytics.live.mqtt import password_of, recommended_config
+    from vsd_analytics.live.single_instance import alone
 
     if broker_config:
         click.echo(recommended_config(_own_port(project)), nl=False)
@@ -135,7 +135,7 @@ def _posts(project: Project, address: str, *, environ: Mapping[str, str]) -> Pos
     from vsd_analytics.live.posts import TOKEN_FILE, TOKEN_VARIABLE, PostInbox, token_of
 
     token = token_of(project.root, environ=environ)
-    sources = [reader.profile_id for reader in mapped_readers(project.site)]
+    sources = [reader.rule_id for reader in mapped_readers(project.site)]
     posts = PostInbox(address, token=token, sources=sources, body_max_bytes=int(project.site.settings.line_max_bytes))
     where = f"${TOKEN_VARIABLE}" if TOKEN_VARIABLE in environ else str(project.root / TOKEN_FILE)
     paths = ", ".join(f"/{path}" for path in posts.paths)

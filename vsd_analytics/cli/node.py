@@ -103,7 +103,7 @@ def send(project: Project, every_s: float | None, as_json: bool) -> int:
     """
     from vsd_analytics.cluster.exchange import exchange_of
     from vsd_analytics.cluster.handing_on import hand_on
-    from vsd_analytics.ingest.pseudonyms import keys_of
+    from vsd_analytics.ingest.intake.pseudonyms import keys_of
 
     exchange = exchange_of(_route(project, is_node=True))
     keys_of(project.site)  # a node that has not joined must not begin
@@ -207,7 +207,7 @@ def _rounds(
     project: Project, one_round: Callable[[Callable[[], bool]], dict[str, Any]], *, every_s: float | None
 ) -> dict[str, Any]:
     """Do one round, or rounds until SIGTERM or Ctrl-C; return what the last one found."""
-    from vsd_analytics.cli.stop_signals import stop_signals
+    from vsd_analytics.cli.exit_codes import stop_signals
     from vsd_analytics.live.exchange_rounds import ONCE, keep_on, write_status
 
     if every_s is None:

@@ -54,14 +54,14 @@ class Project:
     @cached_property
     def root(self) -> Path:
         """Return the project folder: `-C`, or the nearest one upward that holds vsd.toml."""
-        from vsd_analytics.config import find_project
+        from vsd_analytics.config.project import find_project
 
         return find_project(Path(self.folder))
 
     @cached_property
     def site(self) -> Site:
         """Return the site that vsd.toml describes."""
-        from vsd_analytics.config import load_site
+        from vsd_analytics.config.project import load_site
 
         return load_site(self.root, environ=os.environ)
 

@@ -16,8 +16,8 @@ from vsd_analytics.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from vsd_analytics.ingest.quarantine_writer import ReasonSummary
-    from vsd_analytics.ingest.replay import ReplayResult
+    from vsd_analytics.ingest.intake.quarantine_writer import ReasonSummary
+    from vsd_analytics.ingest.intake.replay import ReplayResult
     from vsd_analytics.store.quarantine import QuarantineEntry
 
 _SOURCES_SHOWN = 3
@@ -56,7 +56,7 @@ def list_(project: Project, /, reason: str | None, source: str | None, limit: in
       vsd quarantine list
       vsd quarantine list --reason unknown-camera --limit 5
     """
-    from vsd_analytics.ingest.quarantine_writer import summarise
+    from vsd_analytics.ingest.intake.quarantine_writer import summarise
 
     found = summarise(project.site.root / "quarantine", reason=reason, source=source, n_examples=limit)
     if as_json:
@@ -104,8 +104,8 @@ def replay(
       vsd quarantine replay --reason unknown-camera --dry-run
       vsd quarantine replay --map ts=time_utc
     """
-    from vsd_analytics.ingest.adapter import IngestOptions
-    from vsd_analytics.ingest.replay import replay as replay_entries
+    from vsd_analytics.ingest.intake.replay import replay as replay_entries
+    from vsd_analytics.ingest.reading.adapter import IngestOptions
 
     if period_s is not None and not 0 < period_s < 1e6:
         raise UsageError("--period must be greater than 0")
@@ -125,7 +125,7 @@ def replay(
 
 
 def _fix(project: Project, summary: ReasonSummary) -> str | None:
-    from vsd_analytics.ingest.reasons import fix_of
+    from vsd_analytics.ingest.reading.reasons import fix_of
 
     first = summary.first
     if first is None:
@@ -201,7 +201,7 @@ def _replay_dict(result: ReplayResult, *, is_dry_run: bool) -> dict[str, Any]:
 
 
 def _print_replay(project: Project, result: ReplayResult, *, is_dry_run: bool) -> None:
-    from vsd_analytics.ingest.quarantine_writer import ReasonSummary, summarise
+    from vsd_analytics.ingest.intake.quarantine_writer import ReasonSummary, summarise
 
     left = {s.reason: s for s in summarise(project.site.root / "quarantine", n_examples=0)} if result.n_bad else {}
     _print_counts("left out", result.n_dropped, "")

@@ -148,8 +148,7 @@ def checked(kinds: tuple[str, ...], *, figure: str | None, files: ReportFiles, i
 
 def write(folder: Path, files: dict[str, bytes]) -> list[Path]:
     """Put files into a folder, each wholly or not at all, and return their paths."""
-    from vsd_analytics.store.durable import publish
-    from vsd_analytics.store.page_folders import sweep_pages
+    from vsd_analytics.store.durable import publish, sweep_pages
 
     for name, data in files.items():
         publish(folder / name, data, is_synced=False)

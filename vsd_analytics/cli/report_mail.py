@@ -57,7 +57,7 @@ def checked(project: Project, options: MailOptions) -> MailOptions:
         UsageError: E101, an address is none.
         MailError: E801, nothing to send by, from or to; E802, no password.
     """
-    from vsd_analytics.config.mail_route import is_address
+    from vsd_analytics.config.routes import is_address
     from vsd_analytics.report.send.mail_server import password_of
 
     for address in (*([options.sender] if options.sender else []), *options.to):

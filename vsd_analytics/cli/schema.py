@@ -33,7 +33,7 @@ def schema(what: str, as_json: bool) -> None:
 
 def _schema(what: str) -> dict[str, Any]:
     if what == "frame":
-        from vsd_analytics.ingest import frames
+        from vsd_analytics.ingest.formats import frames
 
         return frames.json_schema()
     if what == "report":

@@ -26,10 +26,11 @@ from vsd_analytics.cluster.exchange import (
 )
 from vsd_analytics.errors import StoreError, VsdError, Where
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store, durable, outbox
+from vsd_analytics.store import durable, outbox
 from vsd_analytics.store.day_chain import read_chain
 from vsd_analytics.store.part_files import damaged_segment
 from vsd_analytics.store.secrets import ClosedDays, DayKeys
+from vsd_analytics.store.store import Store
 from vsd_analytics.version import VERSION
 
 

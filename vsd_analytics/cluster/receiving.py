@@ -35,17 +35,18 @@ from vsd_analytics.cluster.exchange import (
     site_notice,
 )
 from vsd_analytics.errors import StoreError
-from vsd_analytics.ingest.pseudonyms import Pseudonyms
-from vsd_analytics.ingest.sealed_hours import FORGOTTEN
+from vsd_analytics.ingest.intake.pseudonyms import Pseudonyms
+from vsd_analytics.ingest.intake.sealed_hours import FORGOTTEN
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import FoldResult, Store, durable, late_records, quarantine
+from vsd_analytics.store import durable, late_records, quarantine
 from vsd_analytics.store.day_chain import read_chain
 from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
 from vsd_analytics.store.outbox import IMPORTS
 from vsd_analytics.store.owners import OWNER
 from vsd_analytics.store.part_files import engines_in
 from vsd_analytics.store.secrets import DayKeys
+from vsd_analytics.store.store import FoldResult, Store
 
 FUTURE = "time-out-of-range"
 _FILE = re.compile(

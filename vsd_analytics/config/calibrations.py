@@ -10,10 +10,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
-from vsd_analytics.config.polygons import BOX_MAX_M2, is_simple
 from vsd_analytics.config.reader import DATE, Form, Mistakes, TableReader
 from vsd_analytics.config.toml_lines import read_toml
-from vsd_analytics.config.values import parse_instant
+from vsd_analytics.config.values import BOX_MAX_M2, is_simple, parse_instant
 from vsd_analytics.errors import CalibrationError
 from vsd_analytics.geometry.calibration_files import load_calibration
 from vsd_analytics.site.model import Calibration, Camera, Plane

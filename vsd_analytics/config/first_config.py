@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from vsd_analytics.config import FILE
 from vsd_analytics.config.opening import OpeningError, parse_opening
-from vsd_analytics.config.project import site_of
+from vsd_analytics.config.project import FILE, site_of
 from vsd_analytics.config.reader import suggest_id
 from vsd_analytics.config.toml_lines import TomlText
 from vsd_analytics.errors import UsageError, VsdError

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from vsd_analytics.config.project import FILE, site_of
 from vsd_analytics.config.reader import ID_PATTERN, suggest_id
-from vsd_analytics.config.source_profiles import NewProfile
+from vsd_analytics.config.reading_rules import NewReadingRule
 from vsd_analytics.config.toml_lines import TomlText
 from vsd_analytics.errors import UsageError
 from vsd_analytics.site.model import Site
@@ -21,7 +21,7 @@ def refuse_name(site: Site, name: str) -> None:
             why="ids are of a-z, 0-9, - and _, at most 63, first a letter or digit",
             fix=f"--save {suggest_id(name)}",
         )
-    if any(profile.profile_id == name for profile in site.sources):
+    if any(profile.rule_id == name for profile in site.sources):
         raise UsageError(
             f"--save {name}: {FILE} has a [[source]] of this id already",
             why="a profile is never replaced by a command",
@@ -29,7 +29,7 @@ def refuse_name(site: Site, name: str) -> None:
         )
 
 
-def save_source(site: Site, profile: NewProfile) -> str:
+def save_source(site: Site, profile: NewReadingRule) -> str:
     """Append a profile to `vsd.toml`, in one step, and return its lines.
 
     Comments, layout and line ends of the file stay. The file is read again before it is written, so a profile that
@@ -40,7 +40,7 @@ def save_source(site: Site, profile: NewProfile) -> str:
         ConfigError: E103, the profile, or what somebody wrote into the file meanwhile, has a mistake.
         DiskError: E304 to E306, the disk refused.
     """
-    refuse_name(site, profile.profile_id)
+    refuse_name(site, profile.rule_id)
     path = (site.root / FILE).resolve()
     before = path.read_bytes()
     newline = b"\r\n" if b"\r\n" in before else b"\n"

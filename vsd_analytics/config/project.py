@@ -7,14 +7,12 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from vsd_analytics.config.broker_and_alarms import read_alarms, read_broker, read_delivery
-from vsd_analytics.config.engine_error import read_engine
-from vsd_analytics.config.exchange import read_exchange
 from vsd_analytics.config.floors import read_areas, read_cameras, read_fixtures, read_floors
-from vsd_analytics.config.mail_route import read_base_url, read_chromium, read_mail
 from vsd_analytics.config.opening import WEEKDAYS, Spans, parse_opening
 from vsd_analytics.config.reader import DATE, Form, Mistakes, TableReader
-from vsd_analytics.config.site_settings import OF_ENVIRONMENT, read_settings
-from vsd_analytics.config.source_profiles import read_sources
+from vsd_analytics.config.reading_rules import read_sources
+from vsd_analytics.config.routes import read_base_url, read_chromium, read_exchange, read_mail
+from vsd_analytics.config.site_settings import OF_ENVIRONMENT, read_engine, read_settings
 from vsd_analytics.config.toml_lines import TomlText, read_toml
 from vsd_analytics.config.values import parse_dates, parse_day_start, zone
 from vsd_analytics.errors import ConfigError, UsageError, VsdError, Where

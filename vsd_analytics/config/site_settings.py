@@ -1,4 +1,4 @@
-"""The settings of `vsd.toml` and of the environment, checked against the table of `vsd_analytics.settings`."""
+"""The settings of `vsd.toml` and of the environment, checked against `vsd_analytics.settings`; and `[engine]`."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from vsd_analytics.config.reader import Form, Mistakes, TableReader
 from vsd_analytics.config.toml_lines import TomlText
 from vsd_analytics.errors import ConfigError, Where
 from vsd_analytics.settings import FORMER, SETTINGS, Setting
+from vsd_analytics.site.model import EngineError
 
 ENVIRONMENT_PREFIX = "VSD_"
 OF_ENVIRONMENT = "environment variable"
@@ -191,3 +192,21 @@ def _check_together(overrides: Mapping[str, Any], tables: Mapping[str, TableRead
         tables["rule"].fault(
             key, "partial_hour_share is more than full_hour_share", fix="give the partial hour the smaller share"
         )
+
+
+_SHARES = {"precision": "0.9", "recall": "0.85"}
+_SHARE_MIN, _SD_MIN_M, _SD_MAX_M = 0.01, 0.001, 5.0
+
+
+def read_engine(root: TableReader) -> EngineError | None:
+    """Return what `[engine]` states, or None when there is no such table or nothing in it."""
+    if root.raw("engine") is None:
+        return None
+    table = root.inner("engine")
+    precision, recall = (
+        table.number(key, minimum=_SHARE_MIN, maximum=1, unit="", example=example) for key, example in _SHARES.items()
+    )
+    sd_m = table.number("distance_sd_m", minimum=_SD_MIN_M, maximum=_SD_MAX_M, unit="metres", example="0.15")
+    table.close()
+    stated = EngineError(precision, recall, sd_m)
+    return None if stated == EngineError() else stated

@@ -5,12 +5,14 @@ Each parser returns the value or raises ValueError with a message that can follo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, date, datetime, time
-from typing import Any
+from typing import Any, Final
 from zoneinfo import ZoneInfo
 
 from vsd_analytics.config.opening import parse_clock
 from vsd_analytics.config.reader import TableReader, nearest
+from vsd_analytics.site.model import Point
 
 LATEST_DAY_START_MIN = 12 * 60
 
@@ -110,3 +112,25 @@ def parse_picture_px(value: Any) -> tuple[int, int]:
         case [int(width), int(height)] if 0 < width <= 100_000 and 0 < height <= 100_000:
             return width, height
     raise ValueError("must be width and height in whole pixels")
+
+
+BOX_MAX_M2: Final = 250_000.0
+"""Polygons are counted in cells of 0.25 m: beyond, the unit is wrong, or memory ends."""
+
+
+def is_simple(table: TableReader, key: str, points: Sequence[Point]) -> bool:
+    """Tell whether corners make a simple polygon with an area; note it (E128) where they do not."""
+    from shapely import Polygon
+    from shapely.validation import explain_validity
+
+    shape = Polygon(points)
+    if shape.is_valid and shape.area > 0:
+        return True
+    table.fault(
+        key,
+        f"{table.label} {key} crosses or touches itself, or has no area",
+        code="E128",
+        why=explain_validity(shape).replace("[", " at (").replace("]", ")").replace("Valid Geometry", "no area"),
+        fix="list the corners once, in the order in which you would walk around it",
+    )
+    return False

@@ -14,7 +14,7 @@ from typing import Any
 from vsd_analytics.doctor.finding import Finding
 from vsd_analytics.errors import LiveError
 from vsd_analytics.live.mqtt import CONNECT_S, SESSION_MIN_S, WINDOW, connect_properties, make_client, password_of
-from vsd_analytics.live.process import is_alive
+from vsd_analytics.live.single_instance import is_alive
 from vsd_analytics.live.status import CANNOT_STORE, CLOCKS_DISAGREE, read_status
 from vsd_analytics.site.model import Broker, Site
 

@@ -12,7 +12,7 @@ from datetime import UTC, datetime, timedelta
 from importlib import metadata
 from pathlib import Path
 
-from vsd_analytics.config import FILE, find_project, load_site
+from vsd_analytics.config.project import FILE, find_project, load_site
 from vsd_analytics.doctor.finding import Finding
 from vsd_analytics.doctor.nodes import examine_exchange
 from vsd_analytics.errors import ConfigError, VsdError
@@ -170,7 +170,7 @@ def _store(site: Site) -> Finding:
         if (site.root / "sealed").is_dir():
             return Finding("store", "note", "no records, only the sealed figures of purged days")
         return Finding("store", "needs you", "nothing is stored yet", "vsd ingest FILES...")
-    from vsd_analytics.store import Store
+    from vsd_analytics.store.store import Store
     from vsd_analytics.store.verify_files import all_parts, check_parts, newest_parts
 
     store = Store(site.root / "store", site_id=site.site_id)
@@ -186,8 +186,8 @@ def _store(site: Site) -> Finding:
 
 def _far_off(site: Site) -> Iterator[Finding]:
     """Yield a finding for days with records more than a year from most others: a camera's clock may have been wrong."""
-    from vsd_analytics.store import Store
     from vsd_analytics.store.seals import FOLDER, Seals
+    from vsd_analytics.store.store import Store
     from vsd_analytics.store.stretches import FAR_OFF_FIX, day_range, far_off
 
     sealed = Seals(site.root / FOLDER, site_id=site.site_id).days()
@@ -254,8 +254,8 @@ def _pseudonyms(site: Site) -> Finding:
 
 def _retention(site: Site, *, now: datetime) -> Iterator[Finding]:
     """Yield a finding where raw records are older than the site's `retention_days`."""
-    from vsd_analytics.store import Store
     from vsd_analytics.store.layout import date_of_hour
+    from vsd_analytics.store.store import Store
 
     limit_days = int(site.settings.retention_days)
     oldest = now.date() - timedelta(days=limit_days)

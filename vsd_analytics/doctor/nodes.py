@@ -9,7 +9,7 @@ from typing import Any
 
 from vsd_analytics.doctor.finding import NEEDS_YOU, Finding
 from vsd_analytics.errors import VsdError
-from vsd_analytics.ingest.pseudonyms import keys_of
+from vsd_analytics.ingest.intake.pseudonyms import keys_of
 from vsd_analytics.live.exchange_rounds import STOPPED, read_exchange_status
 from vsd_analytics.site.model import Site
 from vsd_analytics.site.routes import ExchangeRoute

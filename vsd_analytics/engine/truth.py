@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from vsd_analytics.engine.box_table import instants_ms, numbers, read_table, texts
 from vsd_analytics.engine.people import Array, unusable
 from vsd_analytics.errors import InputError, Where
-from vsd_analytics.ingest.frames import FrameMessage
+from vsd_analytics.ingest.formats.frames import FrameMessage
 
 Clock = Literal["frame", "ts"]
 

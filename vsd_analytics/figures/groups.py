@@ -1,4 +1,4 @@
-"""People together: the groups of a range, and its violations in two readings, all and between groups (R4, M9).
+"""People together: the groups of a range, and its violations in two readings, all and between groups (M9).
 
 A violation is within a group when the marts `track_groups` put both its tracks into one; every other is between groups.
 Both readings are reported, side by side. Where track ids are cut, the filter says that it is not applicable, and no
@@ -8,7 +8,7 @@ figure between groups is computed.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date, datetime
 from typing import Any, Final
@@ -19,10 +19,11 @@ from vsd_analytics.answer import Reason, State
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.operator_counts import local_instant
-from vsd_analytics.figures.panels import FloorHours, Place
+from vsd_analytics.figures.panels import Array, FloorHours, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import encounter_rate_level, violation_rate_level
 from vsd_analytics.figures.slots import NO_POSITIONS
+from vsd_analytics.settings import IntervalRules
 from vsd_analytics.site.model import Camera
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.groups import KNOWN_ACCURACY, Accuracy, ShareEstimate, TrackLives, share_by_days, track_lives
@@ -89,15 +90,18 @@ class GroupReadings:
 
     Attributes:
         floor_id: The floor.
-        often, often_between: How often, M0, of all violations and of those between groups.
-        risky, risky_between: How risky, M7, likewise.
+        between, n_unknown: As of `Groups`, on this floor.
+        violation_rate, violation_rate_between: How violation_rate, M0, of all violations and of those between groups.
+        encounter_rate, encounter_rate_between: How encounter_rate, M7, likewise.
     """
 
     floor_id: str
-    often: RateEstimate
-    often_between: RateEstimate
-    risky: RateEstimate
-    risky_between: RateEstimate
+    between: ShareEstimate
+    n_unknown: int
+    violation_rate: RateEstimate
+    violation_rate_between: RateEstimate
+    encounter_rate: RateEstimate
+    encounter_rate_between: RateEstimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,8 +116,10 @@ class Groups:
         left_out: Why, by camera that takes no part.
         people_share: Share of person-time in groups, 0 to 1; None when not computed.
         time_share: Share of the time pairs were in violation that is within groups; None when not computed.
-        between: Share of violations that are between groups (M9), of those in opening hours; of, n and interval.
-        n_unknown: Violations whose groups are unknown; `between` leaves them out.
+        between: Share of violations that are between groups (M9), of those in the hours that enter rates whose groups
+            are known; of, n and interval.
+        n_unknown: Violations in these hours whose groups are unknown; `between` leaves them out, and the readings count
+            them as between groups.
         readings: M0 and M7 by floor.
         accuracy: What the rule is known to find.
         state, reason: "ok" where any camera takes part; else why none does.
@@ -164,7 +170,8 @@ def groups(
     lives = camera_lives(warehouse, cameras, first=days.first, last=days.last)
     able = {c.camera_id for c in lives if c.lives.state == "ok"}
     found = _groups(warehouse, [c.camera_id for c in cameras], days)
-    between, n_unknown = _between(warehouse, able, days)
+    periods = _periods(warehouse, able, days)
+    between, n_unknown = _between(periods, able, warehouse.site.settings.for_intervals)
     exposure_h, together_h, violation_h, within_h = (
         sum(getattr(c, name) for c in lives if c.camera_id in able)
         for name in ("exposure_h", "together_h", "violation_h", "within_h")
@@ -183,7 +190,7 @@ def groups(
         time_share=within_h / violation_h if able and violation_h > 0 else None,
         between=between,
         n_unknown=n_unknown,
-        readings=_readings(warehouse, able, days),
+        readings=_readings(periods, able),
         accuracy=KNOWN_ACCURACY,
         state=state,
         reason=reason,
@@ -248,17 +255,12 @@ def between_groups(period: Period, able: set[str] | None = None) -> Place:
     if able is None:
         able = {c.camera_id for c in camera_lives(data.warehouse, data.cameras) if c.lives.state == "ok"}
     whole = _of_cameras(period, able)
-    rows = data.warehouse.table(
-        "select camera_id, hour_start_ms, count(*)::double as n from violations "
-        "where is_open and is_together and floor_id = $floor group by camera_id, hour_start_ms",
-        {"floor": data.floor.floor_id},
-    )
-    [within] = data.by_hour(rows, "n")
+    within, _ = together(period, able)
     n = whole.n - within * whole.cameras[:, None]
     return Place(np.maximum(n, 0.0), whole.exposure_h, whole.cameras)
 
 
-def _of_cameras(period: Period, able: set[str]) -> Place:
+def _of_cameras(period: Period, able: Collection[str]) -> Place:
     whole = period.whole
     chosen = whole.cameras & np.array([c in able for c in period.data.ids], dtype=np.bool_)
     return Place(whole.n * chosen[:, None], whole.exposure_h * chosen[:, None], chosen)
@@ -293,34 +295,56 @@ def _groups(warehouse: Warehouse, ids: Sequence[str], days: _Days) -> tuple[Grou
     )
 
 
-def _between(warehouse: Warehouse, able: set[str], days: _Days) -> tuple[ShareEstimate, int]:
-    """Return the share of violations between groups, and the number of violations whose groups are unknown."""
-    rows = warehouse.rows(
-        "select local_date, count(*) filter (where not is_together) as n, count(is_together) as of, "
-        "count(*) filter (where is_together is null) as n_unknown from violations "
-        "where is_open and camera_id in (select unnest($cameras)) and local_date between $first and $last "
-        "group by local_date order by local_date",
-        {"cameras": sorted(able), "first": days.first, "last": days.last},
+def _between(periods: Sequence[Period], able: Collection[str], rules: IntervalRules) -> tuple[ShareEstimate, int]:
+    """Return the share of violations between groups on some floors, and how many have unknown groups.
+
+    Of the camera-hours that enter rates, as M8 and both readings of M0 and M7.
+    """
+    n_days = max((len(period.days) for period in periods), default=0)
+    sums = np.zeros((3, n_days))
+    for period in periods:
+        whole = _of_cameras(period, able)
+        counts = (whole.n, *together(period, able))
+        sums += [period.data.panel(replace(whole, n=n), period.days).n.sum(axis=0) for n in counts]
+    of, within, unknown = sums
+    return share_by_days(of - unknown - within, of - unknown, **rules), round(float(unknown.sum()))
+
+
+def together(period: Period, able: Collection[str]) -> tuple[Array, Array]:
+    """Return violations within groups, and those whose groups are unknown, each of shape (n_cameras, n_hours)."""
+    data = period.data
+    rows = data.warehouse.table(
+        "select camera_id, hour_start_ms, count(*) filter (where is_together)::double as n_within, "
+        "count(*) filter (where is_together is null)::double as n_unknown from violations "
+        "where is_open and floor_id = $floor group by camera_id, hour_start_ms",
+        {"floor": data.floor.floor_id},
     )
-    settings = warehouse.site.settings
-    share = share_by_days([r["n"] for r in rows], [r["of"] for r in rows], **settings.for_intervals)
-    return share, sum(r["n_unknown"] for r in rows)
+    within, unknown = data.by_hour(rows, "n_within", "n_unknown")
+    takes_part = np.array([c in able for c in data.ids], dtype=np.float64)[:, None]
+    return within * takes_part, unknown * takes_part
 
 
-def _readings(warehouse: Warehouse, able: set[str], days: _Days) -> tuple[GroupReadings, ...]:
+def _periods(warehouse: Warehouse, able: Collection[str], days: _Days) -> list[Period]:
+    """Return the days of each floor with a camera that takes part."""
+    site = warehouse.site
+    floors = [f for f in site.floors if any(c.camera_id in able for c in site.cameras if c.floor_id == f.floor_id)]
+    return [Period(FloorHours(warehouse, floor=floor), days.first, days.last) for floor in floors]
+
+
+def _readings(periods: Sequence[Period], able: set[str]) -> tuple[GroupReadings, ...]:
     made = []
-    for floor in warehouse.site.floors:
-        if not any(c.camera_id in able for c in warehouse.site.cameras if c.floor_id == floor.floor_id):
-            continue
-        period = Period(FloorHours(warehouse, floor=floor), days.first, days.last)
+    for period in periods:
         whole, between = _of_cameras(period, able), between_groups(period, able)
+        share, n_unknown = _between([period], able, period.data.site.settings.for_intervals)
         made.append(
             GroupReadings(
-                floor_id=floor.floor_id,
-                often=violation_rate_level(period, whole),
-                often_between=violation_rate_level(period, between),
-                risky=encounter_rate_level(period, whole),
-                risky_between=encounter_rate_level(period, between),
+                floor_id=period.data.floor.floor_id,
+                between=share,
+                n_unknown=n_unknown,
+                violation_rate=violation_rate_level(period, whole),
+                violation_rate_between=violation_rate_level(period, between),
+                encounter_rate=encounter_rate_level(period, whole),
+                encounter_rate_between=encounter_rate_level(period, between),
             )
         )
     return tuple(made)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import date, timedelta
 from typing import Final, Literal
 
@@ -30,6 +30,8 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 LOOKS_BACK: Final = 12
 """Weeks of earlier windows that are compared."""
 WEEK: Final = timedelta(days=7)
+OUTLINED_SHARE: Final = 0.95
+"""Share of a hotspot's excess that its outline holds."""
 
 SpotState = Literal["new", "persisting"]
 
@@ -44,7 +46,7 @@ class FloorSpot:
         state: "persisting" when it also stood out a week earlier, else "new"; None without an earlier window.
         since: Last day of the earliest window from which on it stood out in every one.
         is_since_first: That window is the earliest looked at, so that it may be older.
-        place: Where it is.
+        place: The fewest of the cells that pass together that hold 95 % of their excess: its cells.
         ratio: Time in violation over that which crowding explains.
         lo, hi: Its interval; None where days do not allow one.
         n: Violations in the window whose midpoint lies in its cells or within half the legal distance of them: so far
@@ -111,7 +113,7 @@ class FloorHotspots:
 
     Attributes:
         floor_id, floor_name: The floor.
-        first, last: The window.
+        first, last: The window, from its first day on which a camera recorded anything.
         state: "ok", or why there is no result.
         reason: Why not, unless "ok".
         n_days: Days of the window on which a camera recorded enough.
@@ -193,10 +195,12 @@ def hotspots(warehouse: Warehouse, *, floor_id: str | None = None, until: date |
         spots = tuple(
             _spot(
                 s, history.now[s.label], now, data.grid, areas, open_days_per_week=per_week,
-                reach_m=site.settings.distance_m / 2,
+                reach_m=site.settings.distance_m / 2, confidence=site.settings.confidence,
             )
             for s in now.found.spots
         )  # fmt: skip
+        ranked = sorted(spots, key=lambda s: (-s.excess_min_per_week, s.number))
+        spots = tuple(replace(s, number=i) for i, s in enumerate(ranked, 1))
         resolved, watching = (
             tuple(_past(one, now, looked[one.window], data.grid, areas, site) for one in past)
             for past in (history.resolved, history.watching)
@@ -205,7 +209,7 @@ def hotspots(warehouse: Warehouse, *, floor_id: str | None = None, until: date |
     return FloorHotspots(
         floor_id=floor.floor_id,
         floor_name=floor.name,
-        first=last - timedelta(days=int(site.settings.hotspot_days) - 1),
+        first=_first_recorded(warehouse, data, now),
         last=last,
         state=now.state,
         reason=now.reason,
@@ -222,6 +226,17 @@ def hotspots(warehouse: Warehouse, *, floor_id: str | None = None, until: date |
     )
 
 
+def _first_recorded(warehouse: Warehouse, data: FloorDays, look: Window) -> date:
+    """Return the first day of a window on which a camera of the floor recorded anything; its first day without any."""
+    first = look.last - timedelta(days=int(warehouse.site.settings.hotspot_days) - 1)
+    [row] = warehouse.rows(
+        "select min(local_date) as day from camera_hours "
+        "where floor_id = $floor and recorded_s > 0 and local_date between $first and $last",
+        {"floor": data.floor.floor_id, "first": first, "last": look.last},
+    )
+    return first if row["day"] is None else row["day"]
+
+
 def _spot(
     spot: test.Spot,
     identity: Identity,
@@ -231,18 +246,20 @@ def _spot(
     *,
     open_days_per_week: float,
     reach_m: float,
+    confidence: float,
 ) -> FloorSpot:
     assert now.found is not None
-    rate, cells = spot.rate, now.found.cells
+    cells, inside = now.found.cells, _outlined(now.found, spot.label)
+    rate = test.place_rate(now.found.explained, inside, confidence=confidence) or spot.rate
     per_week = 60 * open_days_per_week / rate.n_days
-    by_week = _by_week(now, cells.label == spot.label, reach_m=reach_m)
+    by_week = _by_week(now, inside, reach_m=reach_m)
     return same_fields(
         FloorSpot,
         rate,
         **asdict(identity),
         ratio=rate.value,
         number=spot.number,
-        place=place_of(grid, cells.label == spot.label, weights=cells.observed - cells.expected, areas=areas),
+        place=place_of(grid, inside, weights=cells.observed - cells.expected, areas=areas),
         n=sum(by_week),
         by_week=by_week,
         excess_min_per_week=(rate.violation_h - rate.expected_h) * per_week,
@@ -257,13 +274,15 @@ def _past(one: PastSpot, now: Window, then: Window, grid: Grid, areas: Sequence[
     assert now.found is not None
     assert then.found is not None
     cells = then.found.cells
-    inside = cells.label == one.label
+    inside = _outlined(then.found, one.label)
+    spot = next(s for s in then.found.spots if s.label == one.label)
+    before = test.place_rate(then.found.explained, inside)
     rate = test.place_rate(now.found.explained, inside, confidence=site.settings.confidence)
     by_week = _by_week(now, inside, reach_m=site.settings.distance_m / 2)
     return ResolvedSpot(
         spot_id=one.spot_id,
         place=place_of(grid, inside, weights=cells.observed - cells.expected, areas=areas),
-        ratio_before=next(s.rate.value for s in then.found.spots if s.label == one.label),
+        ratio_before=spot.rate.value if before is None else before.value,
         ratio=None if rate is None else rate.value,
         lo=None if rate is None else rate.lo,
         hi=None if rate is None else rate.hi,
@@ -271,6 +290,21 @@ def _past(one: PastSpot, now: Window, then: Window, grid: Grid, areas: Sequence[
         by_week=by_week,
         changed_on=now.changed_on(inside),
     )
+
+
+def _outlined(found: test.Hotspots, label: int) -> Flags:
+    """Return the fewest cells of a hotspot that hold `OUTLINED_SHARE` of its excess, as measured.
+
+    The test smooths person-time by a metre, so that cells beside a hotspot pass with it though hardly anybody is there.
+    """
+    inside = found.cells.label == label
+    excess_h = (found.explained.violation_h - found.explained.expected_h).sum(axis=0)
+    excess_h = np.where(inside, np.maximum(excess_h, 0.0), 0.0).ravel()
+    order = np.argsort(-excess_h, kind="stable")
+    before_h = np.cumsum(excess_h[order]) - excess_h[order]
+    core = np.zeros(inside.size, dtype=np.bool_)
+    core[order] = (excess_h[order] > 0) & (before_h < OUTLINED_SHARE * excess_h.sum())
+    return core.reshape(inside.shape) if core.any() else np.asarray(inside)
 
 
 def _by_week(look: Window, inside: Flags, *, reach_m: float) -> tuple[int, ...]:

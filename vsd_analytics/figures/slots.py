@@ -71,6 +71,13 @@ class Slots:
         return self._together(self.n_violations)
 
     @property
+    def counted(self) -> Floats:
+        """Return the violations counted in each hour of the last week, shape (168,); NaN where nothing was recorded."""
+        n = self.n_violations[:, -1]
+        is_known = (self.recorded_h[:, -1] > 0) & ~np.isnan(n)
+        return np.where(is_known.any(axis=0), np.where(is_known, n, 0.0).sum(axis=0), np.nan)
+
+    @property
     def why_no_people(self) -> Reason | None:
         """Return why people cannot be counted, or None where they can or nothing was recorded."""
         return NO_POSITIONS if self._is_unknown(self.person_h) else None

@@ -39,7 +39,9 @@ class TodayHour:
         day: Local date.
         hour: Local hour, 0 to 23.
         is_over: It ended before the clock.
-        violations: Violations per open hour; None where it was not recorded, or is not over.
+        violations: Violations counted, as in the week's timetable; None where nothing was recorded, or is not over.
+        estimate: Violations of all cameras in the whole hour, those that were down made up for; what `usual` is of;
+            None where less than `partial_hour_share` of it was recorded.
         usual: The same of such an hour by the twelve weeks before yesterday (M25); None where too few recorded it.
         lo, hi: Range that holds four of five such hours.
         seen: People in view of the hour, mean; None as `violations`.
@@ -51,6 +53,7 @@ class TodayHour:
     hour: int
     is_over: bool
     violations: float | None
+    estimate: float | None
     usual: float | None
     lo: float | None
     hi: float | None
@@ -69,9 +72,11 @@ class DayLevel:
         is_over: All its open hours are over.
         until_hour: Local hour at which the last hour that is over ends, 1 to 24; None = no open hour is over yet.
         open_hours: Open hours that are over.
-        recorded_hours: Those of them that were recorded; only these are counted and compared.
-        violations: Violations in them; None where none was recorded or violations are not measurable.
-        is_estimated: Cameras that were down part of the time are made up for in `violations`.
+        recorded_hours: Those of them of which at least `partial_hour_share` was recorded; only these are compared.
+        violations: Violations counted in the open hours that are over, the sum of the timetable's; None where nothing
+            was recorded or violations are not measurable.
+        estimate: Violations of all cameras in the recorded hours, those that were down made up for: what `usual` is of;
+            None likewise, and without recorded hours.
         usual: Prediction interval (97.5 %) for the same hours of one more such day; None where too few days
             recorded them.
         n_days: Earlier days that recorded them.
@@ -85,7 +90,7 @@ class DayLevel:
     open_hours: int
     recorded_hours: int
     violations: float | None
-    is_estimated: bool
+    estimate: float | None
     usual: UsualRange | None
     n_days: int
     state: State
@@ -149,7 +154,12 @@ def publishable(hours: Sequence[TodayHour], *, below: int) -> tuple[TodayHour, .
     holds back would be known. So the whole day is given in steps of twice `below`.
     """
     coarse = coarse_days(hours, below=below)
-    return tuple(replace(h, violations=_drawn(h, below=below)) if h.day in coarse else h for h in hours)
+    return tuple(
+        replace(h, violations=_drawn(h.violations, below=below), estimate=_drawn(h.estimate, below=below))
+        if h.day in coarse
+        else h
+        for h in hours
+    )
 
 
 def coarse_days(hours: Sequence[TodayHour], *, below: int) -> frozenset[date]:
@@ -162,8 +172,7 @@ def coarse(n: float, *, below: int) -> float:
     return 2.0 * below * round(n / (2 * below))
 
 
-def _drawn(hour: TodayHour, *, below: int) -> float | None:
-    n = hour.violations
+def _drawn(n: float | None, *, below: int) -> float | None:
     return n if not n else below / 2 if is_small(n, below=below) else coarse(n, below=below)
 
 
@@ -279,18 +288,18 @@ def _level(
         if usual is None:
             few = len(before) < MIN_WEEKS
             reason = Reason("today.days", least=MIN_WEEKS, has=len(before)) if few else Reason("today.quiet_days")
-    has_count = why is None and len(recorded) > 0
-    counted = float(violations.n[-1, recorded].sum())
+    has_estimate = why is None and len(recorded) > 0
+    counted = slots.counted[over]
     return DayLevel(
         day=slots.monday + timedelta(days=day),
         is_over=len(over) == len(open_slots),
         until_hour=int(over[-1]) % HOURS + 1 if len(over) else None,
         open_hours=len(over),
         recorded_hours=len(recorded),
-        violations=float(totals[-1]) if has_count else None,
-        is_estimated=has_count and abs(float(totals[-1]) - counted) >= HALF,
+        violations=None if why is not None or np.isnan(counted).all() else float(np.nansum(counted)),
+        estimate=float(totals[-1]) if has_estimate else None,
         usual=usual,
-        n_days=len(before) if has_count else 0,
+        n_days=len(before) if has_estimate else 0,
         state="ok" if usual is not None else "not_measurable" if why is not None else "not_enough_data",
         reason=reason,
     )
@@ -305,7 +314,8 @@ def _hours(
             day=slots.monday + timedelta(days=int(s) // HOURS),
             hour=int(s) % HOURS,
             is_over=bool(s < n_over),
-            violations=known(violations.rate[-1, s]) if is_known and s < n_over else None,
+            violations=known(slots.counted[s]) if is_known and s < n_over else None,
+            estimate=known(violations.rate[-1, s] * slots.open_h[-1, s]) if is_known and s < n_over else None,
             usual=known(counted.mean[s]) if is_known else None,
             lo=known(counted.lo[s]) if is_known else None,
             hi=known(counted.hi[s]) if is_known else None,

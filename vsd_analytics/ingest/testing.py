@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from vsd_analytics.errors import InputError
-from vsd_analytics.ingest.adapter import BATCH_ROWS, Adapter, IngestOptions, RawBatch, Source
+from vsd_analytics.ingest.reading.adapter import BATCH_ROWS, Adapter, IngestOptions, RawBatch, Source
 from vsd_analytics.schema import RAW_SCHEMAS
 from vsd_analytics.store.layout import HOUR_MS
 
@@ -96,7 +96,7 @@ def _prove_zones(make: Callable[[], Adapter], sample: AdapterSample, folder: Pat
             assert there["zone"] == _TOKYO, "the zone of a record must be the clock that its time was read on"
             assert here["ts_ms"] - there["ts_ms"] == 9 * HOUR_MS, (
                 "a time without an offset must be read on the clock of its zone: local_to_utc() in "
-                "vsd_analytics.ingest.instants; --zone would change nothing"
+                "vsd_analytics.ingest.reading.instants; --zone would change nothing"
             )
 
 
@@ -105,7 +105,7 @@ def _prove_period(make: Callable[[], Adapter], sample: AdapterSample, folder: Pa
     stated = replace(sample, options=replace(sample.options, period_s=_PERIOD_MS / 1000))
     for row in _records(make, stated, sample.data, folder):
         assert row["ts_ms"] % _PERIOD_MS == 0, (
-            "times must be floored to options.period_s: floored() in vsd_analytics.ingest.raw; "
+            "times must be floored to options.period_s: floored() in vsd_analytics.ingest.reading.raw; "
             "--period would change nothing"
         )
 

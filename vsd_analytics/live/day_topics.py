@@ -59,7 +59,7 @@ def _day(found: Today, *, below: int) -> dict[str, Any]:
         known |= {
             "usual_lo": round(level.usual.lo, 1),
             "usual_hi": round(level.usual.hi, 1),
-            "position": level.usual.position(n),
+            "position": level.usual.position(n if level.estimate is None else level.estimate),
         }
     return known
 
@@ -90,11 +90,11 @@ def _last_hour(hour: TodayHour, *, below: int) -> dict[str, Any]:
     """Return the figures of an hour; nothing where somebody was in view for less than `below` person-minutes in all."""
     n, people = hour.violations, hour.seen
     is_few = (people is not None and 0 < people * MINUTES < below) or (n is not None and is_small(n, below=below))
-    shown = None if n is None or is_few else _rounded(n, below=below)
+    shown, scaled = (None if v is None or is_few else _rounded(v, below=below) for v in (n, hour.estimate))
     return {
         "hour": hour.hour,
         "violations": shown,
-        "violations_per_person_h": round(shown / people, 2) if shown is not None and people else None,
+        "violations_per_person_h": round(scaled / people, 2) if scaled is not None and people else None,
         "usual_lo": None if hour.lo is None else round(hour.lo, 1),
         "usual_hi": None if hour.hi is None else round(hour.hi, 1),
         "people_in_view": None if people is None or is_few else round(people, 1),

@@ -11,13 +11,13 @@ import msgspec
 import pyarrow as pa
 
 from vsd_analytics.errors import VsdError
-from vsd_analytics.ingest.adapter import IngestOptions, RawBatch, Rejected
-from vsd_analytics.ingest.frames import MessageRows
-from vsd_analytics.ingest.normalise import Normaliser
-from vsd_analytics.ingest.pipeline import with_site
-from vsd_analytics.ingest.pseudonyms import keys_of
-from vsd_analytics.ingest.quarantine_writer import SourceReading
-from vsd_analytics.ingest.raw import rejected
+from vsd_analytics.ingest.formats.frames import MessageRows
+from vsd_analytics.ingest.intake.normalise import Normaliser
+from vsd_analytics.ingest.intake.pipeline import with_site
+from vsd_analytics.ingest.intake.pseudonyms import keys_of
+from vsd_analytics.ingest.intake.quarantine_writer import SourceReading
+from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch, Rejected
+from vsd_analytics.ingest.reading.raw import rejected
 from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.mapped import MappedReader, mapped_readers
 from vsd_analytics.schema import TableName

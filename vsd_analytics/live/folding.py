@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import IO
 
 from vsd_analytics.errors import VsdError
-from vsd_analytics.live.process import peak_mb
-from vsd_analytics.store import Store, TableCounts, quarantine
+from vsd_analytics.store import quarantine
+from vsd_analytics.store.store import Store, TableCounts
 
 NICE = 5
 
@@ -94,6 +94,14 @@ def _read(stream: IO[bytes] | None) -> str:
         return ""
     with stream:
         return stream.read().decode("utf-8", "replace")
+
+
+def peak_mb() -> float:
+    """Return the peak resident memory of this process, in megabytes (10^6 bytes)."""
+    import resource  # missing on Windows
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return round(peak * (1 if sys.platform == "darwin" else 1024) / 1e6, 1)
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -12,9 +12,9 @@ from functools import partial
 from pathlib import Path
 
 from vsd_analytics.errors import InputError, LiveError, UsageError, Where
-from vsd_analytics.ingest.adapter import Source
-from vsd_analytics.ingest.pipeline import SourceResult
-from vsd_analytics.live.process import only_one
+from vsd_analytics.ingest.intake.pipeline import SourceResult
+from vsd_analytics.ingest.reading.adapter import Source
+from vsd_analytics.live.single_instance import only_one
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import publish
 

@@ -21,7 +21,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from vsd_analytics.errors import LiveError, VsdError
-from vsd_analytics.ingest.adapter import Rejected
+from vsd_analytics.ingest.reading.adapter import Rejected
 from vsd_analytics.live.batches import (
     FOLD_ROWS,
     FOLD_SEGMENTS,
@@ -41,9 +41,9 @@ from vsd_analytics.live.quarantining import LiveQuarantine
 from vsd_analytics.live.status import CANNOT_STORE, CLOCKS_DISAGREE, Status, offline, write_status
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Broker, Site
-from vsd_analytics.store import Store
 from vsd_analytics.store.layout import segment_paths
 from vsd_analytics.store.seals import SEALED
+from vsd_analytics.store.store import Store
 
 LINGER_S = 1.0
 FOLD_EVERY_S = 3600.0

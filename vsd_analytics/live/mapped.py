@@ -8,16 +8,16 @@ from functools import partial
 from typing import Any
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.ingest.adapter import IngestOptions, RawBatch
-from vsd_analytics.ingest.adapters import adapter
-from vsd_analytics.ingest.frame_rows import FrameRows
-from vsd_analytics.ingest.json_messages import JsonMessages
-from vsd_analytics.ingest.pipeline import options_of_profile
-from vsd_analytics.ingest.quarantine_writer import SourceReading
-from vsd_analytics.ingest.raw import without_zones
+from vsd_analytics.ingest.formats.adapters import adapter
+from vsd_analytics.ingest.intake.pipeline import options_of_rule
+from vsd_analytics.ingest.intake.quarantine_writer import SourceReading
+from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch
+from vsd_analytics.ingest.reading.frame_rows import FrameRows
+from vsd_analytics.ingest.reading.json_messages import JsonMessages
+from vsd_analytics.ingest.reading.raw import without_zones
 from vsd_analytics.live.batches import ReceivedMessage
 from vsd_analytics.live.posts import FRAMES, TOPIC
-from vsd_analytics.site.model import Site, SourceProfile
+from vsd_analytics.site.model import ReadingRule, Site
 
 
 class MappedReader:
@@ -31,16 +31,16 @@ class MappedReader:
         UsageError: E101, its format is no JSON message, or its mapping lacks something.
     """
 
-    def __init__(self, site: Site, profile: SourceProfile) -> None:
+    def __init__(self, site: Site, profile: ReadingRule) -> None:
         reader = adapter(profile.format or "json")
         if not isinstance(reader, JsonMessages):
             raise UsageError(
-                f"[[source]] {profile.profile_id} is of format {profile.format}, which no message can have",
+                f"[[source]] {profile.rule_id} is of format {profile.format}, which no message can have",
                 fix='format = "json", with persons and map; or take its topics out',
             )
-        self.profile_id, self.topics = profile.profile_id, profile.topics
+        self.rule_id, self.topics = profile.rule_id, profile.topics
         self._reader = reader
-        self._options: IngestOptions = options_of_profile(site, profile)
+        self._options: IngestOptions = options_of_rule(site, profile)
         reader.check(self._options)
         self.reading = SourceReading(reader.name, self._options, first_line="")
         self._rows = self._new_rows()
@@ -48,7 +48,7 @@ class MappedReader:
     def reads(self, topic: str) -> bool:
         """Return whether messages of a topic are read so."""
         if topic.startswith(TOPIC):
-            return topic.removeprefix(TOPIC) == self.profile_id
+            return topic.removeprefix(TOPIC) == self.rule_id
         return any(topic_matches(pattern, topic) for pattern in self.topics)
 
     def add(self, number: int, delivery: ReceivedMessage) -> None:
@@ -85,7 +85,7 @@ def mapped_readers(site: Site) -> list[MappedReader]:
     found = []
     for profile in site.sources:
         if profile.topics or profile.persons is not None or profile.format == "json":
-            if profile.profile_id == FRAMES:
+            if profile.rule_id == FRAMES:
                 raise UsageError(
                     f"[[source]] {FRAMES}: this id stands for VSD frame messages",
                     fix="give the source another id",

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from vsd_analytics.errors import LiveError, VsdError, Where
-from vsd_analytics.ingest.adapter import EXCERPT_CHARS
+from vsd_analytics.ingest.reading.adapter import EXCERPT_CHARS
 from vsd_analytics.live.batches import HELD_MAX_BYTES, ReceivedMessage
 from vsd_analytics.site.model import Broker
 

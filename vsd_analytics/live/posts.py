@@ -24,7 +24,7 @@ import msgspec
 
 from vsd_analytics.config.access_token import UnsafeTokenError, access_token, is_loopback
 from vsd_analytics.errors import LiveError, Where
-from vsd_analytics.ingest.adapter import EXCERPT_CHARS, Rejected
+from vsd_analytics.ingest.reading.adapter import EXCERPT_CHARS, Rejected
 from vsd_analytics.live.batches import HELD_MAX_BYTES, ReceivedMessage
 
 DEFAULT_ADDRESS: Final = "127.0.0.1:8765"

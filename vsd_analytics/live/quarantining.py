@@ -5,8 +5,8 @@ from __future__ import annotations
 from datetime import datetime
 from typing import Final
 
-from vsd_analytics.ingest.adapter import Rejected
-from vsd_analytics.ingest.quarantine_writer import Quarantine, SourceReading
+from vsd_analytics.ingest.intake.quarantine_writer import Quarantine, SourceReading
+from vsd_analytics.ingest.reading.adapter import Rejected
 from vsd_analytics.live.decode import Prepared
 from vsd_analytics.site.model import Site
 

@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from vsd_analytics.live.batches import Numbering
-from vsd_analytics.live.folding import Folded
-from vsd_analytics.live.process import peak_mb
+from vsd_analytics.live.folding import Folded, peak_mb
 from vsd_analytics.store.durable import publish
 
 FILE = Path("status") / "listen.json"

@@ -15,11 +15,11 @@ from vsd_analytics.live.companions import FORGET_MS
 from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import AlarmRule, Site
-from vsd_analytics.store import Store
 from vsd_analytics.store.layout import HOUR_MS, hour_of, segment_paths
 from vsd_analytics.store.part_files import read_part
 from vsd_analytics.store.segments import read_segment
 from vsd_analytics.store.spans import ends_ms
+from vsd_analytics.store.store import Store
 
 SLICE_MS = 60_000
 """Records are fed a minute at a time, so that memory does not grow with the hour."""

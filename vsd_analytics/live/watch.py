@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any
 
 from vsd_analytics.errors import InputError, UsageError, VsdError, disk_error
-from vsd_analytics.ingest.adapter import IngestOptions, Source
-from vsd_analytics.ingest.pipeline import SourceResult, ingest, with_site
+from vsd_analytics.ingest.intake.pipeline import SourceResult, ingest, with_site
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.live.batches import delays_s
-from vsd_analytics.live.gathering import GatheringStore
+from vsd_analytics.live.group_commit import GroupCommitStore
 from vsd_analytics.live.inbox import DONE, FAILED, Waiting, alone, as_it_is, refuse_folder, to_done, to_failed, waiting
-from vsd_analytics.live.process import is_alive
+from vsd_analytics.live.single_instance import is_alive
 from vsd_analytics.live.status import CANNOT_STORE, iso_utc, read_json, write_status
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import make_dirs
@@ -163,7 +163,7 @@ class _Watch:
 
     def __post_init__(self) -> None:
         settings = self.site.settings
-        self.store = GatheringStore(self.site.acknowledged, site_id=self.site.site_id, ballast_mb=settings.ballast_mb)
+        self.store = GroupCommitStore(self.site.acknowledged, site_id=self.site.site_id, ballast_mb=settings.ballast_mb)
         self.pending: list[tuple[Waiting, SourceResult]] = []  # ingested, not yet durable
         self.seen: dict[Waiting, float] = {}  # files and when each was first seen as it is
         self.held: dict[Waiting, float] = {}  # files that cannot be read or moved now, and when to try again

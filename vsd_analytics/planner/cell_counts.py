@@ -17,13 +17,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from vsd_analytics.figures.maps import ExcessMap, excess_map
+from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.panels import Flags, positions
-from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
+from vsd_analytics.geometry.camera_views import view_polygon
 from vsd_analytics.planner.rounding import merge_small_counts
-from vsd_analytics.site.model import Area
+from vsd_analytics.site.model import Area, Camera
 
 Ints = NDArray[np.int64]
 SQUARE_M: Final = 1.0
@@ -100,11 +100,11 @@ class WeekCells(CellCounts):
     Attributes:
         fine: Violations of the whole week by camera and cell of the report's map, which tell how those of a cell of
             half a metre lie in it: camera, cell, violations, shape (3, n).
-        excess: Time in violation over that of random mixing (M19), the whole week.
+        excess: Hotspots of the window that ends with the week (M20), whose cells are the map of excess.
     """
 
     fine: Ints
-    excess: ExcessMap
+    excess: FloorHotspots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,10 +131,15 @@ class CellsAsked:
     hidden: Sequence[Area | None] | None = ()
 
 
-def week_cells(data: WeekData, period: Period, asked: CellsAsked) -> WeekCells:
-    """Return the counts and times of a week by cell, where violations are inside the cells, and the week's excess."""
+def week_cells(data: WeekData, asked: CellsAsked, *, excess: FloorHotspots) -> WeekCells:
+    """Return the counts and times of a week by cell, where violations are inside the cells, and the excess.
+
+    Args:
+        data: The floor.
+        asked: What of the week is asked for.
+        excess: The hotspots of the window that ends with the week.
+    """
     cells = counts_by_cell(data, asked)
-    excess = excess_map(data.warehouse, floor=data.floor, first=period.first, last=period.last)
     return WeekCells(cells.violations, cells.time, cells.unit_ms, fine=_fine(data, asked), excess=excess)
 
 
@@ -314,3 +319,28 @@ def _rounded(times_ms: Ints, unit_ms: int) -> Ints:
     """Return times in units, rounded so that running sums are right to half a unit."""
     sums = np.cumsum(times_ms)
     return np.diff((sums + unit_ms // 2) // unit_ms, prepend=0)
+
+
+def seen_cells(cameras: Sequence[Camera], *, extent: Extent, grid: CellGrid) -> NDArray[np.bool_] | None:
+    """Return the fine cells whose middle lies in each camera's view, shape (n_cameras, n_y, n_x).
+
+    Args:
+        cameras: The floor's cameras.
+        extent: The floor shown, in metres.
+        grid: Squares that cover it.
+
+    Returns:
+        None when what some camera sees is unknown.
+    """
+    fine = round(SQUARE_M / FINE_M)
+    x = grid.x0 + (np.arange(grid.n_x * fine) + 0.5) * FINE_M
+    y = grid.y0 + (np.arange(grid.n_y * fine) + 0.5) * FINE_M
+    at = np.meshgrid(x, y)
+    seen = []
+    for camera in cameras:
+        calibration = camera.calibrations[-1] if camera.calibrations else None
+        view = view_polygon(camera, calibration=calibration, bounds=extent)
+        if view is None:
+            return None
+        seen.append(shapely.contains_xy(view, *at))
+    return np.stack(seen) if seen else None

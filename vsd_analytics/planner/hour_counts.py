@@ -153,11 +153,11 @@ def panel_of(
     for k, (place, close_h) in enumerate(zip(asked.places, asked.close_h, strict=True)):
         used = counted & place.cameras[:, None]
         if data.why_no_exposure is None:
-            exposure_ms[k] = np.where(used, np.rint(place.exposure_h[:, slots] * 3_600_000), 0)
+            exposure_ms[k] = np.where(counted, np.rint(place.exposure_h[:, slots] * 3_600_000), 0)
         if k in hidden:
             continue
         counts = np.where(used, place.n[:, slots], 0).astype(np.int64)
-        close = np.where(used, np.rint(np.nan_to_num(close_h[:, slots]) * 3_600_000), 0).astype(np.int64)
+        close = np.where(counted, np.rint(np.nan_to_num(close_h[:, slots]) * 3_600_000), 0).astype(np.int64)
         for of_week in held if k == 0 else ():
             together = np.isin(slots, list(of_week))
             if not together.any():

@@ -1,15 +1,21 @@
-"""Which fixtures stood on the floor in each selection of the page: old weeks draw the old layout."""
+"""Fixtures on the planner's page: which of them each selection shows, and each drawn once with its name."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import date, timedelta
+
+import shapely
+from markupsafe import Markup
 
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.density import fixtures_at
 from vsd_analytics.figures.week.floor_maps import map_fixtures
 from vsd_analytics.figures.week.model_map import MapFixture
 from vsd_analytics.planner.logged_changes import PlannerChange
+from vsd_analytics.report.draw.floor_frame import Frame, fixtures
+from vsd_analytics.report.draw.svg import el
 
 Layout = tuple[MapFixture, ...]
 
@@ -30,3 +36,51 @@ def layouts(data: WeekData, *, before: date, changes: Sequence[PlannerChange]) -
         days += [data.sunday if side is None else side.days[1] for side in (change.before, change.after)]
     found = tuple(map_fixtures(fixtures_at(data, day)) for day in days)
     return found if len(set(found)) > 1 else ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixtureLabel:
+    """A fixture's name in its middle, along its longer side, and the room it has, in units of the drawing.
+
+    `layouts` are the numbers of those it belongs to, with spaces between; "" where there is one layout.
+    """
+
+    text: str
+    x: int
+    y: int
+    along: int
+    is_upright: bool
+    layouts: str
+
+
+def drawn_fixtures(layouts: Sequence[Layout], frame: Frame) -> tuple[tuple[Markup, ...], tuple[FixtureLabel, ...]]:
+    """Return the fixtures of all layouts, walls first, and their names.
+
+    Args:
+        layouts: Fixtures by selection of the page; at least one layout.
+        frame: The frame.
+    """
+    every = sorted(dict.fromkeys(f for layout in layouts for f in layout), key=lambda f: f.kind != "wall")
+    found = [
+        (f, " ".join(str(k) for k, layout in enumerate(layouts) if f in layout) if len(layouts) > 1 else "")
+        for f in every
+    ]
+    drawings = tuple(_fixture(f, frame, among) for f, among in found)
+    return drawings, tuple(_fixture_label(f, frame, among) for f, among in found)
+
+
+def _fixture(fixture: MapFixture, frame: Frame, among: str) -> Markup:
+    drawn = Markup("").join(fixtures((fixture,), frame, is_named=False))
+    return el("g", drawn, data_in=among) if among else drawn
+
+
+def _fixture_label(fixture: MapFixture, frame: Frame, among: str) -> FixtureLabel:
+    shape = shapely.Polygon(frame.ring(fixture.ring))
+    at = shape.centroid if shape.centroid.within(shape) else shape.representative_point()
+    left, top, right, bottom = shape.bounds
+    wide, tall = round(right - left), round(bottom - top)
+    room = 2 * max(wide, tall) if fixture.is_movable else max(wide, tall)
+    is_upright = tall > wide and not fixture.is_movable
+    return FixtureLabel(
+        text=fixture.name, x=round(at.x), y=round(at.y), along=room, is_upright=is_upright, layouts=among
+    )

@@ -46,19 +46,20 @@ RISK_STEPS: Final = (5.0, 10.0, 20.0, 40.0, 80.0)
 RATIO_STEPS: Final = (1.25, 2.0)
 
 
-def map_kinds(heat_steps: tuple[float, ...], *, distance: str) -> tuple[MapKind, ...]:
+def map_kinds(heat_steps: tuple[float, ...], *, distance: str, hotspot_days: int) -> tuple[MapKind, ...]:
     """Return the maps in the order of the page.
 
     Args:
         heat_steps: Steps of the report's map, from the settings.
         distance: The legal distance in words.
+        hotspot_days: Days of the window that the hotspots and the map of excess are made of.
     """
     made: tuple[tuple[Kind, str, str, tuple[float, ...]], ...] = (
         ("violations", "M0", "", heat_steps),
         ("exposure", "M16", "", EXPOSURE_STEPS),
         ("burden", "M17", "", BURDEN_STEPS),
         ("risk", "M18", "%", RISK_STEPS),
-        ("excess", "M19", "", ()),
+        ("excess", "M20", "", ()),
     )
     return tuple(
         MapKind(
@@ -66,7 +67,7 @@ def map_kinds(heat_steps: tuple[float, ...], *, distance: str) -> tuple[MapKind,
             metric,
             say(f"planner.maps.{kind}.name"),
             say(f"planner.maps.{kind}.purpose", distance=distance),
-            say(f"planner.maps.{kind}.unit"),
+            say(f"planner.maps.{kind}.unit", days=hotspot_days),
             suffix,
             steps,
             _two(steps) if steps else RATIO_STEPS,

@@ -18,7 +18,7 @@ from vsd_analytics.answer import Answers, Reason
 from vsd_analytics.figures import hotspots as spots
 from vsd_analytics.figures.catalogue import asks_for, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
-from vsd_analytics.figures.close_time import change_close_share, close_time
+from vsd_analytics.figures.close_time import change_close_time_share, close_time
 from vsd_analytics.figures.compare import why_not
 from vsd_analytics.figures.hotspot_export import without_small
 from vsd_analytics.figures.panels import WEEK, Flags, Place
@@ -33,11 +33,10 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.figures.week.results import AreaRow, WeekRef
 from vsd_analytics.planner import cell_counts
-from vsd_analytics.planner.cell_counts import WeekCells
+from vsd_analytics.planner.cell_counts import WeekCells, seen_cells
 from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, hidden_places, open_slots, panel_of
 from vsd_analytics.planner.layouts import Layout, layouts
 from vsd_analytics.planner.logged_changes import MOST_WEEKS, PlannerChange, entries_of, logged_changes
-from vsd_analytics.planner.seen_cells import seen_cells
 from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.stats.rates import HISTORY_WEEKS
@@ -100,10 +99,11 @@ class PlaceRow:
         area: The area; None for floor and rest.
         cameras: Which cameras count anybody there.
         has_history: Its usual rates of weekdays are given; not where an earlier week holds its count back.
-        often: How often (M0), with the change from the other week.
-        risky: How risky (M7), likewise.
-        close_share: Share of person-time too close (M6), likewise; None where it is hidden or unknown.
-        is_close_known: The cameras that count there know distances, so that the share of any part of a week is known.
+        violation_rate: How violation_rate (M0), with the change from the other week.
+        encounter_rate: How encounter_rate (M7), likewise.
+        close_time_share: Share of person-time too close (M6), likewise; None where it is hidden or unknown.
+        close_cameras: Which cameras' person-time makes the share (M6), in this week and the other, as in the report:
+            those with somebody there whose distances are known in every hour.
     """
 
     place_id: str
@@ -111,10 +111,10 @@ class PlaceRow:
     area: Area | None
     cameras: tuple[bool, ...]
     has_history: bool
-    often: Estimate
-    risky: Estimate
-    close_share: Estimate
-    is_close_known: bool
+    violation_rate: Estimate
+    encounter_rate: Estimate
+    close_time_share: Estimate
+    close_cameras: tuple[tuple[bool, ...], ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -178,7 +178,8 @@ def first_day(site: Site, monday: date, before: date, *, weeks: int = 2) -> date
 
     With a logged change in its weeks it is the report's, so that verdicts on changes rest on the same weeks.
     """
-    first = min(monday - HISTORY, before, spots.days_needed(site, monday + timedelta(days=6))[0])
+    window = timedelta(days=int(site.settings.hotspot_days) - 7)  # the other week's map of excess
+    first = min(monday - HISTORY, before - window, spots.days_needed(site, monday + timedelta(days=6))[0])
     return min(first, findings.first_day(site, monday)) if entries_of(site, monday, weeks=weeks) else first
 
 
@@ -262,10 +263,11 @@ def planner_data(
         close_h=[data.violation_h, *(data.violation_in(area_id) for area_id in ids)],
         extent=None if shown is None else shown.extent,
     )
-    made = {
-        day: _week(data, Period(data, day, day + timedelta(days=6)), counted)
-        for day in ([monday, before] if has_before else [monday])
-    }
+    made = {monday: _week(data, Period(data, monday, data.sunday), counted, excess=found)}
+    if has_before:
+        last = before + timedelta(days=6)
+        then = spots.hotspots(warehouse, floor_id=floor.floor_id, until=last)
+        made[before] = _week(data, Period(data, before, last), counted, excess=then)
     changes = logged_changes(data, counted, weeks=weeks)
     no_history = {k for k, p in enumerate(places) if not p.has_history}
     return PlannerData(
@@ -342,11 +344,14 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
     of_areas = [rows[None if a is None else a.area_id] for a in areas]
     unknown_share = Estimate(value=None, state="not_measurable")
     figures = [
-        (level.often, level.risky, level.close_share or unknown_share),
-        *((row.often, row.risky or level.risky, row.close_share or unknown_share) for row in of_areas),
+        (level.violation_rate, level.encounter_rate, level.close_time_share or unknown_share),
+        *(
+            (row.violation_rate, row.encounter_rate or level.encounter_rate, row.close_time_share or unknown_share)
+            for row in of_areas
+        ),
     ]
     places = [data.whole, *(data.area(None if a is None else a.area_id) for a in areas)]
-    timed = [close_time(data.this, where) for where in (data.floor, *areas)]
+    timed = [[close_time(of, where) for of in (data.this, data.pair.before)] for where in (data.floor, *areas)]
     return tuple(
         PlaceRow(
             place_id=place_id,
@@ -354,12 +359,12 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
             area=area,
             cameras=tuple(bool(c) for c in place.cameras),
             has_history=k not in unknown,
-            often=often,
-            risky=risky,
-            close_share=_with_change(data, close_share, of_time) if is_compared else close_share,
-            is_close_known=bool((of_time.cameras == place.cameras).all()),
+            violation_rate=violation_rate,
+            encounter_rate=encounter_rate,
+            close_time_share=_with_change(data, close_time_share, of_time[0]) if is_compared else close_time_share,
+            close_cameras=tuple(tuple(bool(c) for c in each.cameras) for each in of_time),
         )
-        for k, (place_id, name, area, place, of_time, (often, risky, close_share)) in enumerate(
+        for k, (place_id, name, area, place, of_time, (violation_rate, encounter_rate, close_time_share)) in enumerate(
             zip(ids, names, [None, *areas], places, timed, figures, strict=True)
         )
     )
@@ -367,11 +372,11 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
 
 def _with_change(data: TwoWeeks, share: Estimate, of_time: Place) -> Estimate:
     """Return a share of time too close with its change from the other week, as `vsd compare` gives it."""
-    found = change_close_share(data.pair, of_time)
+    found = change_close_time_share(data.pair, of_time)
     return share if found.value is None or share.value is None else with_change(share, found)
 
 
-def _week(data: TwoWeeks, period: Period, counted: Counted) -> PlannerWeek:
+def _week(data: TwoWeeks, period: Period, counted: Counted, *, excess: spots.FloorHotspots) -> PlannerWeek:
     """Return one of the weeks; what may not be printed of it is hidden and empty."""
     shared = data.pair.used(0 if period.first == data.pair.before.first else 1)
     hidden = hidden_places(data, [period.first], counted.areas)
@@ -381,7 +386,7 @@ def _week(data: TwoWeeks, period: Period, counted: Counted) -> PlannerWeek:
     return PlannerWeek(
         ref=WeekRef.of(period.first, zone=data.site.timezone),
         panel=panel_of(data, period.days, counted, [period.first], hidden=hidden, shared=shared),
-        cells=None if asked is None else cell_counts.week_cells(data, period, asked),
+        cells=None if asked is None else cell_counts.week_cells(data, asked, excess=excess),
         is_ranked=is_ranked,
         hidden=hidden,
     )

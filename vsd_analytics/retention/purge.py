@@ -16,16 +16,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import StoreError
-from vsd_analytics.ingest.quarantine_scope import quarantined_in_scope
+from vsd_analytics.ingest.intake.quarantine_scope import quarantined_in_scope
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store, durable, quarantine
+from vsd_analytics.store import durable, quarantine
 from vsd_analytics.store.layout import HOUR_MS, Part, date_of_hour
 from vsd_analytics.store.owners import brought_by
 from vsd_analytics.store.part_files import engines_of
 from vsd_analytics.store.removal import Intent, RecordScope, remove_records, removing, rows_in_scope
 from vsd_analytics.store.seals import DAY_FACT, FOLDER, DaySeal, Seals, UnitSeal
 from vsd_analytics.store.secrets import DayKeys
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.day_files import facts_around, spare_other_days

@@ -9,12 +9,13 @@ from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.retention.purge import Purged, Terms, audit_line, below, guard, n_records
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store, durable, quarantine
+from vsd_analytics.store import durable, quarantine
 from vsd_analytics.store.imports import ImportLine, holdings, imports_of
 from vsd_analytics.store.layout import Part, date_of_hour
 from vsd_analytics.store.owners import brought_by
 from vsd_analytics.store.removal import Intent, remove_records, removing
 from vsd_analytics.store.seals import FOLDER, Seals
+from vsd_analytics.store.store import Store
 from vsd_analytics.store.taking_back import n_replacing
 from vsd_analytics.warehouse.day_files import facts_around, spare_other_days
 

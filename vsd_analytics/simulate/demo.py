@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
-from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.ingest.pipeline import IngestResult, ingest
+from vsd_analytics.ingest.intake.pipeline import IngestResult, ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.secrets import KEY_BYTES, DayKeys
 

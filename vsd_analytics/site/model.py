@@ -304,11 +304,11 @@ class EngineError:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SourceProfile:
+class ReadingRule:
     """How files of one kind are read: a `[[source]]` of `vsd.toml`.
 
     Attributes:
-        profile_id: Its id.
+        rule_id: Its id.
         files: Patterns of file names, such as "till-*.csv"; with a slash they are compared with the end of the path.
         format: Name of an adapter; None = detected.
         camera: Camera of records that name none, by any of its names.
@@ -327,7 +327,7 @@ class SourceProfile:
         topics: MQTT topic filters of messages that are read so.
     """
 
-    profile_id: str
+    rule_id: str
     files: tuple[str, ...]
     format: str | None = None
     camera: str | None = None
@@ -399,7 +399,7 @@ class Site:
     settings: Settings = field(default_factory=Settings)
     own_settings: Settings | None = None
     ingest_map: dict[str, str] = field(default_factory=dict)
-    sources: tuple[SourceProfile, ...] = ()
+    sources: tuple[ReadingRule, ...] = ()
     setting_sources: dict[str, str] = field(default_factory=dict)
 
     def with_settings(self, **values: Value) -> Site:

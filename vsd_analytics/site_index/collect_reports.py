@@ -14,8 +14,7 @@ from urllib.parse import quote
 
 from vsd_analytics.errors import UsageError, VsdError, Where
 from vsd_analytics.site_index.read_reports import FoundReports, files_in, find_reports, kind_of, read_report_json
-from vsd_analytics.store.durable import publish
-from vsd_analytics.store.page_folders import sweep_pages
+from vsd_analytics.store.durable import publish, sweep_pages
 
 REPORTS = "reports"
 MARK = b'<meta name="generator" content="vsd-analytics site index">'

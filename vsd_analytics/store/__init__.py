@@ -1,5 +1,1 @@
 """Append-only Parquet: spool, fold, layout, secrets."""
-
-from vsd_analytics.store.store import FoldResult, Store, TableCounts
-
-__all__ = ["FoldResult", "Store", "TableCounts"]

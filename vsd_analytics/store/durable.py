@@ -7,7 +7,6 @@ a lock belongs to a dead process. A process id in the name would not show this: 
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import glob
 import hashlib
 import os
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from vsd_analytics.errors import disk_error
+from vsd_analytics.store import file_locks
 
 _TEMPORARY = re.compile(r"^\..+\.([0-9a-f]{16}|\d{1,10})\.tmp$")  # digits alone: version 0.1 wrote its process id
 
@@ -35,6 +35,7 @@ def file_digest(path: Path) -> str:
 
 def fsync_dir(folder: Path) -> None:
     """Make the entries of `folder` durable."""
+    file_locks.require_locks(folder)
     fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(fd)
@@ -72,9 +73,12 @@ def publish(path: Path, data: bytes | memoryview, *, is_synced: bool = True, is_
         is_private: Only the owner may read it (mode 0600).
 
     Raises:
-        DiskError: E304 to E306, the disk is full, read-only or broken (any other refusal is a plain OSError). Then
-            nothing new is at `path`, and this process leaves no temporary file.
+        DiskError: E304 to E306, the disk is full, read-only or broken; E130, it must be synced and the platform has no
+            locks (any other refusal is a plain OSError). Then nothing new is at `path`, and this process leaves no
+            temporary file.
     """
+    if is_synced:
+        file_locks.require_locks(path)
     is_new = False
     try:
         make_dirs(path.parent, is_synced=is_synced)
@@ -83,8 +87,10 @@ def publish(path: Path, data: bytes | memoryview, *, is_synced: bool = True, is_
             f.flush()
             if is_synced:
                 os.fsync(f.fileno())
+            elif not file_locks.has_locks():
+                f.close()  # Windows renames no open file
             was_there = path.exists()
-            name.rename(path)
+            name.replace(path)
         if is_synced:
             is_new = not was_there
             fsync_dir(path.parent)
@@ -121,8 +127,10 @@ def _locked_file(path: Path, mode: int) -> tuple[Path, BinaryIO]:
     while True:
         name = path.with_name(f".{path.name}.{os.urandom(8).hex()}.tmp")
         f = os.fdopen(os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb")
+        if not file_locks.has_locks():
+            return name, f
         with contextlib.suppress(OSError):  # a file system without locks: nobody sweeps there either
-            fcntl.flock(f, fcntl.LOCK_EX)
+            file_locks.take(f.fileno())
         if name.exists():
             return name, f
         f.close()  # another process swept it between opening and locking: try a new name
@@ -136,30 +144,20 @@ def remove(path: Path) -> None:
 
 @contextlib.contextmanager
 def exclusive(lock: Path) -> Iterator[None]:
-    """Hold an flock(2) on `lock`; the kernel releases it when the process dies."""
+    """Hold an flock(2) on `lock`; the kernel releases it when the process dies.
+
+    Raises:
+        DiskError: E130, the platform has no locks; E304 to E306, the disk refused.
+    """
+    file_locks.require_locks(lock)
     try:
         make_dirs(lock.parent)
         f = lock.open("a")
     except OSError as error:
         raise disk_error(error, path=lock) or error from None
     with f:
-        fcntl.flock(f, fcntl.LOCK_EX)
+        file_locks.take(f.fileno())
         yield
-
-
-@contextlib.contextmanager
-def folder_lock(folder: Path, kind: int = fcntl.LOCK_EX) -> Iterator[None]:
-    """Hold an flock(2) on a folder that exists; the kernel releases it when the process dies.
-
-    Raises:
-        BlockingIOError: `kind` has `fcntl.LOCK_NB`, and somebody else holds it.
-    """
-    fd = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        fcntl.flock(fd, kind)
-        yield
-    finally:
-        os.close(fd)
 
 
 def sweep_temporaries(folder: Path, *, of: str | None = None) -> int:
@@ -194,7 +192,11 @@ def _held_if_abandoned(path: Path) -> Iterator[bool]:
     """Yield whether a temporary file is abandoned, and hold its lock meanwhile.
 
     A writer that has made its file and not locked it yet waits for this lock; then it sees that its file is gone.
+    Without locks nobody can tell whether a writer is dead, and no file is abandoned.
     """
+    if not file_locks.has_locks():
+        yield False
+        return
     try:
         fd = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK) if is_temporary(path) else None
     except OSError:  # renamed meanwhile, a link, or the file of another user
@@ -204,10 +206,23 @@ def _held_if_abandoned(path: Path) -> Iterator[bool]:
         return
     try:
         try:
-            fcntl.flock(fd, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            file_locks.take(fd, is_shared=True, is_waiting=False)
             is_free = True
         except OSError:
             is_free = False
         yield is_free and stat.S_ISREG(os.fstat(fd).st_mode)
     finally:
         os.close(fd)
+
+
+_OURS = re.compile(r"\.(?:\d{4}-W\d{2}[a-z0-9_-]*\.[a-z]+|index\.html)\.(?:[0-9a-f]{16}|\d+)\.tmp")
+
+
+def sweep_pages(folder: Path) -> None:
+    """Remove temporary files of pages, JSON files and figures that dead processes left directly in a folder.
+
+    Temporary files of other programs stay, because a report may be written anywhere (`--out`).
+    """
+    for path in folder.glob(".*.tmp"):
+        if _OURS.fullmatch(path.name) and is_abandoned(path):
+            remove(path)

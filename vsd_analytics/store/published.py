@@ -21,7 +21,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from vsd_analytics.store.durable import folder_lock, fsync_dir, make_dirs
+from vsd_analytics.store.durable import fsync_dir, make_dirs
+from vsd_analytics.store.file_locks import folder_lock
 
 FOLDER: Final = "published"
 CURRENT: Final = "current"

@@ -5,7 +5,7 @@ without their instants. So a bad file that is ingested twice is stored once, wit
 of live sources have their instant in the hash: two equal messages are two. Only `rewrite`, `drop` and `tidy` remove
 files. Track ids are here as the engine sent them, so the folder has mode 0700 and its files 0600.
 
-`vsd_analytics.ingest.quarantine_writer` puts records here; a fold and a purge change the files as well.
+`vsd_analytics.ingest.intake.quarantine_writer` puts records here; a fold and a purge change the files as well.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class QuarantineEntry(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=T
         at: Instant it was quarantined at (UTC).
         source: Name of the source as given.
         line: 1-based line or record number in the source.
-        reason: Slug; `vsd_analytics.ingest.reasons` says what to do.
+        reason: Slug; `vsd_analytics.ingest.reading.reasons` says what to do.
         detail: One sentence for people.
         text: The record as it was sent: its whole line if `is_whole`, else an excerpt.
         is_live: It came from a broker; a replay compares its time with `at`.

@@ -12,7 +12,6 @@ processes could wait for each other: `.purge.lock`, `.lock`, the lock of the qua
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -28,7 +27,7 @@ import pyarrow.parquet as pq
 
 from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.schema import TABLES, TableName
-from vsd_analytics.store import durable, quarantine
+from vsd_analytics.store import durable, file_locks, quarantine
 from vsd_analytics.store.imports import imports_of, note_taken_back, order_of
 from vsd_analytics.store.part_files import HASH_DIFFERS, read_owned
 from vsd_analytics.store.published import withdraw
@@ -101,14 +100,14 @@ def reading(store: Path, *, wait_s: float = WAIT_S) -> Iterator[None]:
     """Hold off removals while a build or report reads; finish an unfinished removal first.
 
     Args:
-        store: The store folder. Without one, or on a read-only disk, no removal is possible.
+        store: The store folder. Without one, on a read-only disk or without locks, no removal is possible.
         wait_s: How long to wait for a running removal, in seconds.
 
     Raises:
         StoreError: E311, a removal did not end in time.
     """
     while True:
-        with _held(store / LOCK, fcntl.LOCK_SH, wait_s=wait_s):
+        with _held(store / LOCK, is_shared=True, wait_s=wait_s):
             if not pending(store):
                 yield
                 return
@@ -122,12 +121,13 @@ def removing(store: Path, *, wait_s: float = WAIT_S, on_wait: Callable[[], None]
     Finishes an unfinished removal first.
 
     Raises:
-        StoreError: E311, a reader did not end in time.
+        StoreError: E311, a reader did not end in time; E130, the platform has no locks.
     """
+    file_locks.require_locks(store)
     durable.make_dirs(store)
     folder = store.parent / quarantine.FOLDER
     with (
-        _held(store / LOCK, fcntl.LOCK_EX, wait_s=wait_s, on_wait=on_wait),
+        _held(store / LOCK, is_shared=False, wait_s=wait_s, on_wait=on_wait),
         durable.exclusive(store / ".lock"),
         quarantine.locked(folder) if folder.is_dir() else contextlib.nullcontext(),
     ):
@@ -277,13 +277,13 @@ def _audit(path: Path, entry: Mapping[str, Any]) -> None:
 
 
 @contextlib.contextmanager
-def _held(lock: Path, kind: int, *, wait_s: float, on_wait: Callable[[], None] | None = None) -> Iterator[None]:
-    fd = _lock_file(lock, is_needed=kind == fcntl.LOCK_EX)
+def _held(lock: Path, *, is_shared: bool, wait_s: float, on_wait: Callable[[], None] | None = None) -> Iterator[None]:
+    fd = _lock_file(lock, is_needed=not is_shared)
     if fd is None:
         yield
         return
     try:
-        _acquire(fd, lock, kind, wait_s=wait_s, on_wait=on_wait)
+        _acquire(fd, lock, is_shared=is_shared, wait_s=wait_s, on_wait=on_wait)
         yield
     finally:
         os.close(fd)
@@ -291,6 +291,8 @@ def _held(lock: Path, kind: int, *, wait_s: float, on_wait: Callable[[], None] |
 
 def _lock_file(lock: Path, *, is_needed: bool) -> int | None:
     """Open a lock file; None where there is no store yet or the disk is read-only: nothing can be removed there."""
+    if not is_needed and not file_locks.has_locks():
+        return None
     try:
         return os.open(lock, os.O_RDONLY) if lock.exists() else os.open(lock, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError:
@@ -299,11 +301,11 @@ def _lock_file(lock: Path, *, is_needed: bool) -> int | None:
         return None
 
 
-def _acquire(fd: int, lock: Path, kind: int, *, wait_s: float, on_wait: Callable[[], None] | None) -> None:
+def _acquire(fd: int, lock: Path, *, is_shared: bool, wait_s: float, on_wait: Callable[[], None] | None) -> None:
     until, pause_s = time.monotonic() + wait_s, 0.01
     while True:
         try:
-            fcntl.flock(fd, kind | fcntl.LOCK_NB)
+            file_locks.take(fd, is_shared=is_shared, is_waiting=False)
         except BlockingIOError:
             if on_wait is not None:
                 on_wait()

@@ -20,7 +20,8 @@ from pathlib import Path
 
 from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.store.day_chain import DayChain, day_after, new_chain, read_chain, write_chain
-from vsd_analytics.store.durable import folder_lock, fsync_dir, make_dirs, publish, remove, sweep_temporaries, temporary
+from vsd_analytics.store.durable import fsync_dir, make_dirs, publish, remove, sweep_temporaries, temporary
+from vsd_analytics.store.file_locks import folder_lock
 
 KEY_BYTES = 32
 _KEY = re.compile(r"^(\d{4}-\d{2}-\d{2})\.key$")

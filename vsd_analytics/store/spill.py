@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import fcntl
 import os
 import shutil
 from itertools import count
 from pathlib import Path
+
+from vsd_analytics.store import file_locks
 
 PREFIX = "vsd-spill-"
 _made: dict[int, Path] = {}
@@ -47,12 +48,14 @@ def _make() -> Path:
 
 def _locked(folder: Path) -> Path | None:
     """Lock a new folder; return None when the sweep of another process was faster."""
+    if not file_locks.has_locks():  # then nobody sweeps either
+        return folder
     try:
         lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
     except FileNotFoundError:
         return None
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        file_locks.take(lock, is_waiting=False)
     except BlockingIOError:
         os.close(lock)
         return None
@@ -66,12 +69,14 @@ def _locked(folder: Path) -> Path | None:
 
 def sweep(parent: Path) -> None:
     """Remove the folders of this user in `parent` whose processes are dead."""
+    if not file_locks.has_locks():
+        return
     for folder in parent.glob(f"{PREFIX}*"):
         with contextlib.suppress(OSError):  # another user's, no folder, a link, locked, or removed meanwhile
             lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:
                 if os.fstat(lock).st_uid == os.geteuid():
-                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    file_locks.take(lock, is_waiting=False)
                     shutil.rmtree(folder)
             finally:
                 os.close(lock)

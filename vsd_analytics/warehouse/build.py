@@ -12,12 +12,13 @@ import pyarrow as pa
 
 from vsd_analytics.errors import disk_error
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store, removal
+from vsd_analytics.store import removal
 from vsd_analytics.store.durable import publish, sweep_temporaries
 from vsd_analytics.store.layout import Part
 from vsd_analytics.store.published import publish_links
 from vsd_analytics.store.reused_memory import reused_memory
 from vsd_analytics.store.seals import DAY_FACT
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import beside, superseded
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.camera_days import (

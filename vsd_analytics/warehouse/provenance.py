@@ -12,9 +12,9 @@ import pyarrow.parquet as pq
 
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store
 from vsd_analytics.store.layout import Part
 from vsd_analytics.store.part_files import engines_of
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.sealed import sealed_range
 
 LOOK_BACK = timedelta(days=60)

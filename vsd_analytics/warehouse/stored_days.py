@@ -9,9 +9,9 @@ from itertools import pairwise
 
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store
 from vsd_analytics.store.layout import day_folders
 from vsd_analytics.store.seals import FOLDER, Seals
+from vsd_analytics.store.store import Store
 from vsd_analytics.store.stretches import FAR_DAYS, stretches
 
 SPARE_DAYS = 180

@@ -7,12 +7,12 @@ files stay until the next build. The kernel releases the lock when a process die
 from __future__ import annotations
 
 import contextlib
-import fcntl
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
 
-from vsd_analytics.store.durable import folder_lock, is_temporary, make_dirs, remove
+from vsd_analytics.store.durable import is_temporary, make_dirs, remove
+from vsd_analytics.store.file_locks import folder_lock, has_locks
 from vsd_analytics.store.layout import list_parts
 from vsd_analytics.store.published import published_files, sweep_generations
 from vsd_analytics.warehouse.sealed import SealedRange
@@ -25,7 +25,7 @@ def reading(root: Path) -> Iterator[None]:
     """Hold the lock against removal of fact files below `root`. A read-only disk needs none: nobody can remove any."""
     with contextlib.suppress(OSError):
         make_dirs(root)
-    with folder_lock(root, fcntl.LOCK_SH) if root.is_dir() else contextlib.nullcontext():
+    with folder_lock(root, is_shared=True) if root.is_dir() else contextlib.nullcontext():
         yield
 
 
@@ -68,7 +68,7 @@ def temporaries(root: Path) -> list[Path]:
 
 
 def clear(root: Path, paths: Sequence[Path], *, has_published: bool = False) -> bool:
-    """Remove superseded files unless somebody reads facts; return whether they were removed.
+    """Remove superseded files unless somebody may read facts; return whether they were removed.
 
     Args:
         root: The folder `facts`.
@@ -77,8 +77,10 @@ def clear(root: Path, paths: Sequence[Path], *, has_published: bool = False) -> 
     """
     if not paths and not has_published:
         return True
+    if not has_locks():
+        return False
     try:
-        with folder_lock(root, fcntl.LOCK_EX | fcntl.LOCK_NB):
+        with folder_lock(root, is_waiting=False):
             published = published_files(root.parent) if paths else frozenset()
             going = [path for path in paths if path.relative_to(root.parent) not in published]
             for path in going:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vsd_analytics.schema import TABLES, TableName
-from vsd_analytics.store import Store
 from vsd_analytics.store.layout import Part, unit_folder
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, text_hash
 
 

@@ -10,11 +10,12 @@ from typing import Any
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store, removal
+from vsd_analytics.store import removal
 from vsd_analytics.store.durable import file_digest
 from vsd_analytics.store.layout import Part, date_of_hour, list_parts
 from vsd_analytics.store.seals import DAYS as TOGETHER
 from vsd_analytics.store.seals import FOLDER, Seals
+from vsd_analytics.store.store import Store
 from vsd_analytics.store.verify_files import (
     Check,
     StoreFault,

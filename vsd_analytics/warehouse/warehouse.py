@@ -18,8 +18,9 @@ from vsd_analytics.errors import SqlError, StoreError
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site.instants import parse_range
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store, removal
+from vsd_analytics.store import removal
 from vsd_analytics.store.duck import connect
+from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import superseded
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.build_result import BuildResult

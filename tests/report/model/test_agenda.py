@@ -16,8 +16,8 @@ from report import model_classes as m
 from report import sample_sections as weeks
 
 from vsd_analytics.cli import cli
-from vsd_analytics.config import load_site
 from vsd_analytics.config.asked_questions import read_asked
+from vsd_analytics.config.project import load_site
 from vsd_analytics.figures.week.floor_maps import _heaviest_patch, _spots
 from vsd_analytics.report.pages.spot_cards import cards
 from vsd_analytics.report.pages.week import render_html
@@ -138,7 +138,7 @@ def test_the_number_of_an_area_is_at_its_heaviest_patch_and_not_where_a_neighbou
     queue = SimpleNamespace(area_id="queue", name="Queue", polygon=((0, 0), (9, 0), (9, 9), (0, 9)))
     data: Any = SimpleNamespace(areas=[queue], site=SimpleNamespace(settings=settings))
     grid: Any = SimpleNamespace(axes=lambda: (np.arange(9) + 0.5, np.arange(9) + 0.5))
-    row: Any = SimpleNamespace(area_id="queue", name="Queue", often=SimpleNamespace(value=3.0))
+    row: Any = SimpleNamespace(area_id="queue", name="Queue", violation_rate=SimpleNamespace(value=3.0))
     (spot,) = _spots(data, grid, own, [row])
     assert (spot.at, spot.peak) == ((2.5, 2.5), 2.0)
 

@@ -15,8 +15,7 @@ from report import sample_cards as cards
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.report.pages.mail import as_bytes
-from vsd_analytics.report.pages.today import make_today_page, today_html, today_mail
-from vsd_analytics.report.words.today import TodayWords, today_words
+from vsd_analytics.report.pages.today import TodayWords, make_today_page, today_html, today_mail, today_words
 from vsd_analytics.site.model import LANGUAGES
 from vsd_analytics.wording.languages import speaking
 
@@ -91,8 +90,9 @@ def test_a_day_with_a_small_hour_is_given_in_round_numbers_so_that_the_hour_cann
 
 
 def test_a_number_that_makes_up_for_a_camera_is_called_an_estimate() -> None:
-    said = today_words(cards.card(yesterday=cards.level(cards.FRIDAY, 151.4, is_estimated=True)), cards.site())
-    assert any("estimate" in note for note in said.days[0].notes)
+    said = today_words(cards.card(yesterday=cards.level(cards.FRIDAY, 140.0, estimate=151.4)), cards.site())
+    assert said.days[0].value == "140"
+    assert "For all cameras, in the hours recorded enough: about 151." in said.days[0].notes
 
 
 def test_what_to_expect_names_the_fullest_hour_that_is_not_over() -> None:

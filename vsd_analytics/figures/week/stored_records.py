@@ -9,9 +9,9 @@ from datetime import date, timedelta
 from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.figures.week.model_estimate import optional as _o
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import Store
 from vsd_analytics.store.layout import date_of_hour
 from vsd_analytics.store.seals import FOLDER, Seals
+from vsd_analytics.store.store import Store
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

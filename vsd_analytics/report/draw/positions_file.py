@@ -23,7 +23,7 @@ from vsd_analytics.geometry.scale_bar import nice_metres
 from vsd_analytics.report.draw.svg import ACCENT, FIXTURE, FIXTURE_EDGE, INK, MORE, MUTED, RULE, WHITE, el
 
 if TYPE_CHECKING:
-    from vsd_analytics.ingest.sample import Sample
+    from vsd_analytics.ingest.checks.sample import Sample
     from vsd_analytics.site.model import Camera, Floor, Site
 
 WIDTH, HEIGHT_MAX, PAD, HEAD = 900.0, 900.0, 60.0, 70.0

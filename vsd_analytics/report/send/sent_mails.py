@@ -7,7 +7,6 @@ owner may read it, and it never lies among the reports, which may be published.
 from __future__ import annotations
 
 import errno
-import fcntl
 import json
 import os
 from collections.abc import Mapping, Sequence
@@ -18,6 +17,7 @@ from types import TracebackType
 from typing import Final, Literal
 
 from vsd_analytics.errors import MailError, Where, disk_error
+from vsd_analytics.store import file_locks
 
 FILE: Final = "mail.jsonl"
 Step = Literal["begun", "sent", "not sent"]
@@ -53,9 +53,10 @@ class SentLog:
         self._last: dict[Key, tuple[Step, str]] = {}
 
     def __enter__(self) -> SentLog:
+        file_locks.require_locks(self._path)
         self._fd = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
         try:
-            fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            file_locks.take(self._fd, is_waiting=False)
         except OSError:
             os.close(self._fd)
             raise MailError(

@@ -1,0 +1,1 @@
+"""What looks wrong about a source, before any of it is stored."""

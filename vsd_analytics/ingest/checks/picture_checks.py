@@ -1,0 +1,187 @@
+"""Checks of positions in the picture (W226)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceCheck, SourceWarning, always, picture_px
+from vsd_analytics.ingest.checks.sample import Floats, Sample, extent, is_known
+from vsd_analytics.ingest.reading.column_hints import letters, side_named
+from vsd_analytics.ingest.reading.table_head import TableHead
+
+_BOX_SIDES: Final = {"right": "size", "bottom": "size", "width": "corner", "height": "corner"}
+"""Sides of a box, and what the name of their column must not say."""
+
+HALF_SHARE: Final = 0.55
+"""Feet that all lie this near to the upper left corner, in both directions: the engine saw a picture half as large."""
+WIDE_SHARE: Final = 0.8
+CORNER_SHARE: Final = 0.99
+SHARES: Final = 1000
+SQUARES: Final = (320, 416, 512, 640, SHARES)
+PICTURE_MIN_PX, PICTURE_MAX_PX = 100, 5_120
+
+
+def _names_centre(name: str) -> bool:
+    return "cent" in name.lower() or letters(name.rpartition(".")[2]) in ("cx", "cy", "xc", "yc")
+
+
+def _square_side(places: Floats) -> int | None:
+    """Return the side of the square that places fill to 85 % or more in one direction, of those that detectors use."""
+    found = next((side for side in SQUARES if 0.85 * side <= float(places.max()) <= side), None)
+    is_whole = bool((places * 2 % 1 == 0).all())  # the middle of two whole sides
+    return found if found != SHARES or is_whole else None
+
+
+def _pixels(case: Case) -> Iterator[SourceWarning]:
+    places = case.sample.picture_px[is_known(case.sample.picture_px)]
+    if len(places) < 3 or case.sample.has_floor:
+        return
+    if case.head is not None:
+        yield from _columns(case.head)
+        yield from _boxes(case.head, places)
+    yield from _scale(case, *places.T)
+
+
+def _columns(head: TableHead) -> Iterator[SourceWarning]:
+    """Yield warnings whether columns hold feet, or the corners of boxes, by their names."""
+    names = head.plan.names
+    centre = [theirs for ours, theirs in names.items() if ours in ("left", "top") and "cent" in theirs.lower()]
+    if centre:
+        what = f"a box's corner is read from {centre[0][:80]!r}, which names its centre"
+        fix = "--map center_x=...,center_y=...,width=...,height=..."
+        yield SourceWarning(what, "foot points would be half a box away", fix, is_sure=True)
+    if "u_px" in names and len([n for n in head.ignored if side_named(n) == "size"]) >= 2:
+        yield SourceWarning(
+            f"{names['u_px'][:80]!r} is read as a point, and the file has the size of a box beside it",
+            "people's places are where their feet are: the lower edge of the box, and not its corner or centre",
+            f"--map left={names['u_px']},top={names['v_px']},width=...,height=..., or center_x=... and center_y=...",
+            is_sure=True,
+        )
+    elif "u_px" in names and (centre := [n for n in (names["u_px"], names["v_px"]) if _names_centre(n)]):
+        yield SourceWarning(
+            f"u_px, v_px are read from {centre[0][:80]!r}, which names the centre of a box",
+            "people's places are where their feet are: half a box further down",
+            "export the lower edge of boxes, or their width and height: --map center_x=...,center_y=...,width=...,...",
+        )
+    if letters(corner := names.get("left", "")).endswith("xywh"):
+        yield SourceWarning(
+            f"{corner[:80]!r} is read as the corner of a box: some programs write its centre under this name",
+            "people's places would be half a box to the right and further down",
+            "--map center_x=...,center_y=...,width=...,height=... if it is the centre, as ultralytics has it",
+            is_note=True,
+        )
+
+
+def _boxes(head: TableHead, places: Floats) -> Iterator[SourceWarning]:
+    """Yield warnings whether the sides of boxes are the ones they are read as."""
+    if head.n_wide > WIDE_SHARE * head.n_boxes > 0:
+        yield SourceWarning(
+            f"{head.n_wide:,} of {head.n_boxes:,} boxes are clearly wider than high",
+            "people who stand are higher than wide: the axes, or sides and sizes, may be exchanged",
+            "map each side to the column that holds it: --map left=...,top=...,right=...,bottom=...",
+        )
+    if head.n_slim > 0.5 * head.n_boxes > 0 and (side := _square_side(places)) is not None:
+        yield SourceWarning(
+            f"no position is beyond {side:,}, and {head.n_slim:,} of {head.n_boxes:,} boxes are too slim",
+            f"pictures that were stretched to a square of {side:,} pixels, or shares of {side:,}, look like this",
+            f"divide by {side:,}, and read them with --size WIDTHxHEIGHT, if they are",
+        )
+    if head.n_like_corners > max(5 * ROWS_MIN, CORNER_SHARE * head.n_boxes):
+        yield SourceWarning(
+            f"the width and height of {head.n_like_corners:,} of {head.n_boxes:,} boxes are larger than "
+            "their left and top sides",
+            "hardly anybody is so near to the upper left corner: they seem to be the far corner of the box",
+            "--map left=...,top=...,right=...,bottom=... if they are",
+        )
+    names = head.plan.names.items()
+    wrong = [theirs for ours, theirs in names if side_named(theirs) == _BOX_SIDES.get(ours, "")]
+    if wrong:
+        is_size = side_named(wrong[0]) == "size"
+        what = f"{wrong[0][:80]!r} names the {'size' if is_size else 'far corner'} of a box, and is read as the other"
+        fix = "--map left=...,top=...," + ("width=...,height=..." if is_size else "right=...,bottom=...")
+        yield SourceWarning(what, "foot points would be elsewhere in the picture", fix, is_sure=True)
+    if head.n_upside_down > 0.5 * head.n_boxes:
+        what = f"the bottom of {head.n_upside_down:,} of {head.n_boxes:,} boxes is above their top"
+        why = "y seems to point up, or top and bottom are exchanged; pixels are counted from the upper edge down"
+        yield SourceWarning(
+            what, why, "export y from the upper edge, or map top and bottom the other way", is_sure=True
+        )
+
+
+def _scale(case: Case, u: Floats, v: Floats) -> Iterator[SourceWarning]:
+    """Yield warnings whether positions are pixels, and of a picture of this size."""
+    size = case.options.size_px or picture_px(case)
+    if (shares := _shares(u, v, size)) is not None:
+        yield shares
+    elif size is None:
+        yield from _size_unknown(u, v)
+    elif len(u) >= ROWS_MIN:
+        yield from _size_known(case.sample, u, v, size)
+
+
+def _shares(u: Floats, v: Floats, size_px: tuple[int, int] | None) -> SourceWarning | None:
+    """Return the warning about positions that all are shares of the picture."""
+    if ((u >= -0.1) & (u <= 1.1) & (v >= -0.1) & (v <= 1.1)).all():
+        shown = "1280x720" if size_px is None else f"{size_px[0]}x{size_px[1]}"
+        return SourceWarning(
+            "all positions are between 0 and 1: shares of the picture, not pixels",
+            "everybody would stand on one pixel",
+            f"--size {shown} (width and height of the picture) converts them",
+            is_sure=True,
+        )
+    if ((np.abs(u) <= 1.1) & (np.abs(v) <= 1.1)).all():
+        what = "all positions are between -1 and 1: shares of the picture from its middle, not pixels"
+        fix = "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT: (1 + x) / 2 and (1 - y) / 2"
+        return SourceWarning(what, "everybody would stand on one pixel", fix, is_sure=True)
+    return None
+
+
+def _size_unknown(u: Floats, v: Floats) -> Iterator[SourceWarning]:
+    if len(u) >= ROWS_MIN and max(np.quantile(u, 0.9), np.quantile(v, 0.9)) > PICTURE_MAX_PX:
+        what = f"positions reach to u {u.max():,.0f}, v {v.max():,.0f}"
+        why = f"hardly any camera has more than {PICTURE_MAX_PX:,} pixels: engines count to 8191 or 10000 like this"
+        yield SourceWarning(what, why, "export pixels, or shares from 0 to 1 with --size WIDTHxHEIGHT")
+    if len(u) >= 5 * ROWS_MIN and max(np.quantile(u, 0.99), np.quantile(v, 0.99)) <= PICTURE_MIN_PX:
+        yield SourceWarning(
+            f"nobody is beyond u {u.max():,.0f}, v {v.max():,.0f}",
+            "hardly any camera has so few pixels: metres, or shares or percents of the picture, look like this",
+            "--map x_m=...,y_m=... if they are metres; --size WIDTHxHEIGHT if they are shares of 1; "
+            "picture_px of the camera in vsd.toml if it has so few pixels",
+        )
+
+
+def _size_known(sample: Sample, u: Floats, v: Floats, size_px: tuple[int, int]) -> Iterator[SourceWarning]:
+    width, height = size_px
+    beyond = float(((u < -0.02 * width) | (u > 1.02 * width) | (v < -0.02 * height) | (v > 1.1 * height)).mean())
+    is_percent = u.max() <= 100 and v.max() <= 100 and min(size_px) >= 300
+    if is_percent and max(u.max(), v.max()) > 20:
+        yield SourceWarning(
+            f"all positions are between 0 and 100, and the picture has {width} x {height} pixels: percents of it?",
+            "everybody would stand in its upper left corner",
+            "export pixels, or shares of 0 to 1 with --size",
+            is_sure=True,
+        )
+        return
+    is_corner = bool(np.quantile(u, 0.99) < 0.05 * width and np.quantile(v, 0.99) < 0.05 * height)
+    if beyond > 0.1 or is_corner:
+        usual = extent(sample.picture_px)
+        assert usual is not None
+        where = f"u {usual[0]:,.0f} to {usual[1]:,.0f}, v {usual[2]:,.0f} to {usual[3]:,.0f}"
+        yield SourceWarning(
+            f"positions do not fit the picture of {width} x {height} pixels: {where}",
+            "the engine's pictures may have another resolution, or the positions another unit",
+            "calibrate with the resolution that the engine works at; --map x_m=...,y_m=... if they are metres",
+            is_sure=beyond > 0.5 or is_corner,
+        )
+    elif len(u) >= 5 * ROWS_MIN and (share := max(u.max() / width, v.max() / height)) <= HALF_SHARE:
+        yield SourceWarning(
+            f"everybody would be in the upper left {share:.0%} of the picture of {width} x {height} pixels",
+            "positions of a smaller picture look like this, such as one that was scaled down for the detector",
+            "picture_px = [...] of the camera with the size that the engine works at, and a calibration for it",
+        )
+
+
+PICTURE_CHECKS: Final = (SourceCheck("W226", always, _pixels, "positions in the picture that are no pixels of it"),)

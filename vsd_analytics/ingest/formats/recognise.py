@@ -1,0 +1,188 @@
+"""Which adapter reads a source, and what a file is that none can read, with how to turn it into one that can."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from vsd_analytics.errors import InputError, Where
+from vsd_analytics.ingest.formats.adapters import adapter, formats
+from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, Source, empty, not_a_file
+
+
+def find_adapter(source: Source, options: IngestOptions) -> Adapter:
+    """Return the adapter the user named, or the first that recognises the source.
+
+    Raises:
+        InputError: E201 no such file, E202 empty file, E204 no format recognises it, E205 damaged from its first line.
+    """
+    where = Where(source.name)
+    if not source.path.exists():
+        raise InputError(
+            f"there is no file {source.name}",
+            code="E201",
+            where=where,
+            why="that path is neither a file nor a folder",
+            fix="check the path and the spelling",
+        )
+    if not (source.path.is_file() or source.path.is_dir()):
+        raise not_a_file(source)
+    if source.size_bytes == 0:
+        raise empty(source)
+    if options.format is not None:
+        return adapter(options.format)
+    if options.columns is not None:
+        return adapter("table")
+    if options.persons is not None:
+        return adapter("json")
+    for name in formats():
+        candidate = adapter(name)
+        if candidate.detects(source):
+            return candidate
+    if source.path.is_file() and not source.head(1):
+        raise empty(source)
+    if options.map and source.path.is_file():
+        return adapter("table")
+    raise not_recognised(source, formats())
+
+
+_CSV: Final = "export the table as CSV or Parquet"
+_UNPACK: Final = "unpack it, and name the files inside; gzip, bzip2, zstd, zip and tar are read as they are"
+_UTF_8: Final = "save it as CSV UTF-8, or: iconv -f UTF-16 -t UTF-8 FILE > utf8.csv"
+_KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
+    (b"\xd0\xcf\x11\xe0", "an Excel workbook of before 2007 (xls)", "save it as xlsx or CSV UTF-8"),
+    (
+        b"FEA1",
+        "a Feather file of version 1",
+        "write it again with pyarrow.feather.write_feather, or as Parquet",
+    ),
+    (
+        b"SQLite format 3",
+        "a SQLite database",
+        'export the table: sqlite3 -header -csv FILE "select * from TABLE" > a.csv',
+    ),
+    (b"%PDF", "a PDF", "export the table as CSV"),
+    (b"\xfd7zXZ", "compressed with xz", "unpack it: unxz FILE; gzip, bzip2 and zstd are read as they are"),
+    (b"7z\xbc\xaf", "a 7z archive", _UNPACK),
+    (b"Rar!", "a RAR archive", _UNPACK),
+    (b"\x04\x22\x4d\x18", "compressed with lz4", "unpack it: lz4 -d FILE; gzip, bzip2 and zstd are read as they are"),
+    (b"\x89HDF", "an HDF5 file", _CSV),
+    (b"\x93NUMPY", "a NumPy array", _CSV),
+    (b"\x80\x04", "a Python pickle", _CSV),
+    (b"\x80\x05", "a Python pickle", _CSV),
+    (b"\x80\x02", "a Python pickle", _CSV),
+    (b"<stata_dta", "a Stata file", _CSV),
+    (b"$FL2", "an SPSS file", _CSV),
+    (b"\xd4\xc3\xb2\xa1", "a recording of network packets", "write the messages in it as JSON lines"),
+    (b"\x89MCAP", "a recording of a robot (MCAP)", "export the topic of positions as CSV, or as JSON lines"),
+    (b"\0\1\0\0Standard ", "an Access database", _CSV),
+    (b"version https://git-lfs", "a pointer of Git LFS, and not the file itself", "git lfs pull"),
+    (b"MATLAB", "a MATLAB file", _CSV),
+    (b"ORC", "an ORC file", "write it as Parquet"),
+    (b"Obj\x01", "an Avro file", "write it as Parquet"),
+    (b"\xff\xff\xff\xff", "a stream of Arrow", "write it as an Arrow file, Feather or Parquet"),
+    (b"\xff\xfe", "text in UTF-16", _UTF_8),
+    (b"\xfe\xff", "text in UTF-16", _UTF_8),
+    (b"#ROSBAG", "a ROS bag", "export the topic of positions as CSV, or as JSON lines"),
+    (b"\x89PNG", "a picture", "name the file with the positions"),
+    (b"\xff\xd8\xff", "a picture", "name the file with the positions"),
+    (b"{\\rtf", "a text document (RTF)", "save it as plain text, or as CSV UTF-8"),
+)
+"""First bytes, what such a file is, and what to do."""
+_TRACKED: Final = re.compile(rb"\d+(?:\.0+)?,-?\d+(?:\.0+)?(?:,-?\d+(?:\.\d+)?(?:e[+-]\d+)?){5,8}")
+_SQL: Final = re.compile(rb"(?m)^(?:INSERT INTO|COPY|CREATE TABLE)\s+[\w.`\"\[]")
+_SPREADSHEET: Final = b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet"
+
+
+def kind_of_no_table(source: Source) -> tuple[str, str] | None:
+    """Return what a file is that nothing here reads, and what to do about it; None when its first bytes do not say."""
+    head = source.head(128) if source.path.is_file() else b""
+    if head[4:8] == b"ftyp":
+        return "a film", "name the file that the engine wrote about it"
+    if head.lstrip().lower().startswith((b"<!doctype html", b"<html", b"<table")):
+        return "a web page (HTML)", "open it in a spreadsheet, and save it as xlsx or CSV UTF-8"
+    if head[:1] == b"\0" and head[2:3] == b"\0" and head[1:2].isalnum():
+        return "text in UTF-16", _UTF_8
+    if b"\r" in head and b"\n" not in source.head(4096) and source.head(4096).count(b"\r") > 2:
+        return "text whose lines end with CR alone", "tr '\\r' '\\n' < FILE > lines.csv"
+    if _SPREADSHEET in head:
+        return "an OpenDocument spreadsheet (ods)", "save it as xlsx or CSV UTF-8"
+    return next(((what, fix) for start, what, fix in _KINDS if head.startswith(start)), None)
+
+
+def _likely_kind(source: Source) -> tuple[str, str] | None:
+    """Return what a file seems to be that no format recognises, and what to do about it."""
+    head = source.head(8192) if source.path.is_file() else b""
+    if head.startswith((b"+--", "┌─".encode())):
+        return "a table drawn with lines", "let the database write CSV: mysql -B, sqlite3 -csv, psql --csv, duckdb -csv"
+    if _SQL.search(head) is not None:
+        return "a dump of a database (SQL)", "load it into that database, and export the table as CSV"
+    if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        return "XML of a kind that is not known", f"{_CSV}, with time, id, and metres or a box in pixels"
+    if head[8:12] == b"DUCK":
+        return "a DuckDB database", 'export the table: duckdb -csv FILE "select * from TABLE" > a.csv'
+    return ("binary data of a kind that is not known", _CSV) if b"\0" in head else None
+
+
+def not_recognised(source: Source, formats: Sequence[str]) -> InputError:
+    """Return the error of a source of which no format takes itself to be: E204, with what it is or how to read it."""
+    where = Where(source.name)
+    known = kind_of_no_table(source)
+    if known is not None:
+        return InputError(f"{source.file_name} is {known[0]}, no table", code="E204", where=where, fix=known[1])
+    what = f"the format of {source.file_name} is not recognised"
+    likely = _likely_kind(source)
+    if likely is not None:
+        return InputError(what, code="E204", where=where, why=f"it seems to be {likely[0]}", fix=likely[1])
+    return InputError(
+        what,
+        code="E204",
+        where=where,
+        why="it is neither VSD frame messages, nor a table with known column names, nor the output of a known engine",
+        fix=_json_fix(source)
+        or _numbers_fix(source)
+        or f"name it: --format {' | '.join(formats)}; headerless tables need --columns; or write an adapter: "
+        "docs/plugins.md",
+    )
+
+
+def _numbers_fix(source: Source) -> str | None:
+    """Return how to read lines of numbers such as trackers write: frame, id, left, top, width, height and more."""
+    first = source.head(4096).partition(b"\n")[0].strip() if source.path.is_file() else b""
+    if _TRACKED.fullmatch(first) is None:
+        return None
+    return (
+        "frame, id, left, top, width, height, as trackers write them: --format motchallenge --camera ID --fps 25 "
+        "--start INSTANT; other numbers: --columns with our names in their order"
+    )
+
+
+def _json_fix(source: Source) -> str | None:
+    from vsd_analytics.ingest.reading.json_guess import guessed_mapping, paths_of
+    from vsd_analytics.ingest.reading.json_messages import json_head
+
+    head = json_head(source)
+    if not head:
+        return None
+
+    one_a_line = f"jq -c '.{{}}[]' {source.file_name} > lines.jsonl"
+    if b'"FeatureCollection"' in head:
+        places = "x_m=geometry.coordinates.0,y_m=geometry.coordinates.1"
+        return (
+            f"one feature a line: {one_a_line.format('features')}; then, if its coordinates are metres of the floor: "
+            f"--format json --map ts=properties.TIME,track_id=properties.ID,{places}"
+        )
+    mapping = guessed_mapping(source)
+    if mapping is not None:
+        return f"say where its values are, probably: {mapping}"
+    frames = re.search(rb'"([A-Za-z_][\w-]*)"\s*:\s*\[\s*\{', head)
+    if frames is not None:
+        return f"one message a line: {one_a_line.format(frames[1].decode())}; then vsd check again"
+    paths = paths_of(source)
+    if paths is None:
+        return None
+    return (
+        "say where its values are: --persons LIST --map ts=PATH,track_id=PATH,x_m=PATH,y_m=PATH (numbers are places in "
+        f"lists); the first message has {paths}; lists beside each other, and times as keys, are not read"
+    )

@@ -1,0 +1,1 @@
+"""From records to the store: imports, quarantine, pseudonyms, refused times."""

@@ -1,0 +1,439 @@
+"""From files to the store: find the adapter, normalise, quarantine, append, fold."""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from datetime import UTC, datetime
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from vsd_analytics.config.reading_rules import reading_rule_of
+from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
+from vsd_analytics.ingest.checks.check_case import Case
+from vsd_analytics.ingest.checks.late_look import LateLook
+from vsd_analytics.ingest.checks.sample import SAMPLE_ROWS, sample_of
+from vsd_analytics.ingest.checks.understanding import SourceProfile, refused, table_head, understand
+from vsd_analytics.ingest.formats.recognise import find_adapter
+from vsd_analytics.ingest.intake.import_identity import (
+    content_id,
+    content_of,
+    import_id,
+    known_shapes,
+    note_shape,
+    reading_id,
+    warning_of_earlier_reading,
+)
+from vsd_analytics.ingest.intake.normalise import Normaliser
+from vsd_analytics.ingest.intake.pseudonyms import keys_of
+from vsd_analytics.ingest.intake.quarantine_writer import Quarantine, SourceReading
+from vsd_analytics.ingest.intake.rule_camera import with_named_camera
+from vsd_analytics.ingest.intake.stored_places import note_of_other_places
+from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
+from vsd_analytics.ingest.reading.column_hints import differing_cameras
+from vsd_analytics.ingest.reading.limits import within_bounds
+from vsd_analytics.ingest.reading.raw import n_rows, without_zones
+from vsd_analytics.ingest.reading.table_rows import LEFT_OUT
+from vsd_analytics.schema import TABLES, TableName
+from vsd_analytics.site.model import ReadingRule, Site
+from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
+from vsd_analytics.store.layout import HOUR_MS
+from vsd_analytics.store.store import FoldResult, Store
+from vsd_analytics.store.stretches import FAR_OFF_FIX, day_range, far_off
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+ENGINE_MAX_CHARS = 200
+_NOTHING_SAID = IngestOptions()
+
+OF_PROFILE = {f.name for f in fields(IngestOptions)} & {f.name for f in fields(ReadingRule)} - {
+    "map",
+    "camera_from_name",
+}
+"""Options that a `[[source]]` states; beside them its `map`."""
+
+
+@dataclass
+class SourceResult:
+    """The result of one source.
+
+    Attributes:
+        source: Name as given.
+        format: Adapter that read it.
+        n_records: Records acknowledged, by table.
+        n_rejected: Records put into quarantine, by reason.
+        examples: One rejected record per reason.
+        n_dropped: Records left out on purpose, by reason.
+        notes: Things the user should know.
+        error: Why the rest of the source could not be read, if so.
+        first_ms, last_ms: Instants of the first and last record (UTC milliseconds), None without records.
+        days: Records by UTC day number.
+        card: What was understood of it; None when nothing could be read.
+        is_new_shape: Whether the project has imported no file with such columns before.
+        import_id: Its id in the list of imports; "" for a dry run, or when nothing was read.
+        mapping: `persons` and `map` that it was read by.
+    """
+
+    source: str
+    format: str
+    n_records: Counter[TableName] = field(default_factory=Counter)
+    n_rejected: Mapping[str, int] = field(default_factory=dict)
+    examples: Mapping[str, Rejected] = field(default_factory=dict)
+    n_dropped: Counter[str] = field(default_factory=Counter)
+    notes: list[str] = field(default_factory=list)
+    error: VsdError | None = None
+    first_ms: int | None = None
+    last_ms: int | None = None
+    days: Counter[int] = field(default_factory=Counter)
+    card: SourceProfile | None = None
+    is_new_shape: bool = False
+    import_id: str = ""
+    mapping: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class IngestResult:
+    """What an ingest did.
+
+    Attributes:
+        sources: One entry per source.
+        fold: What the store gained; empty for a dry run and without folding.
+        counted: For a dry run, what an empty store would have gained.
+    """
+
+    sources: Sequence[SourceResult]
+    fold: FoldResult
+    counted: FoldResult = field(default_factory=FoldResult)
+
+    @property
+    def n_rejected(self) -> int:
+        """Return the number of records put into quarantine, including those whose hour was sealed meanwhile."""
+        return sum(sum(s.n_rejected.values()) for s in self.sources) + self.fold.n_sealed
+
+
+def ingest(
+    site: Site,
+    paths: Sequence[Path],
+    options: IngestOptions,
+    *,
+    now: datetime,
+    is_dry_run: bool = False,
+    is_folding: bool = True,
+    store: Store | None = None,
+    on_bytes: Callable[[int], None] | None = None,
+    on_rows: Callable[[int], None] | None = None,
+    on_source: Callable[[SourceResult], None] | None = None,
+    on_card: Callable[[SourceResult], None] | None = None,
+    shown: Mapping[Path, str] | None = None,
+) -> IngestResult:
+    """Read engine output into the store of a project.
+
+    Args:
+        site: The site the files belong to.
+        paths: Files, archives or folders.
+        options: What the user says about them.
+        now: The clock: later records are quarantined.
+        is_dry_run: Read and check everything, write nothing.
+        is_folding: Fold at the end; False leaves the acknowledged records in the spool.
+        store: Where records are appended; None = the project's store.
+        on_bytes: Called with the number of bytes read since the last call.
+        on_rows: Called with the number of records put into the store since the last call.
+        on_source: Called when a source is done.
+        on_card: Called when a source's card is known, before any of it is stored.
+        shown: What messages call a path, where it is a copy of something else.
+
+    Returns:
+        The result of each source, and what the store gained. A source that cannot be read to its end has its error in
+        its result; the others are ingested all the same. So has one that is almost surely understood wrongly (E211),
+        unless `options.is_sure`: nothing of it is stored.
+
+    Raises:
+        UsageError: E101, `options.camera` is no camera of the site.
+        StoreError: E302, the store is damaged; what was read stays acknowledged.
+        DiskError: E304 to E306, the disk refused; what was acknowledged before stays.
+    """
+    with_site(site, options)  # a mistake in the options is one of all files
+    store = store or Store(site.acknowledged, site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
+    keys = None if is_dry_run else keys_of(site)
+    normaliser = Normaliser(site, now=now, keys=keys)
+    sources = [Source(path, settings=site.settings, shown=(shown or {}).get(path)) for path in paths]
+    earlier = (line.source for line in imports_of(site.root / "store").values() if not line.is_taken_back)
+    differing = differing_cameras([*(source.name for source in sources), *earlier])
+    results = []
+    days = store.days()
+    run = next_run(site.root / "store")
+    with _counting(site) if is_dry_run else contextlib.nullcontext(store) as target:
+        for source in sources:
+            try:
+                read = options_for(site, source, options)
+            except InputError as error:
+                result = SourceResult(source.name, options.format or "", error=error)
+            else:
+                result = _Ingest(
+                    site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run, differing
+                ).run()
+            days |= result.days.keys()
+            result.notes += _far_off(result.days, among=days)
+            results.append(result)
+            if on_source is not None:
+                on_source(result)
+        fold = target.fold(on_rows=on_rows) if is_folding or is_dry_run else FoldResult()
+    return IngestResult(results, FoldResult(), fold) if is_dry_run else IngestResult(results, fold)
+
+
+@contextlib.contextmanager
+def _counting(site: Site) -> Iterator[Store]:
+    """Yield an empty store outside the project, which counts what a fold would leave out."""
+    with tempfile.TemporaryDirectory(prefix="vsd-check-") as folder:
+        yield Store(Path(folder) / "store", site_id=site.site_id)
+
+
+@dataclass(frozen=True, slots=True)
+class _Ingest:
+    """The ingest of one source; for the attributes see `ingest`."""
+
+    site: Site
+    source: Source
+    options: IngestOptions
+    normaliser: Normaliser
+    store: Store
+    now: datetime
+    is_dry_run: bool
+    on_bytes: Callable[[int], None] | None
+    on_card: Callable[[SourceResult], None] | None
+    run_number: int
+    differing_cameras: frozenset[str]
+    late: LateLook = field(default_factory=LateLook)
+
+    def run(self) -> SourceResult:
+        """Read the source, look at its head, and store it."""
+        options = self.options
+        read_by = {"persons": options.persons, "map": options.map}
+        result = SourceResult(self.source.name, options.format or "", mapping=read_by)
+        folder = None if self.is_dry_run else self.site.root / "quarantine"
+        quarantine = Quarantine(folder, source=self.source.name, at=self.now)
+        try:
+            import_id = ""
+            for batch in self.batches(result):
+                import_id = import_id or self.noted(result)
+                stated = batch if options.zone is None else without_zones(batch)
+                clean = self.normaliser.normalise(stated, n_whole=quarantine.room)
+                engines = batch.engines or ([options.engine] if options.engine else [])
+                reading = SourceReading(result.format, options, batch.first_line, engines, import_id)
+                quarantine.add(clean.rejected, reading=reading)
+                result.n_dropped.update(clean.n_dropped)
+                result.notes += [n for n in batch.notes if n not in result.notes]
+                for name in reversed(TABLES):  # a frame is stored after the persons it counts
+                    rows = clean.tables.get(name)
+                    if rows is None or not rows.num_rows:
+                        continue
+                    if name == "observations" and not result.n_records[name] and not self.is_dry_run:
+                        note = note_of_other_places(self.site, rows)
+                        result.notes += [note] if note is not None else []
+                    self.store.append(name, rows, engines=engines, import_id=import_id)
+                    result.n_records[name] += rows.num_rows
+                    _note_times(result, rows["ts"])
+            if not result.n_records and not quarantine.counts and not result.notes:
+                result.notes.append(f"W212: no record was found in it{_left_out(result)}")
+            if result.is_new_shape and result.card is not None and result.n_records and not self.is_dry_run:
+                note_shape(self.site.root, result.card.shape)
+        except DiskError:
+            raise
+        except VsdError as error:
+            result.error = error
+        quarantine.close()
+        result.n_rejected, result.examples = dict(quarantine.counts), quarantine.examples
+        return result
+
+    def noted(self, result: SourceResult) -> str:
+        """Note the source in the list of imports, before anything of it is stored, and return its id; "" = dry run."""
+        if self.is_dry_run:
+            return ""
+        content = content_of(self.source.path)
+        found = import_id(self.site, self.options, content, kind=result.format)
+        line = ImportLine(
+            id=found,
+            at=self.now.astimezone(UTC),
+            run=self.run_number,
+            source=self.source.name.encode("utf-8", "backslashreplace").decode(),
+            format=result.format,
+            content=content_id(content),
+            reading=reading_id(self.options, kind=result.format),
+            sketch="" if result.card is None else result.card.sketch,
+        )
+        for folder in dict.fromkeys((self.site.root / "store", self.site.acknowledged)):
+            note_import(folder, line)
+        result.import_id = found
+        return found
+
+    def batches(self, result: SourceResult) -> Iterator[RawBatch]:
+        """Read the source with its adapter, but nothing of it where its head is almost surely understood wrongly.
+
+        A file the system cannot open is an error of this source alone.
+        """
+        try:
+            reader = find_adapter(self.source, self.options)
+            result.format = reader.name
+            batches = self.counting_bytes(within_bounds(self.source, reader.read(self.source, self.options)))
+            head, error = _head(batches)
+            if head:
+                self.understand(result, reader, head)
+            for batch in chain(head, () if error is not None else batches):
+                self.late.add(batch)
+                yield batch
+            result.notes += self.late.notes(import_id=result.import_id)
+            if error is not None:
+                raise error
+        except OSError as error:
+            raise InputError(
+                f"{self.source.file_name} cannot be read: {error.strerror or error}",
+                code="E120",
+                where=Where(self.source.name),
+                fix="check the path and its permissions",
+            ) from None
+
+    def understand(self, result: SourceResult, reader: Adapter, head: Sequence[RawBatch]) -> None:
+        """Make the card of the source, and refuse what is almost surely wrong; `late` compares what follows with it."""
+        sample = sample_of(head, is_whole=sum(n_rows(b.tables.values()) for b in head) < SAMPLE_ROWS)
+        table = table_head(self.source, reader, self.options)
+        case = Case(self.site, self.options, sample, table, self.source.name, self.differing_cameras, self.now)
+        card = understand(case, name=reader.name)
+        again = warning_of_earlier_reading(
+            self.site, self.source, reading_id(self.options, kind=reader.name), card.sketch
+        )
+        card = card if again is None else replace(card, warnings=(*card.warnings, again))
+        result.card = card
+        result.is_new_shape = bool(card.columns) and card.shape not in known_shapes(self.site.root)
+        if self.on_card is not None:
+            self.on_card(result)
+        if card.sure_warnings and not self.is_dry_run and not self.options.is_sure:
+            raise refused(self.source, card)
+        self.late.case, self.late.warnings = case, card.warnings
+
+    def counting_bytes(self, batches: Iterator[RawBatch]) -> Iterator[RawBatch]:
+        """Pass on batches, and report how far into the source they reach."""
+        done = 0
+        for batch in batches:
+            yield batch
+            if self.on_bytes is not None and batch.done_bytes > done:
+                self.on_bytes(batch.done_bytes - done)
+                done = batch.done_bytes
+        if self.on_bytes is not None:
+            self.on_bytes(max(0, self.source.size_bytes - done))
+
+
+def _left_out(result: SourceResult) -> str:
+    """Return which values the columns of `--where` have, where it left out every row."""
+    if not result.n_dropped.get(LEFT_OUT) or result.card is None:
+        return ""
+    found = result.card.filtered.items()
+    held = "; ".join(f"{name[:40]!r} holds {', '.join(v[:20] for v in values)}" for name, values in found)
+    return f": --where leaves out all {result.n_dropped[LEFT_OUT]:,} rows; {held}"
+
+
+def _head(batches: Iterator[RawBatch]) -> tuple[list[RawBatch], VsdError | None]:
+    """Return the first batches, of at least `SAMPLE_ROWS` records if there are so many, and what ended them early."""
+    found: list[RawBatch] = []
+    n_found = 0
+    try:
+        for batch in batches:
+            found.append(batch)
+            n_found += n_rows(batch.tables.values())
+            if n_found >= SAMPLE_ROWS:
+                break
+    except VsdError as error:  # the batches before it count
+        return found, error
+    return found, None
+
+
+def options_for(site: Site, source: Source, options: IngestOptions) -> IngestOptions:
+    """Return the options of one source: the user's, then those of its `[[source]]` of vsd.toml, then of the site.
+
+    Raises:
+        UsageError: E101, as `with_site`.
+        InputError: E213, its name should say the camera, and does not.
+    """
+    profile = reading_rule_of(source.name, site.sources)
+    options = with_named_camera(site, source, profile, options)
+    return with_site(site, options) if profile is None else options_of_rule(site, profile, options)
+
+
+def options_of_rule(site: Site, profile: ReadingRule, options: IngestOptions = _NOTHING_SAID) -> IngestOptions:
+    """Return the options of sources of one `[[source]]`; what the user says wins.
+
+    Raises:
+        UsageError: E101, as `with_site`.
+    """
+    stated = {name: getattr(profile, name) for name in OF_PROFILE}
+    missing = {name: value for name, value in stated.items() if getattr(options, name) is None}
+    merged = replace(options, **missing, map={**profile.map, **options.map}, profile=profile.rule_id)
+    return with_site(site, merged)
+
+
+def with_site(site: Site, options: IngestOptions) -> IngestOptions:
+    """Return options completed from vsd.toml: the only camera, clocks, `[ingest]`.
+
+    Raises:
+        UsageError: E101, `options.camera` is no camera of the site, or `options.engine` no name.
+    """
+    known = {name: c for c in site.cameras for name in (c.camera_id, *c.engine_ids)}
+    camera = options.camera
+    is_unsaid = camera is None and options.camera_from_name is None
+    is_only_camera = options.is_only_camera or (is_unsaid and len(site.cameras) == 1)
+    if is_unsaid and len(site.cameras) == 1:
+        camera = site.cameras[0].camera_id
+    elif camera is not None and camera not in known:
+        near = difflib.get_close_matches(camera, known, n=1)
+        raise UsageError(
+            f"--camera {camera!r} is no camera of vsd.toml",
+            why=f"known: {', '.join(list(known)[:20]) or 'none'}",
+            fix=f"--camera {near[0]}" if near else "--camera with one of them, or add a [[camera]] to vsd.toml",
+        )
+    if options.engine is not None and not (
+        0 < len(options.engine) <= ENGINE_MAX_CHARS and options.engine.isprintable()
+    ):
+        raise UsageError(
+            f"--engine must be 1 to {ENGINE_MAX_CHARS} printable characters", fix='--engine "name and version"'
+        )
+    zones = {c.clock for c in ([known[camera]] if camera is not None else site.cameras)}
+    return replace(
+        options,
+        camera=camera,
+        is_only_camera=is_only_camera,
+        site_map={**site.ingest_map, **options.site_map},
+        frame_zone=options.zone or (zones.pop() if len(zones) == 1 else options.frame_zone),
+        clocks={**{name: options.zone or c.clock for name, c in known.items()}, **options.clocks},
+        pictures={name: c.picture_px for name, c in known.items() if c.picture_px is not None},
+        line_max_bytes=int(site.settings.line_max_bytes),
+        persons_max=int(site.settings.persons_max),
+        pairs_max=int(site.settings.pairs_max),
+    )
+
+
+def _note_times(result: SourceResult, ts: pa.ChunkedArray) -> None:
+    import numpy as np
+
+    instants = ts.cast("int64").to_numpy()
+    low, high = int(instants.min()), int(instants.max())
+    result.first_ms = low if result.first_ms is None else min(result.first_ms, low)
+    result.last_ms = high if result.last_ms is None else max(result.last_ms, high)
+    days, counts = np.unique(instants // (24 * HOUR_MS), return_counts=True)
+    result.days.update(dict(zip(days.tolist(), counts.tolist(), strict=True)))
+
+
+def _far_off(days: Mapping[int, int], *, among: Collection[int]) -> list[str]:
+    """Return a warning for each stretch of a source's days that is far from most others, here or stored."""
+    notes = []
+    for stretch in far_off(among):
+        if n := sum(days.get(day, 0) for day in stretch):
+            counted = f"{n:,} record{'' if n == 1 else 's'}"
+            notes.append(
+                f"W213: {counted} of {day_range(stretch)} (UTC), more than a year from the others; {FAR_OFF_FIX}"
+            )
+    return notes

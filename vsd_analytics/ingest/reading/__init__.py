@@ -1,0 +1,1 @@
+"""Bytes to tables: files, archives and messages of any engine as raw columns."""

@@ -1,0 +1,140 @@
+"""Times that are not ISO 8601: year first with slashes, day or month first, AM and PM.
+
+`10/03/2025` is 10 March in Europe and 3 October in the United States. A format is taken from the file alone only where
+its dates leave no doubt; else the user must state it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+import pandas as pd
+
+from vsd_analytics.errors import InputError, UsageError, Where
+from vsd_analytics.ingest.reading.adapter import Source
+from vsd_analytics.ingest.reading.cell_values import trimmed
+from vsd_analytics.ingest.reading.columns import TIME_OF_DAY, ColumnPlan
+from vsd_analytics.ingest.reading.table_file import TableFile
+from vsd_analytics.ingest.reading.table_rows import date_and_time
+
+SAMPLE_ROWS: Final = 50_000
+
+_FIRST: Final = {"d": "day", "m": "month", "y": "year"}
+_CLOCK = (
+    r"(?:(?P<gap>[ T]|, ?)(?P<hour>\d{1,2}):\d{2}(?P<second>:\d{2}(?P<fraction>\.\d{1,9})?)?"
+    r"(?P<half>(?P<half_gap> ?)[AaPp][Mm])?)?"
+)
+_YEAR_FIRST = re.compile(r"\d{4}(?P<sign>[-/.])(\d{1,2})(?P=sign)(\d{1,2})" + _CLOCK)
+_YEAR_LAST = re.compile(r"(?P<one>\d{1,2})(?P<sign>[-/.])(?P<two>\d{1,2})(?P=sign)(?P<year>\d{4}|\d{2})" + _CLOCK)
+_ISO = re.compile(r"\d{4}-\d{2}-\d{2}(?:[ T]\d{2}:\d{2}(?::\d{2}.*)?)?(?<![AaPp][Mm])")
+
+
+def checked_format(text: str) -> str:
+    """Return a format of strptime that the user states.
+
+    Raises:
+        UsageError: E101, it is none, or it has no date.
+    """
+    try:
+        pd.to_datetime(pd.Series(["2025-11-10"]), format=text, errors="coerce")
+    except (ValueError, re.error) as error:
+        raise _bad(text, str(error)) from None
+    if "%" not in text or not any(part in text for part in ("%d", "%j", "%x", "%c", "%s", "%D", "%F")):
+        raise _bad(text, "it has no day")
+    return text
+
+
+def time_format(source: Source, file: TableFile, plan: ColumnPlan, *, stated: str | None) -> str | None:
+    """Return how texts in `ts` are written, in the words of strptime; None = ISO 8601 or numbers.
+
+    Args:
+        source: For messages.
+        file: The table.
+        plan: Its columns.
+        stated: What the user says.
+
+    Raises:
+        InputError: E210, the dates fit two formats.
+    """
+    if stated is not None or "ts" not in plan.theirs or not file.has_text(plan.theirs["ts"]):
+        return stated
+    texts = _times(file, plan)
+    first = next(texts, None)
+    if first is None or _ISO.fullmatch(first) or not (_YEAR_FIRST.fullmatch(first) or _YEAR_LAST.fullmatch(first)):
+        return None
+    found = formats_of([first, *texts])
+    if len(found) < 2:
+        return found[0] if found else None
+    raise InputError(
+        f"the dates of {source.file_name} can be read in two ways, such as {first!r}",
+        code="E210",
+        where=Where(source.name),
+        why=f"no date of the first {SAMPLE_ROWS:,} rows shows whether the day, the month or the year comes first",
+        fix="--time-format " + ", or ".join(f'"{form}" ({_FIRST[form[1]]} first)' for form in found),
+    )
+
+
+def formats_of(texts: Iterable[str]) -> list[str]:
+    """Return the formats that fit all texts: several where day, month and a year of two digits could be any.
+
+    Numbers between dots are day, month, year wherever people write them so.
+    """
+    shapes: set[tuple[str, ...]] = set()
+    is_day_first = is_month_first = is_year_first = True
+    for text in dict.fromkeys(texts):
+        found = _YEAR_FIRST.fullmatch(text)
+        if found is not None:
+            shapes.add((f"%Y{found['sign']}%m{found['sign']}%d", _clock(found)))
+            continue
+        found = _YEAR_LAST.fullmatch(text)
+        if found is None:
+            continue  # a cell that is no time goes to quarantine
+        sign, year = found["sign"], "%Y" if len(found["year"]) == 4 else "%y"
+        shapes.add((f"{{}}{sign}{{}}{sign}{year}", _clock(found)))
+        is_year_first &= len(found["year"]) == 2 and int(found["two"]) <= 12 and 0 < int(found["year"]) <= 31
+        is_day_first &= int(found["two"]) <= 12
+        is_month_first &= int(found["one"]) <= 12 and sign != "."
+    dates = {date for date, _ in shapes}
+    clocks = sorted({clock for _, clock in shapes}, key=len)
+    if len(dates) != 1 or len(clocks) > 2 or (len(clocks) == 2 and clocks[1] != f"{clocks[0]}.%f"):
+        return []
+    date, clock = dates.pop(), clocks[-1]
+    if "{}" not in date:
+        return [date + clock]
+    orders = [o for o, fits in ((("%d", "%m"), is_day_first), (("%m", "%d"), is_month_first)) if fits]
+    found_formats = [date.format(*order) + clock for order in orders]
+    if is_year_first and orders:  # 24/11/25 is a day of 2025, or one of 2024
+        sign = date[2]
+        found_formats.append(f"%y{sign}%m{sign}%d{clock}")
+    return found_formats
+
+
+def _clock(found: re.Match[str]) -> str:
+    if found["hour"] is None:
+        return ""
+    hour, half = ("%H", "") if found["half"] is None else ("%I", f"{found['half_gap']}%p")
+    return f"{found['gap']}{hour}:%M{':%S' if found['second'] else ''}{'.%f' if found['fraction'] else ''}{half}"
+
+
+def _times(file: TableFile, plan: ColumnPlan) -> Iterator[str]:
+    wanted = {ours: i for ours, i in plan.theirs.items() if ours in ("ts", TIME_OF_DAY)}
+    n_rows = 0
+    with file.readable():
+        for chunk in file.chunks(wanted):
+            cells = chunk.columns["ts"]
+            if TIME_OF_DAY in wanted:
+                cells = date_and_time(cells, chunk.columns[TIME_OF_DAY])
+            yield from (text for text in trimmed(cells).to_pylist() if text)
+            n_rows += len(cells)
+            if n_rows >= SAMPLE_ROWS:
+                return
+
+
+def _bad(text: str, why: str) -> UsageError:
+    return UsageError(
+        f"--time-format {text[:80]!r} is no format of a date and time",
+        why=why,
+        fix='--time-format "%d/%m/%Y %H:%M:%S"',
+    )
