@@ -154,7 +154,7 @@ def workplace(folder: Path, root: Path) -> None:
     found = json.loads(done.stdout)
     often = found["places"][0]["split"]["often"]
     print("| workplace, badges | week 1 | week 2 | ratio | likely between | verdict |\n|---|--:|--:|--:|---|---|")
-    rates, bounds = (often["rate_a"], often["rate_b"], often["theta"]), (often["lo"], often["hi"])
+    rates, bounds = (often["rate_a"], often["rate_b"], often["value"]), (often["lo"], often["hi"])
     cells = [*(f"{v:.3g}" for v in rates), " and ".join(f"{v:.2f}" for v in bounds), often["verdict"]]
     print(f"| violations per open hour, {often['n_a']:.0f} and {often['n_b']:.0f} of them | {' | '.join(cells)} |")
     print("| M6, M7 | – | – | – | – | not measurable: badges send no positions, so person-time is unknown |")

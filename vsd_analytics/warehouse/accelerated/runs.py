@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import (
-    NULL,
-    Bools,
-    Columns,
-    Ints,
+from vsd_analytics.warehouse.accelerated.columns import (
     ends_of,
     grouped_by,
     order_by,
@@ -18,8 +14,8 @@ from vsd_analytics.warehouse.arrays.columns import (
     sums,
     take,
 )
-from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import SiteTables, gap_ms
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables, gap_ms
+from vsd_analytics.warehouse.held import NULL, Bools, Columns, Held, Ints
 
 
 def close_records(held: Held, site: SiteTables) -> Columns:
@@ -46,7 +42,7 @@ def close_records(held: Held, site: SiteTables) -> Columns:
         for c in ("x", "y")
     }
     interval = site.days.interval_ms(camera, ts)
-    gap = gap_ms(interval, site.params["episode_gap_ms"])
+    gap = gap_ms(interval, site.params["episode_gap_ms"], site)
     n = len(ts)
     pair_starts = starts_of(camera, a, b)
     is_first, is_last = np.zeros(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)

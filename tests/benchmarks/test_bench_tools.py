@@ -1,18 +1,18 @@
-"""`vsd bench` compares equal answers, and says so when one differs."""
+"""The benchmark compares equal answers, and says so when one differs."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 
+import bench_tools
 import numpy as np
 import pytest
-
-from vsd_analytics.bench import comparison, heatmaps, pair_rates
-from vsd_analytics.bench.comparison import Took
-from vsd_analytics.bench.made_up_site import write_site
-from vsd_analytics.cli import cli
-from vsd_analytics.cli.exit_codes import run
+import tool_comparison as comparison
+import tool_heatmaps as heatmaps
+import tool_pairs as pair_rates
+from made_up_site import write_site
+from tool_comparison import Took
 
 
 def test_facts_and_other_tools_count_the_same_people_and_pairs(tmp_path: Path) -> None:
@@ -41,7 +41,7 @@ def test_another_answer_of_one_tool_is_printed_and_is_exit_code_1(
         return Took(2.0, 4.0 if "tree" in step else 1.0, 100.0, "other" if "tree" in step else "same")
 
     monkeypatch.setattr(comparison, "_run", measured)
-    assert run(cli, ["--quiet", "bench", "--only", "pairs", "--rounds", "3", "--json"]) == 1
+    assert bench_tools.main(["--quiet", "--only", "pairs", "--rounds", "3", "--json"]) == 1
     tables = json.loads(capsys.readouterr().out)
     rows = {row["name"]: row for row in tables["pairs within 2.5 m, 6 people in a frame"]}
     assert rows["scipy, KD-tree"]["is_equal"] is False
@@ -55,8 +55,8 @@ def test_a_step_that_uses_more_memory_than_it_may_is_ended_and_printed_as_such(
     steps = ["raw scan of four columns, DuckDB", "vsd, again"]
     monkeypatch.setattr(comparison, "HEATMAPS", {step: heatmaps.HEATMAPS[step] for step in steps})
     monkeypatch.setattr(comparison, "LOOK_S", 0.01)
-    command = ["--quiet", "bench", "--records", "2000", "--only", "heatmaps", "--rounds", "2", "--in", str(tmp_path)]
-    assert run(cli, [*command, "--memory", "0.1"]) == 0
+    command = ["--quiet", "--records", "2000", "--only", "heatmaps", "--rounds", "2", "--in", str(tmp_path)]
+    assert bench_tools.main([*command, "--memory", "0.1"]) == 0
     printed = capsys.readouterr().out
     assert "| vsd, again | – | – | – | – | – | – | over 102 | |" in printed
     assert list(tmp_path.iterdir()) == []

@@ -1,6 +1,6 @@
 """Random scenes on which facts computed as arrays are compared with their queries; the test does so with a few.
 
-    PYTHONPATH=tests python tests/warehouse/prove_arrays.py 100 [SEED]
+    PYTHONPATH=tests python tests/warehouse/prove_accelerated.py 100 [SEED]
 
 Prints the scenes that differ, and how many rows of each fact were compared. Exits with 1 where any differ.
 """
@@ -11,7 +11,7 @@ import random
 import sys
 from collections import Counter
 
-from warehouse.test_arrays_against_sql import Scene, both
+from warehouse.test_accelerated_against_sql import Scene, both
 
 
 def scene(rng: random.Random) -> Scene:

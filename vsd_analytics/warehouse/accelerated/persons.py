@@ -10,11 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from vsd_analytics.warehouse.arrays.columns import (
-    NULL,
-    Bools,
-    Columns,
-    Ints,
+from vsd_analytics.warehouse.accelerated.columns import (
     counted,
     grouped_by,
     one_alike,
@@ -25,8 +21,8 @@ from vsd_analytics.warehouse.arrays.columns import (
     summed,
     take,
 )
-from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import BucketRuns, SiteTables, bucket_of, numbered
+from vsd_analytics.warehouse.accelerated.site_tables import BucketRuns, SiteTables, bucket_of, numbered
+from vsd_analytics.warehouse.held import NULL, Bools, Columns, Held, Ints
 
 _LAST = 2**62
 _QUARTER_MS = 900_000

@@ -14,13 +14,18 @@ from numpy.typing import NDArray
 
 from vsd_analytics.store.duck import connect
 from vsd_analytics.store.layout import HOUR_MS
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns
 from vsd_analytics.warehouse.dimensions import create_tables
 from vsd_analytics.warehouse.sqlfiles import Relation
 
 if TYPE_CHECKING:
     import duckdb
 
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Columns = dict[str, NDArray[Any]]
+"""A relation as plain arrays of one length. Ids are integers in the order of their names, -1 where unknown."""
+NULL = -(2**62)
+"""An unknown number. Sums of two stay far below every number that is known."""
 ENUMS = {
     **dict.fromkeys(("camera_id", "other_camera_id"), "camera_name"),
     **dict.fromkeys(("track_id", "track_a", "track_b", "other_track_a", "other_track_b"), "track_name"),

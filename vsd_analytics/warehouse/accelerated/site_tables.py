@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.warehouse.arrays.columns import NULL, Bools, Columns, Ints, grouped_by, run_of, starts_of
+from vsd_analytics.warehouse.accelerated.columns import grouped_by, run_of, starts_of
+from vsd_analytics.warehouse.held import NULL, Bools, Columns, Ints
 
 DAY_MS = 86_400_000
 
@@ -137,9 +138,9 @@ class SiteTables:
     days: DayIntervals
 
 
-def gap_ms(interval_ms: Ints, least_ms: int) -> Ints:
-    """Return the longest gap that a run bridges: `least_ms`, at least 2.5 frame intervals."""
-    return np.maximum(least_ms, 5 * interval_ms // 2)
+def gap_ms(interval_ms: Ints, least_ms: int, site: SiteTables) -> Ints:
+    """Return the longest gap that a run bridges: `least_ms`, at least `gap_half_intervals` frame intervals."""
+    return np.maximum(least_ms, int(site.params["gap_half_intervals"]) * interval_ms // 2)
 
 
 def bucket_of(ts_ms: Ints, site: SiteTables) -> Ints:

@@ -4,19 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import (
-    NULL,
-    Columns,
-    ends_of,
-    greatest,
-    grouped_by,
-    order_by,
-    starts_of,
-    sums,
-    take,
-)
-from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import SiteTables
+from vsd_analytics.warehouse.accelerated.columns import ends_of, greatest, grouped_by, order_by, starts_of, sums, take
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
+from vsd_analytics.warehouse.held import NULL, Columns, Held
 
 _QUARTER_MS, _HOUR_MS = 900_000, 3_600_000
 

@@ -4,21 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import (
-    NULL,
-    Columns,
-    Ints,
-    beside,
-    grouped_by,
-    order_by,
-    picked,
-    run_of,
-    starts_of,
-    take,
-)
-from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.located import HOUR_MS, frame_of, frames_in_order
-from vsd_analytics.warehouse.arrays.site_tables import SiteTables
+from vsd_analytics.warehouse.accelerated.columns import beside, grouped_by, order_by, picked, run_of, starts_of, take
+from vsd_analytics.warehouse.accelerated.located import HOUR_MS, frame_of, frames_in_order
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
+from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
 _CROWD = 40
 _ROWS = 32_768

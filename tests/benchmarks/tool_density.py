@@ -7,8 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-
-from vsd_analytics.bench.heatmaps import CELL_MM, files
+from tool_heatmaps import CELL_MM, files
 
 LOW_M, HIGH_M = -1.0, 24.0
 """What one camera of the made-up site sees, with a metre to spare."""

@@ -11,19 +11,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import (
-    NULL,
-    Bools,
-    Columns,
-    Ints,
-    greatest,
-    grouped_by,
-    least,
-    one_of_each,
-    run_of,
-)
-from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import BucketRuns, SiteTables, numbered
+from vsd_analytics.warehouse.accelerated.columns import greatest, grouped_by, least, one_of_each, run_of
+from vsd_analytics.warehouse.accelerated.site_tables import BucketRuns, SiteTables, numbered
+from vsd_analytics.warehouse.held import NULL, Bools, Columns, Held, Ints
 
 _ROOM = 4
 """Numbers a record may take of a table with every cell; where it is more, records are sorted."""

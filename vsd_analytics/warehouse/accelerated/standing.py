@@ -4,20 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import (
-    NULL,
-    Columns,
-    Ints,
-    ends_of,
-    order_by,
-    picked,
-    starts_of,
-    summed,
-    sums,
-    take,
-)
-from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import SiteTables
+from vsd_analytics.warehouse.accelerated.columns import ends_of, order_by, picked, starts_of, summed, sums, take
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
+from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
 _QUARTER_MS, _HOUR_MS = 900_000, 3_600_000
 
@@ -106,7 +95,10 @@ def _ended(located: Columns, starts: Ints, ends: Ints, site: SiteTables) -> tupl
         for b, e in zip(first, last, strict=True)
     ]
     interval = site.days.interval_ms(camera, first_ms // _HOUR_MS * _HOUR_MS)
-    reach = np.maximum(1000, np.minimum(10000, 3 * interval // 2))
+    rules = site.params
+    reach = np.maximum(
+        rules["cut_least_ms"], np.minimum(rules["cut_most_ms"], rules["cut_half_intervals"] * interval // 2)
+    )
     same = np.zeros(n, dtype=np.bool_)
     same[1:] = (camera[1:] == camera[:-1]) & (track[1:] == track[:-1])
     is_new = ~same
@@ -115,8 +107,8 @@ def _ended(located: Columns, starts: Ints, ends: Ints, site: SiteTables) -> tupl
     is_over[:-1] = ~same[1:] | (first_ms[1:] - last_ms[:-1] > reach[:-1])
     end, start = np.flatnonzero(is_placed & is_over), np.flatnonzero(is_placed & is_new)
     start = start[order_by(camera[start], first_ms[start])]
-    low = int(min(first_ms.min(), last_ms.min())) - 20_000 if n else 0
-    span = int(last_ms.max()) - low + 40_000 if n else 1
+    low = int(min(first_ms.min(), last_ms.min())) - 2 * rules["cut_most_ms"] if n else 0
+    span = int(last_ms.max()) - low + 4 * rules["cut_most_ms"] if n else 1
     key, at = camera[start] * np.int64(span) + first_ms[start] - low, camera[end] * np.int64(span) + last_ms[end] - low
     begins = np.searchsorted(key, at - reach[end])
     count = np.searchsorted(key, at + reach[end], side="right") - begins
@@ -126,7 +118,9 @@ def _ended(located: Columns, starts: Ints, ends: Ints, site: SiteTables) -> tupl
     of, other = of[is_else], other[is_else]
     after_ms = first_ms[other] - last_ms[of]
     off = [b[other] - e[of] - v[of] * after_ms for b, e, v in zip(first, last, speed, strict=True)]
-    is_there = off[0] * off[0] + off[1] * off[1] <= np.power(500 + 3 * np.abs(after_ms) / 10, 2)
+    is_there = off[0] * off[0] + off[1] * off[1] <= np.power(
+        rules["cut_place_mm"] + rules["cut_mm_per_s"] * np.abs(after_ms) / 1000, 2
+    )
     n_ends = np.zeros(n, dtype=np.int64)
     n_ends[end] = 1
     goes_on, came_before = (

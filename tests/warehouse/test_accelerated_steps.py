@@ -8,15 +8,16 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from benchmarks.made_up_site import write_site
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from vsd_analytics.bench.made_up_site import write_site
-from vsd_analytics.warehouse.arrays import camera_days, floor_cells, pairs
-from vsd_analytics.warehouse.arrays.columns import counted, one_alike, one_of_each, order_by, summed
-from vsd_analytics.warehouse.arrays.stored import NotedColumns
+from vsd_analytics.warehouse.accelerated import camera_days, floor_cells, pairs
+from vsd_analytics.warehouse.accelerated.columns import counted, one_alike, one_of_each, order_by, summed
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.graphs import least_connected
+from vsd_analytics.warehouse.rules import RULES
+from vsd_analytics.warehouse.stored_records import NotedColumns
 
 
 @pytest.mark.parametrize("n_values", [1, 3, 50])
@@ -55,8 +56,8 @@ def test_the_frame_interval_is_the_median_step(n_frames: int) -> None:
     ts = rng.integers(0, 200_000, n_frames)
     steps = np.diff(np.unique(ts))
     known = np.floor(np.median(steps) + 0.5) if len(steps) else 1000
-    assert camera_days._interval_ms(None, [ts, ts[:2]]) == known
-    assert camera_days._interval_ms(40, [ts]) == 40
+    assert camera_days._interval_ms(None, [ts, ts[:2]], RULES) == known
+    assert camera_days._interval_ms(40, [ts], RULES) == 40
 
 
 @pytest.mark.parametrize("n_values", [1, 2, 30])

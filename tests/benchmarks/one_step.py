@@ -1,4 +1,4 @@
-"""One step of a benchmark in a process of its own: `python -m vsd_analytics.bench.one_step KIND STEP FOLDER N`.
+"""One step of a benchmark in a process of its own: `python tests/benchmarks/one_step.py KIND STEP FOLDER N`.
 
 Libraries are imported and data made before the clock starts. Prints one line of JSON: wall and processor seconds of
 all threads, greatest memory of the process, and a digest of the answer.
@@ -17,7 +17,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from vsd_analytics.bench.heatmaps import HEATMAPS, CountedCells, ours_first, ours_whole
+from tool_heatmaps import HEATMAPS, CountedCells, ours_first, ours_whole
+
 from vsd_analytics.warehouse.input_fingerprint import text_hash
 
 LIBRARIES = {
@@ -46,17 +47,17 @@ def work(kind: str, step: str, folder: Path, n: int) -> Callable[[], Any]:
             shutil.rmtree(folder / "facts", ignore_errors=True)
         return lambda: HEATMAPS[step](folder)
     if kind == "pairs":
-        from vsd_analytics.bench.pair_rates import PAIRS, crowd
+        from tool_pairs import PAIRS, crowd
 
         people = crowd(PERSONS, per_frame=n)
         PAIRS[step](crowd(20 * n, per_frame=n))  # imports, and what a library prepares once
         return lambda: PAIRS[step](people)
     if kind == "writing":
-        from vsd_analytics.bench.writing import WRITERS, records
+        from tool_writing import WRITERS, records
 
         rows = records(n)
         return lambda: WRITERS[step](rows, folder)
-    from vsd_analytics.bench.pedpy_density import camera_hour, counted_map, pedpy_map
+    from tool_density import camera_hour, counted_map, pedpy_map
 
     people = camera_hour(folder)
     count = pedpy_map if step.startswith("PedPy") else counted_map

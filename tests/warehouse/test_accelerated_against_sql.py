@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from unittest.mock import patch
 
 import numpy as np
 import pyarrow as pa
@@ -17,9 +19,11 @@ from warehouse.small_projects import HOUR, T0, Frame, Pair, Person, make_site, p
 
 from vsd_analytics.site.model import Calibration, Camera, Floor, Site
 from vsd_analytics.store import Store
-from vsd_analytics.warehouse.arrays import held
-from vsd_analytics.warehouse.arrays.columns import NULL, beside, grouped_by, order_by, rounded
+from vsd_analytics.warehouse import held
+from vsd_analytics.warehouse.accelerated import switch
+from vsd_analytics.warehouse.accelerated.columns import beside, grouped_by, order_by, rounded
 from vsd_analytics.warehouse.compute import day_facts, hour_facts
+from vsd_analytics.warehouse.held import NULL
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import PartIndex
 
@@ -105,12 +109,12 @@ def records_of(scene: Scene) -> Iterator[Person | Pair | Frame]:
                 yield Pair(at, track, other, int(np.hypot(x - x2, y - y2)), camera, xy, (k, k + 1))
 
 
-def facts_of(site: Site, *, by_queries: bool) -> dict[str, pa.Table]:
+def facts_of(site: Site) -> dict[str, pa.Table]:
     """Return every fact of the two hours, and the relations with a row for each record, in order."""
     index = PartIndex(Store(site.root / "store", site_id=site.site_id), first_hour=None, last_hour=None)
     first, last = index.hours()[0], index.hours()[-1]
     parts = index.between(first, last)
-    days = day_facts(site, parts, by_queries=by_queries)
+    days = day_facts(site, parts)
     hourly = hour_facts(
         site,
         facts=[*HOURLY, *MEMBERS],
@@ -118,7 +122,6 @@ def facts_of(site: Site, *, by_queries: bool) -> dict[str, pa.Table]:
         camera_days=days,
         first_hour=first,
         last_hour=last,
-        by_queries=by_queries,
     )
     found = {"camera_days": days, **{relation.name: with_texts(rows) for relation, rows in hourly}}
     for name, members in MEMBERS.items():
@@ -136,7 +139,10 @@ def both(scene: Scene) -> tuple[dict[str, pa.Table], dict[str, pa.Table]]:
     with TemporaryDirectory() as folder:
         site = site_of(scene, Path(folder))
         put(site, records_of(scene))
-        return facts_of(site, by_queries=True), facts_of(site, by_queries=False)
+        with patch.dict(os.environ, VSD_ACCELERATED="0"):
+            queried = facts_of(site)
+        with patch.dict(os.environ, VSD_ACCELERATED="1"):
+            return queried, facts_of(site)
 
 
 @given(
@@ -182,7 +188,17 @@ def test_facts_of_people_and_pairs_with_ids_need_no_query(tmp_path: Path, monkey
     site = site_of(scene, tmp_path)
     put(site, records_of(scene))
     monkeypatch.setattr(held, "connect", lambda **_: pytest.fail("a query runs"))
-    assert facts_of(site, by_queries=False)["track_pairs"].num_rows > 0
+    assert facts_of(site)["track_pairs"].num_rows > 0
+
+
+def test_without_acceleration_every_fact_comes_from_its_query(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene(6, n_people=4, sends_pairs=True)
+    site = site_of(scene, tmp_path)
+    put(site, records_of(scene))
+    monkeypatch.setenv("VSD_ACCELERATED", "0")
+    for name in ("Batch", "camera_days"):
+        monkeypatch.setattr(switch, name, lambda *_: pytest.fail("numpy computes a fact"))
+    assert facts_of(site)["track_pairs"].num_rows > 0
 
 
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-(2**40), 2**40), st.booleans())))

@@ -4,20 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import (
-    NULL,
-    Columns,
-    Ints,
-    distinct,
-    ends_of,
-    order_by,
-    picked,
-    rounded,
-    starts_of,
-    take,
-)
-from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import SiteTables
+from vsd_analytics.warehouse.accelerated.columns import distinct, ends_of, order_by, picked, rounded, starts_of, take
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
+from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
 HOUR_MS = 3_600_000
 _AFTER_ALL = 2**62
@@ -38,7 +27,7 @@ def instants(held: Held, site: SiteTables) -> Columns:
     to_next[:-1] = ts[1:] - ts[:-1]
     to_next[is_last] = _AFTER_ALL
     interval, has_heartbeat = site.days.interval_ms(camera, ts), site.days.has_heartbeat(camera, ts)
-    is_in_time = to_next <= 2 * interval
+    is_in_time = to_next <= int(site.params["next_half_intervals"]) * interval // 2
     weight = np.where(is_in_time, to_next, interval)
     is_silent = ~has_heartbeat & (to_next <= site.params["coverage_gap_ms"])
     found = {

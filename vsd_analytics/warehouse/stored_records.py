@@ -12,8 +12,7 @@ import pyarrow.parquet as pq
 from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.store.layout import Part
 from vsd_analytics.store.part_files import unknown_in
-from vsd_analytics.warehouse.arrays.columns import NULL, Columns
-from vsd_analytics.warehouse.arrays.held import ENUMS
+from vsd_analytics.warehouse.held import ENUMS, NULL, Columns
 
 DAY_MS = 86_400_000
 UNUSED = ("quality", "distance_sd_mm")

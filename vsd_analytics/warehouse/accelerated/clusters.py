@@ -4,22 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import (
-    NULL,
-    Columns,
-    Ints,
-    beside,
-    greatest,
-    order_by,
-    starts_of,
-    summed,
-    take,
-)
-from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import SiteTables, bucket_of, gap_ms
+from vsd_analytics.warehouse.accelerated.columns import beside, greatest, order_by, starts_of, summed, take
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables, bucket_of, gap_ms
 from vsd_analytics.warehouse.graphs import least_connected
+from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
-_CROWD = 40
 _DIRECTIONS = (
     (1000, 0), (981, 195), (924, 383), (831, 556), (707, 707), (556, 831), (383, 924), (195, 981),
     (0, 1000), (-195, 981), (-383, 924), (-556, 831), (-707, 707), (-831, 556), (-924, 383), (-981, 195),
@@ -121,33 +110,36 @@ def gathering_clusters(held: Held, site: SiteTables) -> Columns:
             for c in ("camera_id", "ts_ms", "cluster", "n_people", "n_located", "sum_x_mm", "sum_y_mm", "weight_ms")
         },
         "interval_ms": interval,
-        "gap_ms": gap_ms(interval, site.params["gathering_link_ms"]),
-        "square_mm2": _square_mm2(take(people, rows), of_person[rows], found["n_people"]),
+        "gap_ms": gap_ms(interval, site.params["gathering_link_ms"], site),
+        "square_mm2": _square_mm2(
+            take(people, rows), of_person[rows], found["n_people"], crowd_people=int(site.params["crowd_people"])
+        ),
         "_row": found["_row"],
     }
 
 
-def _square_mm2(people: Columns, cluster: Ints, n_people: Ints) -> Ints:
+def _square_mm2(people: Columns, cluster: Ints, n_people: Ints, *, crowd_people: int) -> Ints:
     """Return the square of the greatest distance in each cluster, NULL with fewer than two known places.
 
-    Of clusters of more than 40 people it is that of the greatest width in sixteen directions.
+    Of clusters of more than `crowd_people` it is that of the greatest width in sixteen directions.
 
     Args:
         people: Columns of `clustered` of people in order of clusters.
         cluster: The cluster of each.
         n_people: Number of people by cluster.
+        crowd_people: Of larger clusters the width is taken.
     """
     placed = people["x_mm"] != NULL
     cluster, x, y = cluster[placed], people["x_mm"][placed], people["y_mm"][placed]
     found = np.full(len(n_people), NULL, dtype=np.int64)
-    few = np.flatnonzero(n_people[cluster] <= _CROWD)
+    few = np.flatnonzero(n_people[cluster] <= crowd_people)
     of, few_x, few_y = cluster[few], x[few], y[few]
     for a, b in beside(of, np.zeros_like(of), 0):
         square = (few_x[a] - few_x[b]) ** 2 + (few_y[a] - few_y[b]) ** 2
         starts = starts_of(of[a])
         at = of[a[starts]]
         found[at] = np.maximum(found[at], greatest(square, starts))
-    many = np.flatnonzero(n_people[cluster] > _CROWD)
+    many = np.flatnonzero(n_people[cluster] > crowd_people)
     starts = starts_of(cluster[many])
     at = cluster[many[starts]]
     width_um = np.zeros(len(starts), dtype=np.int64)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.arrays.columns import (
-    NULL,
-    Columns,
+from vsd_analytics.warehouse.accelerated.columns import (
     beside,
     greatest,
     least,
@@ -17,16 +15,16 @@ from vsd_analytics.warehouse.arrays.columns import (
     sums,
     take,
 )
-from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import SiteTables
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
 from vsd_analytics.warehouse.graphs import least_connected
+from vsd_analytics.warehouse.held import NULL, Columns, Held
 
-_HOUR_MS, _CROWD, _STEPS = 3_600_000, 40, 8
+_HOUR_MS, _STEPS = 3_600_000, 8
 
 
 def shared_tracks(held: Held, site: SiteTables) -> Columns:
     """Return `staging/shared_tracks`, in order of camera, tracks and cluster."""
-    del site
+    crowd_people = int(site.params["crowd_people"])
     clusters, people = held["gathering_clusters"], held["clustered"]
     number = np.full(len(people["ts_ms"]), -1, dtype=np.int64)
     number[clusters["_row"]] = np.arange(len(clusters["_row"]))
@@ -39,9 +37,9 @@ def shared_tracks(held: Held, site: SiteTables) -> Columns:
     cluster, track = picked(cluster, once), picked(track, once)
     starts = starts_of(cluster)
     place = np.arange(len(cluster)) - np.repeat(starts, np.diff(starts, append=len(cluster)))
-    is_crowd = clusters["n_people"][cluster] > _CROWD
+    is_crowd = clusters["n_people"][cluster] > crowd_people
     found = []
-    for rows, reach in ((np.flatnonzero(~is_crowd), _CROWD), (np.flatnonzero(is_crowd), _STEPS)):
+    for rows, reach in ((np.flatnonzero(~is_crowd), crowd_people), (np.flatnonzero(is_crowd), _STEPS)):
         found += [(rows[a], rows[b]) for a, b in beside(cluster[rows], place[rows], reach)]
     a, b = (np.concatenate([once[:0], *(f[i] for f in found)]) for i in range(2))
     of, a, b = picked(cluster, a), picked(track, a), picked(track, b)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -11,8 +12,9 @@ import pyarrow.compute as pc
 
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store.layout import Part
-from vsd_analytics.warehouse.arrays.columns import Bools, Ints, distinct, rounded
-from vsd_analytics.warehouse.arrays.stored import NotedColumns, opened, read_columns
+from vsd_analytics.warehouse.accelerated.columns import distinct, rounded
+from vsd_analytics.warehouse.held import Bools, Ints
+from vsd_analytics.warehouse.stored_records import NotedColumns, opened, read_columns
 
 DAY_MS = 86_400_000
 _READ: Mapping[TableName, tuple[str, ...]] = {
@@ -22,15 +24,15 @@ _READ: Mapping[TableName, tuple[str, ...]] = {
 }
 _KNOWN = ("n_persons", "n_pairs", "track_id", "track_a", "track_b")
 """Columns of which it matters only whether they are known."""
-_LONGEST_MS, _UNKNOWN_MS = 1_200_000, 1000
 
 
-def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table) -> pa.Table:
+def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table, params: Mapping[str, Any]) -> pa.Table:
     """Return `facts/camera_days`.
 
     Args:
         parts: Stored parts of whole UTC days.
         cameras: The relation `cameras`.
+        params: The settings and rules that SQL reads.
     """
     intervals = dict(zip(cameras["camera_id"].to_pylist(), cameras["interval_ms"].to_pylist(), strict=True))
     sums: dict[tuple[int, str], Ints] = defaultdict(lambda: np.zeros(5, dtype=np.int64))
@@ -69,7 +71,7 @@ def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table) ->
     n_frames, n_persons, n_pairs, n_records, n_tracked = (
         np.array([sums[key] for key in keys], dtype=np.int64).reshape(-1, 5).T
     )
-    intervals_ms = [_interval_ms(intervals[camera], instants[day, camera]) for day, camera in keys]
+    intervals_ms = [_interval_ms(intervals[camera], instants[day, camera], params) for day, camera in keys]
     return pa.table(
         {
             "utc_day": pa.array([day for day, _ in keys], pa.int64()),
@@ -108,11 +110,12 @@ def _kinds(table: TableName, rows: pa.Table, noted: NotedColumns) -> tuple[Bools
     return False, False, True, True, a & b
 
 
-def _interval_ms(of_camera: int | None, instants: Sequence[Ints]) -> int:
+def _interval_ms(of_camera: int | None, instants: Sequence[Ints], params: Mapping[str, Any]) -> int:
     """Return the frame interval: that of vsd.toml, else the median time between frames, else a second."""
-    found = _UNKNOWN_MS if of_camera is None else of_camera
+    unknown_ms = int(params["unknown_interval_ms"])
+    found = unknown_ms if of_camera is None else of_camera
     if of_camera is None:
         steps = np.sort(np.diff(distinct(np.concatenate(instants))))  # sorted, as np.median takes longer
         middle = steps[(len(steps) - 1) // 2 : len(steps) // 2 + 1]
-        found = int(rounded(middle.mean(keepdims=True))[0]) if len(steps) else _UNKNOWN_MS
-    return min(found, _LONGEST_MS)
+        found = int(rounded(middle.mean(keepdims=True))[0]) if len(steps) else unknown_ms
+    return min(found, int(params["longest_interval_ms"]))

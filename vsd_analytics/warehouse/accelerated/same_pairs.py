@@ -7,25 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.warehouse.arrays.columns import (
-    NULL,
-    Bools,
-    Columns,
-    Ints,
-    grouped_by,
-    least,
-    order_by,
-    picked,
-    run_of,
-    starts_of,
-    take,
-)
-from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import SiteTables
+from vsd_analytics.warehouse.accelerated.columns import grouped_by, least, order_by, picked, run_of, starts_of, take
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
+from vsd_analytics.warehouse.held import NULL, Bools, Columns, Held, Ints
 
-_REACH_MM = 500
-_FARTHEST_MS, _STAY_MS = 4000, 1000
-_HOUR_S = 3600 + _FARTHEST_MS // 1000 + 2
 """More seconds than records of an hour reach over."""
 _ROWS, _FEW = 16_384, 8
 """Rows that are compared at once, and the share of them, an eighth, that costs less to pick out."""
@@ -39,7 +24,7 @@ def same_pairs(held: Held, site: SiteTables) -> Columns:
     """Return `facts/same_pairs`, by the steps of its query."""
     records = held["close_records"]
     seen = _seen(records, site)
-    near = _near(seen)
+    near = _near(seen, int(site.params["same_place_mm"]))
     run, other_run, n_same = _agreeing(seen, near)
     n_both = _both(seen, run, other_run)
     is_same = 2 * n_same >= n_both
@@ -68,8 +53,8 @@ def _seen(records: Columns, site: SiteTables) -> Columns:
     places = ("x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm")
     r = take(records, np.flatnonzero(is_shared), *wanted.split(), *places, *(f"next_{p}" for p in places))
     ts = r["ts_ms"]
-    is_walking = r["is_followed"] & (r["next_ms"] - ts <= _FARTHEST_MS)
-    to_ms = np.where(is_walking, r["next_ms"], ts + np.minimum(r["interval_ms"], _STAY_MS))
+    is_walking = r["is_followed"] & (r["next_ms"] - ts <= site.params["same_step_ms"])
+    to_ms = np.where(is_walking, r["next_ms"], ts + np.minimum(r["interval_ms"], site.params["same_stay_ms"]))
     first = -(-ts // 1000)
     n_seconds = np.maximum(0, -(-to_ms // 1000) - first)
     n_before = np.cumsum(n_seconds) - n_seconds
@@ -92,6 +77,7 @@ def _seen(records: Columns, site: SiteTables) -> Columns:
         found[p] = picked(way[p].astype(np.float64), row)
         found[p] *= share
         found[p] += picked(start[p].astype(np.float64), row)
+    hour_s = 3600 + int(site.params["same_step_ms"]) // 1000 + 2
     hour = r["hour"] - r["hour"].min(initial=2**62)
     floor = site.floors.of_camera[r["camera_id"]] * (hour.max(initial=0) + 1)
     return {
@@ -100,19 +86,19 @@ def _seen(records: Columns, site: SiteTables) -> Columns:
         # records of a run are in order of time, and no second lies in two of them
         "_run_seconds": each(r["_run"] * _SPAN_S + first - first.min(initial=2**62)),
         **found,
-        "_group": each((floor + hour) * _HOUR_S + first - 3600 * r["hour"]),
+        "_group": each((floor + hour) * hour_s + first - 3600 * r["hour"]),
     }
 
 
-def _near(seen: Columns) -> Columns:
+def _near(seen: Columns, reach_mm: int) -> Columns:
     """Return the pairs of two cameras in the same place in a second, with the square of how far they are apart."""
     found = []
-    for one, other in _beside(seen):
+    for one, other in _beside(seen, reach_mm):
         is_turned = picked(seen["camera_id"], one) > picked(seen["camera_id"], other)
         p, q = np.where(is_turned, other, one), np.where(is_turned, one, other)
         a, b, c, d = (_places(seen, row, side) for row in (p, q) for side in "ab")
         square = np.minimum(np.maximum(_square(a, c), _square(b, d)), np.maximum(_square(a, d), _square(b, c)))
-        rows = np.flatnonzero(square <= _REACH_MM**2)
+        rows = np.flatnonzero(square <= reach_mm**2)
         p, q, square = p[rows], q[rows], square[rows]
         rows = np.flatnonzero(_is_in_reach(seen, p, q))
         found.append((p[rows], q[rows], square[rows]))
@@ -121,14 +107,14 @@ def _near(seen: Columns) -> Columns:
     return {"p": p, "q": q, "square_mm2": square}
 
 
-def _beside(seen: Columns) -> Iterator[tuple[Ints, Ints]]:
+def _beside(seen: Columns, reach_mm: int) -> Iterator[tuple[Ints, Ints]]:
     """Yield the pairs of rows of two cameras in one second that are within reach along both axes, in blocks.
 
     In order of x, rows of a block are compared with those k rows on, k = 1, 2, ... while any are within reach along x,
     so that whole stretches of columns are read; only when few rows are left are these picked out.
     """
     # a little farther than the reach, because halving and adding round: the squares decide
-    reach = 2 * _REACH_MM + 2
+    reach = 2 * reach_mm + 2
     x = np.floor(seen["x2_mm"]).astype(np.int64)
     order = order_by(seen["_group"], x)
     low = int(x.min(initial=0))

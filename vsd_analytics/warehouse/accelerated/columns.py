@@ -13,9 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Ints = NDArray[np.int64]
-Bools = NDArray[np.bool_]
-Columns = dict[str, NDArray[Any]]
+from vsd_analytics.warehouse.held import Bools, Columns, Ints
 
 _DIGIT_BITS = 16
 _ODD = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F))
@@ -27,8 +25,6 @@ _NEAR = 32
 """Rows are almost in order where at most one of this many is greater than the row this far behind it."""
 _ROOM = 4
 """Numbers a row may take of a table with a place for every key; where it is more, keys are sorted."""
-NULL = -(2**62)
-"""An unknown number. Sums of two stay far below every number that is known."""
 
 
 def picked(values: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:

@@ -5,20 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.warehouse.arrays.columns import (
-    NULL,
-    Columns,
-    Ints,
-    ends_of,
-    greatest,
-    least,
-    order_by,
-    rounded,
-    starts_of,
-    sums,
-)
-from vsd_analytics.warehouse.arrays.held import Held
-from vsd_analytics.warehouse.arrays.site_tables import SiteTables
+from vsd_analytics.warehouse.accelerated.columns import ends_of, greatest, least, order_by, rounded, starts_of, sums
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
+from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
 Floats = NDArray[np.float64]
 _AFTER_ALL = 2**62
@@ -85,16 +74,17 @@ def _crossing_ms(held: Held, records: Columns, rows: Ints, outwards: int, site: 
         outwards: -1 for starts, 1 for ends of runs: where time runs away from the run.
         site: The tables of the site.
     """
+    nearest = int(site.params["next_half_intervals"])
     x, y = ((records[f"{c}_a_mm"][rows] - records[f"{c}_b_mm"][rows]) for c in ("x", "y"))
     is_known = (records["x_a_mm"][rows] != NULL) & (records["x_b_mm"][rows] != NULL)
-    step, beside_x, beside_y = _place(held, records, rows, outwards, 4, site)
+    step, beside_x, beside_y = _place(held, records, rows, outwards, nearest, site)
     square, far = int(site.params["distance_mm"]) ** 2, beside_x * beside_x + beside_y * beside_y
     is_crossed = is_known & (x * x + y * y < square) & (far >= square)  # false where far is NaN
     found = np.full(len(rows), NULL, dtype=np.int64)
     at = np.flatnonzero(is_crossed)
     rows, step, beside_x, beside_y = rows[at], step[at], beside_x[at], beside_y[at]
-    beyond, beyond_x, beyond_y = _place(held, records, rows, 2 * outwards, 5, site)
-    behind, behind_x, behind_y = _place(held, records, rows, -outwards, 4, site)
+    beyond, beyond_x, beyond_y = _place(held, records, rows, 2 * outwards, site.params["gap_half_intervals"], site)
+    behind, behind_x, behind_y = _place(held, records, rows, -outwards, nearest, site)
     x, y = x[at].astype(np.float64), y[at].astype(np.float64)
     middle_x = _middle(x, beside_x, behind_x, beyond_x, step, behind, beyond)
     middle_y = _middle(y, beside_y, behind_y, beyond_y, step, behind, beyond)

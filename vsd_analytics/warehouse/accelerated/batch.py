@@ -5,33 +5,37 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from vsd_analytics.warehouse.arrays.clusters import (
+from vsd_analytics.warehouse.accelerated.clusters import (
     cluster_times,
     clustered,
     clusters,
     frame_clusters,
     gathering_clusters,
 )
-from vsd_analytics.warehouse.arrays.columns import Columns
-from vsd_analytics.warehouse.arrays.coverage import coverage, recorded_spans, sequence_runs
-from vsd_analytics.warehouse.arrays.episodes import episode_segments
-from vsd_analytics.warehouse.arrays.floor_cells import floor_cells
-from vsd_analytics.warehouse.arrays.gatherings import gathering_joins, gathering_links, gathering_parts, shared_tracks
-from vsd_analytics.warehouse.arrays.held import Held, none_of
-from vsd_analytics.warehouse.arrays.located import calibrations_used, instants, located
-from vsd_analytics.warehouse.arrays.pairs import pairs, with_rows
-from vsd_analytics.warehouse.arrays.persons import (
+from vsd_analytics.warehouse.accelerated.coverage import coverage, recorded_spans, sequence_runs
+from vsd_analytics.warehouse.accelerated.episodes import episode_segments
+from vsd_analytics.warehouse.accelerated.floor_cells import floor_cells
+from vsd_analytics.warehouse.accelerated.gatherings import (
+    gathering_joins,
+    gathering_links,
+    gathering_parts,
+    shared_tracks,
+)
+from vsd_analytics.warehouse.accelerated.located import calibrations_used, instants, located
+from vsd_analytics.warehouse.accelerated.pairs import pairs, with_rows
+from vsd_analytics.warehouse.accelerated.persons import (
     company_times,
     distance_times,
     in_violation,
     neighbour_times,
     violation_time,
 )
-from vsd_analytics.warehouse.arrays.runs import close_records, episode_cells, track_pairs
-from vsd_analytics.warehouse.arrays.same_pairs import same_pairs
-from vsd_analytics.warehouse.arrays.site_tables import DayIntervals, Floors, SiteTables
-from vsd_analytics.warehouse.arrays.standing import crowding, exposure, track_lives
+from vsd_analytics.warehouse.accelerated.runs import close_records, episode_cells, track_pairs
+from vsd_analytics.warehouse.accelerated.same_pairs import same_pairs
+from vsd_analytics.warehouse.accelerated.site_tables import DayIntervals, Floors, SiteTables
+from vsd_analytics.warehouse.accelerated.standing import crowding, exposure, track_lives
 from vsd_analytics.warehouse.dimensions import ASKED_TABLES
+from vsd_analytics.warehouse.held import Columns, Held, none_of
 from vsd_analytics.warehouse.sqlfiles import Relation
 
 COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {

@@ -11,8 +11,7 @@ from typing import Final
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-
-from vsd_analytics.bench.made_up_site import CAMERAS, FIRST_MS, camera_hour
+from made_up_site import CAMERAS, FIRST_MS, camera_hour
 
 BATCH_ROWS: Final = 10_000
 

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from vsd_analytics.bench.heatmaps import HEATMAPS
-from vsd_analytics.bench.one_step import LIBRARIES, PERSONS
-from vsd_analytics.bench.pair_rates import PAIRS
-from vsd_analytics.bench.writing import WRITERS
+from one_step import LIBRARIES, PERSONS
+from tool_heatmaps import HEATMAPS
+from tool_pairs import PAIRS
+from tool_writing import WRITERS
 
 WRITTEN_MOST: Final = 1_000_000
 PER_FRAME: Final = (6, 20)
@@ -164,7 +164,7 @@ def _rows(runs: Mapping[str, Sequence[Took]]) -> list[MeasuredStep]:
 
 def _run(kind: str, step: str, folder: Path, n: int, limit_mib: int | None) -> Took | None:
     """Run a step in a process of its own; None when it used more memory than it may."""
-    command = [sys.executable, "-m", "vsd_analytics.bench.one_step", kind, step, str(folder), str(n)]
+    command = [sys.executable, str(Path(__file__).with_name("one_step.py")), kind, step, str(folder), str(n)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
         while True:
             try:

@@ -24,8 +24,8 @@ def crowd(n_persons: int, *, per_frame: int, seed: int = 1) -> Crowd:
 
 
 def ours(people: Crowd) -> int:
-    """Count pairs as the fact `pairs` does (`warehouse/arrays/pairs.py`)."""
-    from vsd_analytics.warehouse.arrays.pairs import near
+    """Count pairs as the fact `pairs` does (`warehouse/accelerated/pairs.py`)."""
+    from vsd_analytics.warehouse.accelerated.pairs import near
 
     return len(near(*people, REACH_MM)[0])
 
