@@ -24,7 +24,7 @@ from vsd_analytics.figures.hotspot_export import without_small
 from vsd_analytics.figures.panels import WEEK, Flags, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.week import areas as report_areas
-from vsd_analytics.figures.week import findings, recording, timetable
+from vsd_analytics.figures.week import lazy_answers, recording, timetable
 from vsd_analytics.figures.week.density import FloorGrid
 from vsd_analytics.figures.week.estimates import with_change
 from vsd_analytics.figures.week.floor_maps import floor_maps
@@ -178,7 +178,7 @@ def first_day(site: Site, monday: date, before: date, *, weeks: int = 2) -> date
     With a logged change in its weeks it is the report's, so that verdicts on changes rest on the same weeks.
     """
     first = min(monday - HISTORY, before, spots.days_needed(site, monday + timedelta(days=6))[0])
-    return min(first, findings.first_day(site, monday)) if entries_of(site, monday, weeks=weeks) else first
+    return min(first, lazy_answers.first_day(site, monday)) if entries_of(site, monday, weeks=weeks) else first
 
 
 def planner_pages(
@@ -298,7 +298,7 @@ def _space(data: TwoWeeks, *, is_ranked: bool) -> Mapping[str, Figure]:
         return {}
     areas = report_areas.areas(data, is_compared=False, rest=say("words.rest"))
     level = floor_level(data, is_compared=False, areas=areas)
-    found, coverage = findings.Findings(data), recording.coverage(data)
+    found, coverage = lazy_answers.LazyAnswers(data), recording.coverage(data)
     asked = FigureInputs(data, found, coverage, level, areas.rows, timetable.timetable(data).when, is_ranked)
     return with_row_texts(space_figures(asked))
 
