@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import gc
 import importlib
 import os
 import sys
@@ -26,9 +25,6 @@ COMMANDS = (
     "explain",
 )
 """The commands, each in the module of its name, in the order in which a new user needs them."""
-
-GARBAGE_AFTER = 50_000
-"""New objects before Python collects garbage. Its own 700 would collect many times during the imports alone."""
 
 
 class LazyGroup(click.Group):
@@ -102,12 +98,11 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line and leave the process with its exit code.
 
     Args:
-        arguments: None = those of the process. It then collects garbage less often and, after exit code 0,
-            without taking apart what it imported: together a tenth of a report's time.
+        arguments: None = those of the process. After exit code 0 it then ends without taking apart what it
+            imported.
     """
     if arguments is not None:
         sys.exit(run(cli, arguments))
-    gc.set_threshold(GARBAGE_AFTER)
     code = run(cli, sys.argv[1:], is_own_process=True)
     if code != 0:
         sys.exit(code)

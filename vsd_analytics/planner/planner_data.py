@@ -24,7 +24,7 @@ from vsd_analytics.figures.hotspot_export import without_small
 from vsd_analytics.figures.panels import WEEK, Flags, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.week import areas as report_areas
-from vsd_analytics.figures.week import findings, recording, timetable
+from vsd_analytics.figures.week import lazy_answers, recording, timetable
 from vsd_analytics.figures.week.density import FloorGrid
 from vsd_analytics.figures.week.estimates import with_change
 from vsd_analytics.figures.week.floor_maps import floor_maps
@@ -180,7 +180,7 @@ def first_day(site: Site, monday: date, before: date, *, weeks: int = 2) -> date
     """
     window = timedelta(days=int(site.settings.hotspot_days) - 7)  # the other week's map of excess
     first = min(monday - HISTORY, before - window, spots.days_needed(site, monday + timedelta(days=6))[0])
-    return min(first, findings.first_day(site, monday)) if entries_of(site, monday, weeks=weeks) else first
+    return min(first, lazy_answers.first_day(site, monday)) if entries_of(site, monday, weeks=weeks) else first
 
 
 def planner_pages(
@@ -301,7 +301,7 @@ def _space(data: TwoWeeks, *, is_ranked: bool) -> Answers:
         return Answers()
     areas = report_areas.areas(data, is_compared=False, rest=say("words.rest"))
     level = floor_level(data, is_compared=False, areas=areas)
-    found, coverage = findings.Findings(data), recording.coverage(data)
+    found, coverage = lazy_answers.LazyAnswers(data), recording.coverage(data)
     asked = FigureInputs(data, found, coverage, level, areas.rows, timetable.timetable(data).when, is_ranked)
     return shared_answers(asked)
 

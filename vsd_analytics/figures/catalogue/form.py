@@ -13,10 +13,10 @@ from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import is_small, too_few
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.findings import Findings
+from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.figures.week.model_estimate import Estimate, same_fields
 from vsd_analytics.figures.week.model_recording import Coverage
-from vsd_analytics.figures.week.results import AreaRow, Figure, Level, When
+from vsd_analytics.figures.week.results import AreaRow, Figure, Level, Timetable
 from vsd_analytics.stats.estimates import RateEstimate
 
 Plain = str | float | int | bool | Reason | None
@@ -40,11 +40,11 @@ class FigureInputs:
     """
 
     data: WeekData
-    found: Findings
+    found: LazyAnswers
     coverage: Coverage
     level: Level
     areas: Sequence[AreaRow]
-    when: When
+    when: Timetable
     is_ranked: bool
     metric: str = ""
 

@@ -14,10 +14,10 @@ from vsd_analytics.figures.close_by_crowding import close_by_crowding
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.suppression import GIVES_AWAY, in_week_before, is_small, too_few
 from vsd_analytics.figures.week import areas as report_areas
-from vsd_analytics.figures.week import estimates, findings, recording, timetable
+from vsd_analytics.figures.week import estimates, lazy_answers, recording, timetable
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.findings import Findings
 from vsd_analytics.figures.week.floor_maps import floor_maps
+from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.model_recording import Coverage
 from vsd_analytics.figures.week.results import (
@@ -32,7 +32,7 @@ from vsd_analytics.figures.week.results import (
 )
 from vsd_analytics.figures.week.stored_records import stored_records
 from vsd_analytics.report.model import site_changes
-from vsd_analytics.report.model.sections import with_more, with_more_maps, with_more_of_days
+from vsd_analytics.report.model.sections import add_days_sections, add_maps, add_week_sections
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.site.model import Floor, Site
 from vsd_analytics.version import VERSION
@@ -104,9 +104,9 @@ def _of_days(
     opened = open_warehouse(site, *loaded, on_plan=on_plan, on_hours=on_hours, threads=THREADS)
     with speaking(chosen() or site.language), opened as warehouse:
         data = WeekData(_made(warehouse), floor=floor, monday=first, last=last, clock=clock)
-        found = Findings(data)
-        add = with_more if data.is_week else with_more_of_days
-        return with_more_maps(add(_report(data, floor, found, now), data, found), data)
+        found = LazyAnswers(data)
+        add = add_week_sections if data.is_week else add_days_sections
+        return add_maps(add(_report(data, floor, found, now), data, found), data)
 
 
 def _made(warehouse: Warehouse) -> Warehouse:
@@ -120,14 +120,14 @@ def _made(warehouse: Warehouse) -> Warehouse:
 def _first_day(site: Site, monday: date) -> date:
     """Return the first day to load: the history that exists, and the week before in any case."""
     extent = stored_extent(site, near=monday)
-    earliest = findings.first_day(site, monday)
+    earliest = lazy_answers.first_day(site, monday)
     if extent is None:
         return earliest
     stored = extent.first_day - timedelta(days=extent.first_day.weekday())
     return max(earliest, min(stored, monday - WEEK))
 
 
-def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None) -> WeekReport:
+def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | None) -> WeekReport:
     site, settings = data.site, data.site.settings
     sent = engines(site, data.monday, data.sunday)
     coverage = recording.coverage(data)

@@ -23,10 +23,10 @@ from vsd_analytics.figures.week.model_map import ChangeMaps, FloorMap, Footsteps
 from vsd_analytics.figures.week.model_recording import CameraRecord, Coverage
 from vsd_analytics.figures.week.model_sections import (
     Causes,
-    LedgerLine,
+    LoggedChangeEffect,
+    LoggedChangeResult,
     Outlook,
     Readings,
-    Redesign,
     SelfCheck,
     Spots,
     Trend,
@@ -44,9 +44,9 @@ from vsd_analytics.figures.week.results import (
     Rules,
     SettingsChange,
     SiteRef,
+    Timetable,
     WeekRef,
     WeekState,
-    When,
 )
 from vsd_analytics.figures.week.stored_records import StoredRecords
 from vsd_analytics.report.model.week_agenda import Agenda
@@ -107,7 +107,7 @@ class WeekReport:
     busiest_spot: BusiestSpot | None = _o("None when nothing is ranked.", metric="M15")
     busiest_hour: BusiestHour | None = _o("None when nothing is ranked or all counts are small.", metric="M14")
     areas: tuple[AreaRow, ...] = _f("Most violations first, the rest of the floor last.", metric="M15", default=())
-    when: When = _f("The timetable.", metric="M8")
+    when: Timetable = _f("The timetable.", metric="M8")
     maps: tuple[FloorMap, ...] = _f("One plan or floor, or one picture per camera.", metric="M17", default=())
     change_maps: ChangeMaps | None = _o("None when nothing is compared.", metric="M17")
     spot_pictures: tuple[SpotPicture, ...] = _f("What stands around the numbered spots.", default=())
@@ -118,8 +118,8 @@ class WeekReport:
     settings_change: SettingsChange | None = _o("Set when `state` is settings_changed.")
     spots: Spots | None = _o("The numbered spots; None when nothing is ranked.", metric="M20")
     readings: Readings | None = _o("All violations, and those between groups.", metric="M9")
-    redesigns: tuple[Redesign, ...] = _f("What logged changes did.", metric="M27", default=())
-    ledger: tuple[LedgerLine, ...] = _f(
+    change_effects: tuple[LoggedChangeEffect, ...] = _f("What logged changes did.", metric="M27", default=())
+    logged_changes: tuple[LoggedChangeResult, ...] = _f(
         "Every logged change from the first week looked at, and what it avoided.", metric="M27", default=()
     )
     causes: Causes | None = _o("What moved; None when nothing is compared.", metric="M23")

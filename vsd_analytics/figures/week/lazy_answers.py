@@ -36,7 +36,7 @@ def first_day(site: Site, monday: date) -> date:
     return min(trend.first_day(monday), forecast.first_day(monday), hotspots.days_needed(site, monday + WEEK)[0])
 
 
-class Findings:
+class LazyAnswers:
     """The answers of the analysis room for one floor and week.
 
     Args:
@@ -137,7 +137,7 @@ class Findings:
         return borders.area_borders(self._data.site, at_ms=self._data.this.span_ms[1] - 1)
 
     @cached_property
-    def redesigns(self) -> tuple[before_after.BeforeAfterFigure, ...]:
+    def change_effects(self) -> tuple[before_after.BeforeAfterFigure, ...]:
         """Each change of the log that names an area of this floor, from the first week stored to this one (M27)."""
         area_ids = {a.area_id for a in self._data.areas}
         zone, first, last = self._data.site.zone, self._long.first, self._days[1]

@@ -10,7 +10,7 @@ from vsd_analytics.figures.suppression import GIVES_AWAY, is_small, too_few
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate, same_fields
-from vsd_analytics.figures.week.model_sections import Causes, Redesign
+from vsd_analytics.figures.week.model_sections import Causes, LoggedChangeEffect
 from vsd_analytics.stats.before_after import BeforeAfter
 from vsd_analytics.stats.decomposition import MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate
@@ -22,9 +22,9 @@ NEW_DAYS: Final = 14
 """A change of the week or the one before lies between the two weeks that M23 compares."""
 
 
-def redesigns(
+def change_effects(
     data: WeekData, found: Sequence[BeforeAfterFigure], *, shown_days: int = SHOWN_DAYS
-) -> tuple[Redesign, ...]:
+) -> tuple[LoggedChangeEffect, ...]:
     """Return the logged changes whose weeks before and after reach into the report's week or are still to come.
 
     A change is reported as long as its weeks after include a day of this week, or it lies in the last nine weeks. In
@@ -36,7 +36,9 @@ def redesigns(
         shown_days: Days back from the week's end from which changes are given.
     """
     return tuple(
-        redesign(data, f) for f in found if (data.sunday - f.at.astimezone(data.site.zone).date()).days < shown_days
+        change_effect(data, f)
+        for f in found
+        if (data.sunday - f.at.astimezone(data.site.zone).date()).days < shown_days
     )
 
 
@@ -72,7 +74,7 @@ def moved_people(data: WeekData, found: Sequence[BeforeAfterFigure]) -> tuple[in
     return tuple(f.number for f in fewer if f.state == "ok" and f.is_credible and not is_held_back(data, f))
 
 
-def redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
+def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffect:
     """Return what a logged change did, without what would tell a small count."""
     names, windows = {a.area_id: a.name for a in data.areas}, found.windows
     measured: dict[str, Any] = dict.fromkeys(("effect", "violation_rate", "people", "burden", "close", "running"))
@@ -87,7 +89,7 @@ def redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
             is_known = found.violation_rate is not None and found.violation_rate.value is not None
             measured |= {"violation_rate": _change(found.violation_rate) if is_known else None, **_over_weeks(found)}
     return same_fields(
-        Redesign,
+        LoggedChangeEffect,
         found,
         at=found.at.astimezone(data.site.zone),
         is_credible=found.is_credible and found.state == "ok",

@@ -1,4 +1,4 @@
-"""The ledger of logged changes: what each avoided, what became of the whole floor, and until when it is watched.
+"""Every logged change: what each avoided, what became of the whole floor, and until when it is watched.
 
 No estimator of its own: the running verdict and the net effect of M27, times the person-minutes of a week before.
 """
@@ -12,34 +12,34 @@ from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.change_weeks import WATCHED_WEEKS
 from vsd_analytics.figures.panels import WEEK
+from vsd_analytics.figures.week.change_effects import change_effect, is_held_back
 from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.findings import Findings
+from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import LedgerLine
-from vsd_analytics.figures.week.redesigns import is_held_back, redesign
+from vsd_analytics.figures.week.model_sections import LoggedChangeResult
 from vsd_analytics.site.model import LogEntry
 
 
-def ledger(data: WeekData, found: Findings) -> tuple[LedgerLine, ...]:
+def logged_changes(data: WeekData, found: LazyAnswers) -> tuple[LoggedChangeResult, ...]:
     """Return the changes of the log from the first day looked at to the end of the week, oldest first."""
     zone = data.site.zone
     here, everywhere = {a.area_id for a in data.areas}, {a.area_id for a in data.site.areas}
-    measured = {f.number: f for f in found.redesigns}
+    measured = {f.number: f for f in found.change_effects}
     lines = []
     for number, entry in enumerate(read_log(data.site), 1):
         day = entry.at.astimezone(zone).date()
         if not data.warehouse.first <= day <= data.sunday or entry.area_id in everywhere - here:
             continue
-        line = LedgerLine(
+        line = LoggedChangeResult(
             number=number, at=entry.at.astimezone(zone), text=entry.text, area_id=entry.area_id, outcome="site_wide"
         )
         lines.append(line if number not in measured else _measured(data, line, measured[number]))
     return tuple(lines)
 
 
-def _measured(data: WeekData, line: LedgerLine, found: BeforeAfterFigure) -> LedgerLine:
-    change = redesign(data, found)
+def _measured(data: WeekData, line: LoggedChangeResult, found: BeforeAfterFigure) -> LoggedChangeResult:
+    change = change_effect(data, found)
     said = outcome(change)
     running, net, floor = change.running, change.net, found.floor
     line = replace(
