@@ -123,8 +123,7 @@ def test_a_hotspot_lies_where_the_planner_s_map_says_more_than_the_crowd_explain
         inside = shapely.contains_xy(outline, x, y)
         assert inside.sum() * grid.cell_m**2 == pytest.approx(spot.place.area_m2)
         assert (ratio[inside] >= told.least_ratio).all()
-        explained = cells.excess.cells.label > 0
-        assert outline.area <= explained.sum() * grid.cell_m**2
+        assert outline.area < (cells.excess.cells.label > 0).sum() * grid.cell_m**2  # not what only smoothing brings
 
 
 @pytest.mark.browser
