@@ -22,7 +22,17 @@ from vsd_analytics.ingest.intake.pipeline import SourceResult, ingest, with_site
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.live.batches import delays_s
 from vsd_analytics.live.group_commit import GroupCommitStore
-from vsd_analytics.live.inbox import DONE, FAILED, Waiting, alone, as_it_is, refuse_folder, to_done, to_failed, waiting
+from vsd_analytics.live.inbox import (
+    DONE,
+    FAILED,
+    Waiting,
+    as_it_is,
+    refuse_folder,
+    single_watcher,
+    to_done,
+    to_failed,
+    waiting,
+)
 from vsd_analytics.live.single_instance import is_alive
 from vsd_analytics.live.status import CANNOT_STORE, iso_utc, read_json, write_status
 from vsd_analytics.site.model import Site
@@ -128,7 +138,7 @@ def watch(
     """
     refuse_folder(site, folder)
     with_site(site, options)
-    with alone(folder):
+    with single_watcher(folder):
         for name in (DONE, FAILED):
             make_dirs(folder / name)
         status = WatchStatus(folder, clock())

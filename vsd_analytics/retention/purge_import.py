@@ -16,7 +16,7 @@ from vsd_analytics.store.owners import brought_by
 from vsd_analytics.store.removal import Intent, remove_records, removing
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.store import Store
-from vsd_analytics.store.taking_back import n_replacing
+from vsd_analytics.store.undo_import import n_replacing
 from vsd_analytics.warehouse.day_files import facts_around, spare_other_days
 
 SHORTEST_ID = 4

@@ -58,7 +58,7 @@ class ColumnPlan:
     @property
     def wanted(self) -> dict[str, int]:
         """Return the columns to read: ours by our names, those of `where` by `beside` of theirs."""
-        return {**self.theirs, **{beside(name): i for name, i in self.compared.items()}}
+        return {**self.theirs, **{other_column_key(name): i for name, i in self.compared.items()}}
 
     @property
     def box(self) -> str:
@@ -71,7 +71,7 @@ class ColumnPlan:
         return ColumnPlan("observations", theirs, self.names, time_format=self.time_format)
 
 
-def beside(name: str) -> str:
+def other_column_key(name: str) -> str:
     """Return the key of a column that is read beside ours, which no column of ours has."""
     return f"beside {name}"
 

@@ -21,7 +21,7 @@ from vsd_analytics.store.part_files import engines_of, part_bytes, read_owned
 from vsd_analytics.store.repeats import AGAIN, key_aliases, same_key
 
 
-def take_back(store: Path, path: Path, table: TableName, import_id: str, *, order: Mapping[str, int]) -> Path:
+def undo_import(store: Path, path: Path, table: TableName, import_id: str, *, order: Mapping[str, int]) -> Path:
     """Replace a part by the rows that stay when an import is taken back, under its new hash; return its folder.
 
     A record that others brought as well stays as the first of them brought it.
@@ -34,7 +34,7 @@ def take_back(store: Path, path: Path, table: TableName, import_id: str, *, orde
         order: Number of the command that brought each import.
     """
     if path.exists():
-        rest, replacing = _taken_back(store, path, table, import_id, order)
+        rest, replacing = _without_import(store, path, table, import_id, order)
         replace_part(path, table, _sorted(table, rest, replacing))
     return path.parent
 
@@ -43,10 +43,10 @@ def n_replacing(store: Path, path: Path, table: TableName, import_id: str) -> in
     """Return how many records of an import in a part would stay, because others brought them as well."""
     if not _same_hour(store / AGAIN / table, path):
         return 0
-    return int(_taken_back(store, path, table, import_id, {})[1].num_rows)
+    return int(_without_import(store, path, table, import_id, {})[1].num_rows)
 
 
-def _taken_back(
+def _without_import(
     store: Path, path: Path, table: TableName, import_id: str, order: Mapping[str, int]
 ) -> tuple[pa.Table, pa.Table]:
     """Return the rows of a part that are not the import's, and the rows that take the place of those that are."""
