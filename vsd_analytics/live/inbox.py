@@ -56,8 +56,8 @@ def waiting(folder: Path, *, known: Collection[Waiting] = (), limit: int = LOOKE
 
     def files() -> Iterator[Waiting]:
         nonlocal n_open
-        with os.scandir(folder) as found:
-            for entry in found:
+        with os.scandir(folder) as entries:
+            for entry in entries:
                 if entry.name.startswith(".") or entry.name.lower().endswith(UNFINISHED):
                     continue
                 try:

@@ -211,11 +211,11 @@ class _Watch:
         """Ingest the files that no longer change; return whether more of them wait."""
         now_s = self.monotonic()
         self.held = {file: until_s for file, until_s in self.held.items() if until_s > now_s}
-        found, self.status.n_open = waiting(self.status.folder, known=self.held)
+        waiting_files, self.status.n_open = waiting(self.status.folder, known=self.held)
         self.status.n_open += len(self.held)
-        self.seen = {file: self.seen.get(file, now_s) for file in found}
+        self.seen = {file: self.seen.get(file, now_s) for file in waiting_files}
         settle_s = float(self.site.settings.watch_settle_s)
-        settled = [file for file in found if now_s - self.seen[file] >= settle_s]
+        settled = [file for file in waiting_files if now_s - self.seen[file] >= settle_s]
         for files in _together(settled[:ROUND_FILES]):
             self.take(files)
             self.commit()

@@ -179,7 +179,7 @@ def _intent(path: Path, *, project: Path) -> Intent:
         if durable.digest(data) == path.stem:
             intent = msgspec.json.decode(data, type=Intent)
             named = (*intent.rewrite.values(), *intent.repeats.values())
-            names = [*intent.unlink, *(n for found in named for n in found)]
+            names = [*intent.unlink, *(n for paths in named for n in paths)]
             away = next((n for n in names if not _is_inside(project, n)), None)
             if away is None:
                 return intent

@@ -123,8 +123,8 @@ class Tables:
             heads = [head_of(*self._planned(part.source, options, part)) for part in parts[:_HEADS]]
             values: dict[str, Counter[str]] = {}
             for head in heads:
-                for name, found in head.values.items():
-                    values.setdefault(name, Counter()).update(found)
+                for name, counts in head.values.items():
+                    values.setdefault(name, Counter()).update(counts)
             return replace(heads[0], values=values, parts=[p.name for p in parts], unread=unread_of(source))
 
     def _planned(

@@ -155,7 +155,7 @@ def values_of(texts: pa.Array) -> Counter[str]:
 
 
 def _count(texts: pa.Array, counter: Counter[str]) -> None:
-    for found in texts.value_counts().to_pylist():
-        text = found["values"][:_CHARS]
+    for value in texts.value_counts().to_pylist():
+        text = value["values"][:_CHARS]
         if text and (text in counter or len(counter) < VALUES_MAX):
-            counter[text] += found["counts"]
+            counter[text] += value["counts"]
