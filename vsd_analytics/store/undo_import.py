@@ -21,7 +21,7 @@ from vsd_analytics.store.part_files import engines_of, part_bytes, read_owned
 from vsd_analytics.store.repeats import AGAIN, key_aliases, same_key
 
 
-def take_back(store: Path, path: Path, table: TableName, import_id: str, *, order: Mapping[str, int]) -> Path:
+def undo_import(store: Path, path: Path, table: TableName, import_id: str, *, order: Mapping[str, int]) -> Path:
     """Replace a part by the rows that stay when an import is taken back, under its new hash; return its folder.
 
     A record that others brought as well stays as the first of them brought it.
@@ -34,7 +34,7 @@ def take_back(store: Path, path: Path, table: TableName, import_id: str, *, orde
         order: Number of the command that brought each import.
     """
     if path.exists():
-        rest, replacing = _taken_back(store, path, table, import_id, order)
+        rest, replacing = _without_import(store, path, table, import_id, order)
         replace_part(path, table, _sorted(table, rest, replacing))
     return path.parent
 
@@ -43,10 +43,10 @@ def n_replacing(store: Path, path: Path, table: TableName, import_id: str) -> in
     """Return how many records of an import in a part would stay, because others brought them as well."""
     if not _same_hour(store / AGAIN / table, path):
         return 0
-    return int(_taken_back(store, path, table, import_id, {})[1].num_rows)
+    return int(_without_import(store, path, table, import_id, {})[1].num_rows)
 
 
-def _taken_back(
+def _without_import(
     store: Path, path: Path, table: TableName, import_id: str, order: Mapping[str, int]
 ) -> tuple[pa.Table, pa.Table]:
     """Return the rows of a part that are not the import's, and the rows that take the place of those that are."""
@@ -81,12 +81,12 @@ def _next(table: TableName, gone: pa.Table, again: pa.Table, order: Mapping[str,
     with connect() as con:
         con.register("gone", gone)
         con.register("brought", again.append_column("run", run))
-        found = con.sql(
+        rows = con.sql(
             f"select distinct on ({key}) {columns}, {OWNER} from (select *, {key_aliases(table)} from brought) as f "
             f"semi join (select {key_aliases(table)} from gone) as s on {same_key(table)} "
             f"order by {key}, run, {columns}, {OWNER}"
         ).to_arrow_table()
-    return found.cast(again.schema)
+    return rows.cast(again.schema)
 
 
 def _unowned(table: TableName, rows: pa.Table, owned: pa.Table) -> pa.Table:
@@ -95,12 +95,12 @@ def _unowned(table: TableName, rows: pa.Table, owned: pa.Table) -> pa.Table:
     with connect() as con:
         con.register("noted", rows)
         con.register("stored", owned)
-        found = con.sql(
+        unowned = con.sql(
             f"select {names} from (select *, {key_aliases(table)} from noted) as f "
             f"anti join (select {OWNER}, {key_aliases(table)} from stored) as s "
             f"on f.{OWNER} = s.{OWNER} and {same_key(table)} order by {names}"
         ).to_arrow_table()
-    return found.cast(rows.schema)
+    return unowned.cast(rows.schema)
 
 
 def _sorted(table: TableName, rows: pa.Table, more: pa.Table) -> pa.Table:
@@ -128,8 +128,8 @@ def replace_part(path: Path, table: TableName, rows: pa.Table) -> None:
 
 def _repeats_beside(store: Path, path: Path, table: TableName) -> pa.Table:
     """Return the repeats of a part's hour."""
-    found = [read_owned(p, table) for p in _same_hour(store / AGAIN / table, path)]
-    return pa.concat_tables(found) if found else SCHEMAS[table].append(pa.field(OWNER, pa.string())).empty_table()
+    repeats = [read_owned(p, table) for p in _same_hour(store / AGAIN / table, path)]
+    return pa.concat_tables(repeats) if repeats else SCHEMAS[table].append(pa.field(OWNER, pa.string())).empty_table()
 
 
 def _same_hour(folder: Path, path: Path) -> list[Path]:
