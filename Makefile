@@ -2,6 +2,7 @@
 # make check  formatting, lint, types and the fast tests, within a minute on two cores: before each commit
 # make test   installs the test extra and runs everything but the long proofs, in about 8 minutes on two cores, after the installation
 # make prove  the long proofs, whose tables are in docs/
+# make bench  this machine beside other tools; the tables of docs/performance.md
 # make docs   writes the pages of docs/ and the JSON Schema of vsd.toml, which are made from the code
 # make site  builds the documentation as a site into site/, without a network
 # make sbom  what the program is made of, with licences, into dist/
@@ -13,7 +14,7 @@ BIN    := $(VENV)/bin
 # Python saves the compiled modules and tests: compiling them anew takes each of the two workers ten seconds.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo check test prove docs lint screenshots site sbom clean
+.PHONY: demo check test prove bench docs lint screenshots site sbom clean
 
 demo: $(VENV)/.installed
 	rm -rf vsd-demo
@@ -70,15 +71,15 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_cameras.py --sites 8
 	$(BIN)/python tests/invariances/prove_frame_rate.py
 	$(BIN)/python tests/ingest/prove_opening_hours.py --files 120
-	PYTHONPATH=tests $(BIN)/python tests/warehouse/prove_arrays.py 300
+	PYTHONPATH=tests $(BIN)/python tests/warehouse/prove_accelerated.py 300
 	$(BIN)/python tests/packaging/prove_dependencies.py
 	$(BIN)/python tests/benchmarks/bench_demo.py
 	$(BIN)/python tests/benchmarks/bench_marts.py
 	$(BIN)/python tests/benchmarks/bench_report.py
 	$(BIN)/python tests/benchmarks/bench_history.py --cameras 2 --hours 4 --interval 20
 	$(BIN)/python tests/benchmarks/bench_live.py
-	$(BIN)/python tests/cluster/prove_cluster.py --engine dask
-	$(BIN)/python tests/cluster/prove_bucket.py
+	PYTHONPATH=tests $(BIN)/python tests/cluster/prove_cluster.py --engine dask
+	PYTHONPATH=tests $(BIN)/python tests/cluster/prove_bucket.py
 	$(BIN)/python tests/cluster/prove_nodes.py --rounds 3 --steps 40 --frames 60
 	$(BIN)/python tests/faults/prove_crashes.py
 	$(BIN)/python tests/faults/prove_power_cut.py
@@ -100,6 +101,9 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/engine/prove_monoloco.py
 	$(BIN)/python tests/engine/prove_subsets.py
 	$(BIN)/python tests/engine/prove_walking_skeletons.py
+
+bench: $(VENV)/.installed-test
+	$(BIN)/python tests/benchmarks/bench_tools.py
 
 docs: $(VENV)/.installed-test
 	$(BIN)/python docs/generate_reference.py docs

@@ -17,7 +17,7 @@ PACKAGE = Path(__file__).resolve().parent.parent / "vsd_analytics"
 ROOMS = (
     *("base", "store", "site", "geometry", "config", "ingest", "stats", "engine", "warehouse", "cluster", "retention"),
     *("figures", "wording", "render", "report", "planner", "calibration_page", "site_index", "service", "api"),
-    *("simulate", "bench", "live", "doctor", "cli"),
+    *("simulate", "live", "doctor", "cli"),
 )
 BASE = {"answer", "errors", "resources", "schema", "settings", "version"}
 """Modules of no room, which every room may import. `__init__` is the public API and names modules of all rooms."""
@@ -175,6 +175,17 @@ def test_every_module_of_ingest_is_in_a_folder() -> None:
 def ingest_folder(module: str) -> str | None:
     parts = module.split(".")
     return parts[2] if len(parts) > 2 and parts[1] == "ingest" and parts[2] in INGEST else None
+
+
+def test_only_the_switch_is_known_outside_the_accelerated_facts() -> None:
+    folder = "vsd_analytics.warehouse.accelerated"
+    known = {
+        f"{name} imports {target}"
+        for name, path in KNOWN.items()
+        for target in imports(path)
+        if target.startswith(folder) and not name.startswith(folder) and target != f"{folder}.switch"
+    }
+    assert known == set()
 
 
 def test_no_two_classes_have_one_name() -> None:

@@ -2,7 +2,7 @@
 -- One row per stay of a track in an area of vsd.toml that asks for visits, within one UTC hour; `visits` stitches them over hours.
 -- grain: camera_id, track_id, area_id, started_ms
 -- reads: located, visit_cells, cameras, camera_days
--- params: cell_mm, visit_gap_ms
+-- params: cell_mm, visit_gap_ms, gap_half_intervals
 -- columns:
 --   hour            UTC hour number
 --   camera_id
@@ -63,7 +63,7 @@ neighboured as (
         p.is_owned,
         p.area_id,
         d.interval_ms,
-        greatest(s.visit_gap_ms, cast(floor(5 * d.interval_ms / 2) as bigint)) as gap_ms,
+        greatest(s.visit_gap_ms, cast(floor(s.gap_half_intervals * d.interval_ms / 2) as bigint)) as gap_ms,
         lag(p.ts_ms) over track as before_ms,
         lead(p.ts_ms) over track as after_ms
     from placed as p

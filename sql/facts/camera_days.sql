@@ -3,6 +3,7 @@
 -- unit: day
 -- grain: utc_day, camera_id
 -- reads: stored_frames, stored_observations, stored_pairs, cameras
+-- params: unknown_interval_ms, longest_interval_ms
 -- columns:
 --   utc_day        UTC days since 1970
 --   camera_id
@@ -100,12 +101,13 @@ medians as (
 select
     reported.utc_day,
     reported.camera_id,
-    least(coalesce(cameras.interval_ms, medians.interval_ms, 1000), 1200000) as interval_ms,
+    least(coalesce(cameras.interval_ms, medians.interval_ms, params.unknown_interval_ms), params.longest_interval_ms) as interval_ms,
     reported.has_heartbeat,
     reported.has_persons,
     reported.has_tracks,
     reported.sends_pairs
 from reported
+cross join params
 inner join cameras on reported.camera_id = cameras.camera_id
 left join medians on reported.camera_id = medians.camera_id and reported.utc_day = medians.utc_day
 order by reported.utc_day, reported.camera_id

@@ -2,7 +2,7 @@
 -- One row per run of violation records of one pair of one camera within one UTC hour; `camera_episodes` stitches them over hours.
 -- grain: camera_id, track_a, track_b, started_ms
 -- reads: close_records, instants, located
--- params: distance_mm
+-- params: distance_mm, gap_half_intervals, next_half_intervals
 -- columns:
 --   hour             UTC hour number
 --   camera_id
@@ -140,15 +140,18 @@ around as (
     cross join (
         select
             1 as number,
-            4 as n_half_intervals
+            params.next_half_intervals as n_half_intervals
+        from params
         union all
         select
             2 as number,
-            5 as n_half_intervals
+            params.gap_half_intervals as n_half_intervals
+        from params
         union all
         select
             -1 as number,
-            4 as n_half_intervals
+            params.next_half_intervals as n_half_intervals
+        from params
     ) as n
 ),
 

@@ -2,7 +2,7 @@
 -- One row per two episode segments of two cameras that show the same two people: where both cameras see the pair, it is in the same place.
 -- grain: camera_id, track_a, track_b, started_ms, other_camera_id, other_track_a, other_track_b, other_started_ms
 -- reads: close_records, cameras, owner_cells
--- params: owner_cell_mm
+-- params: owner_cell_mm, same_place_mm, same_step_ms, same_stay_ms
 -- columns:
 --   hour              UTC hour number
 --   camera_id         the lesser camera id
@@ -23,7 +23,7 @@
 --   at_seconds  frames of two cameras fall on different instants; their places are compared at whole seconds, by linear interpolation
 --   seen        g is the square of side 1 m that holds the midpoint: a sum of two coordinates divided by 2000
 --   corners     joining by squares compares each pair with those around it, not with all of the floor
---   ranked      250000 is the square of 500 mm; each must be the best fit of the other, so that in a crowd a pair is not joined with
+--   ranked      each must be the best fit of the other, so that in a crowd a pair is not joined with
 --               its neighbours
 --   candidates  a step of its own, so that no engine compares all segments of a second with each other first
 --   compared    seconds in which only one camera sees its pair say nothing, so agreement is counted over seconds that both have
@@ -63,13 +63,13 @@ lasting as materialized (
         r.y_b_mm,
         -- until its next record, at most four seconds on, a pair goes straight there; else it stays for a second at most
         case
-            when r.is_followed and r.next_ms - r.ts_ms <= 4000 then r.next_ms
-            else r.ts_ms + least(r.interval_ms, 1000)
+            when r.is_followed and r.next_ms - r.ts_ms <= s.same_step_ms then r.next_ms
+            else r.ts_ms + least(r.interval_ms, s.same_stay_ms)
         end as to_ms,
-        case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_x_a_mm, r.x_a_mm) else r.x_a_mm end as to_x_a_mm,
-        case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_y_a_mm, r.y_a_mm) else r.y_a_mm end as to_y_a_mm,
-        case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_x_b_mm, r.x_b_mm) else r.x_b_mm end as to_x_b_mm,
-        case when r.is_followed and r.next_ms - r.ts_ms <= 4000 then coalesce(r.next_y_b_mm, r.y_b_mm) else r.y_b_mm end as to_y_b_mm,
+        coalesce(case when r.is_followed and r.next_ms - r.ts_ms <= s.same_step_ms then r.next_x_a_mm end, r.x_a_mm) as to_x_a_mm,
+        coalesce(case when r.is_followed and r.next_ms - r.ts_ms <= s.same_step_ms then r.next_y_a_mm end, r.y_a_mm) as to_y_a_mm,
+        coalesce(case when r.is_followed and r.next_ms - r.ts_ms <= s.same_step_ms then r.next_x_b_mm end, r.x_b_mm) as to_x_b_mm,
+        coalesce(case when r.is_followed and r.next_ms - r.ts_ms <= s.same_step_ms then r.next_y_b_mm end, r.y_b_mm) as to_y_b_mm,
         o.camera_id is not null as is_shared
     from close_records as r
     cross join params as s
@@ -218,7 +218,8 @@ ranked as (
             partition by second, other_pair_no, camera_id order by square_mm2, segment_no, other_segment_no
         ) as other_rank
     from near
-    where square_mm2 <= 250000
+    cross join params as s
+    where square_mm2 <= s.same_place_mm * s.same_place_mm
 ),
 
 agreeing as (

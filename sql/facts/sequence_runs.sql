@@ -6,6 +6,7 @@
 -- stored_by: utc_day
 -- grain: hour, camera_id, restarts, first_seq
 -- reads: stored_frames
+-- params: number_silence_ms
 -- columns:
 --   hour        UTC hour number
 --   camera_id
@@ -21,8 +22,8 @@
 --   rising       a stretch ends with the message before the next stretch begins; the last one with the hour
 --   unsteady     the rule looks a minute to either side; over more than five minutes of silence it says nothing
 --   neighboured  60000 ms is the minute of the rule above
---   marked       over an hour with more than 300000 ms of silence before it, message_gaps decides; a count below 5 is too short to say
---                that a fall to 0 or 1 is a new count
+--   marked       over an hour with more than number_silence_ms of silence before it, message_gaps decides; a count below 5 is too short to
+--                say that a fall to 0 or 1 is a new count
 --   islands      number minus rank is the same for all numbers without a gap between them
 -- assumes: numbers rise by one from message to message; frames without a number are ignored
 with numbered as (
@@ -138,12 +139,13 @@ marked as (
         seq,
         case
             when before_seq is null or seq >= before_seq then 0
-            when before_hour < hour and silence_ms > 300000 then 0
+            when before_hour < hour and silence_ms > params.number_silence_ms then 0
             when silence_ms > 60000 or most_after < least_before then 1
             when seq <= 1 and before_seq >= 5 and after_1_seq < before_seq and after_2_seq < before_seq then 1
             else 0
         end as is_restart
     from neighboured
+    cross join params
 ),
 
 counted as (

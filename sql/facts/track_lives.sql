@@ -2,6 +2,7 @@
 -- One row per track and UTC hour it was seen in: its records and time, and how many other tracks begin where it ends.
 -- grain: hour, camera_id, track_id
 -- reads: located, camera_days
+-- params: cut_half_intervals, cut_least_ms, cut_most_ms, cut_place_mm, cut_mm_per_s
 -- columns:
 --   hour           UTC hour number
 --   camera_id
@@ -54,8 +55,12 @@ reaching as (
         coalesce((l.last_y_mm - l.first_y_mm) / nullif(l.moved_ms, 0), 0) as y_mm_per_ms,
         l.first_ms - lag(l.last_ms) over (partition by l.camera_id, l.track_id order by l.hour) as since_ms,
         lead(l.first_ms) over (partition by l.camera_id, l.track_id order by l.hour) - l.last_ms as until_ms,
-        greatest(1000, least(10000, cast(floor(3 * d.interval_ms / 2) as bigint))) as reach_ms
+        greatest(
+            params.cut_least_ms,
+            least(params.cut_most_ms, cast(floor(params.cut_half_intervals * d.interval_ms / 2) as bigint))
+        ) as reach_ms
     from lives as l
+    cross join params
     inner join camera_days as d on l.camera_id = d.camera_id and cast(floor(l.hour / 24) as bigint) = d.utc_day
 ),
 
@@ -79,9 +84,10 @@ ends as (
         r.x_mm_per_ms,
         r.y_mm_per_ms,
         r.reach_ms,
-        cast(floor(r.last_ms / 10000) as bigint) + spans.beside as span
+        cast(floor(r.last_ms / params.cut_most_ms) as bigint) + spans.beside as span
     from reaching as r
     cross join spans
+    cross join params
     where r.last_x_mm is not null and (r.until_ms is null or r.until_ms > r.reach_ms)
 ),
 
@@ -92,8 +98,9 @@ starts as (
         first_ms,
         first_x_mm,
         first_y_mm,
-        cast(floor(first_ms / 10000) as bigint) as span
+        cast(floor(first_ms / params.cut_most_ms) as bigint) as span
     from reaching
+    cross join params
     where first_x_mm is not null and (since_ms is null or since_ms > reach_ms)
 ),
 
@@ -120,8 +127,9 @@ judged as (
         camera_id,
         track_id,
         after_ms,
-        x_off_mm * x_off_mm + y_off_mm * y_off_mm <= power(500 + 3 * abs(after_ms) / 10, 2) as is_there
+        x_off_mm * x_off_mm + y_off_mm * y_off_mm <= power(params.cut_place_mm + params.cut_mm_per_s * abs(after_ms) / 1000, 2) as is_there
     from beside
+    cross join params
 ),
 
 ended as (

@@ -2,6 +2,7 @@
 -- One row per camera, UTC hour and square metre of a floor whose areas ask for visits: who walks through it, and which way.
 -- grain: hour, camera_id, cx, cy
 -- reads: located, visit_cells, cameras, camera_days
+-- params: gap_half_intervals
 -- columns:
 --   hour       UTC hour number
 --   camera_id
@@ -14,7 +15,7 @@
 --   along_y    sum of the sine of twice the direction
 -- steps:
 --   asked   floors with an area that asks
---   steps   from one record of a track to the next, in the square metre of its middle; longer gaps than 5 / 2 frame intervals say nothing
+--   steps   from one record of a track to the next, in the square metre of its middle; longer gaps than 2.5 frame intervals say nothing
 --   walked  what a track moved within a square metre in all, so that jitter of the position cancels
 -- assumes: only what this camera owns is counted; who stands moves less than half a metre
 with asked as (
@@ -50,8 +51,9 @@ steps as (
         f.x_mm - f.before_x_mm as dx_mm,
         f.y_mm - f.before_y_mm as dy_mm
     from followed as f
+    cross join params as s
     inner join camera_days as d on f.camera_id = d.camera_id and cast(floor(f.ts_ms / 86400000) as bigint) = d.utc_day
-    where f.is_owned and f.ts_ms - f.before_ms <= greatest(1000, 5 * d.interval_ms / 2)
+    where f.is_owned and f.ts_ms - f.before_ms <= greatest(1000, s.gap_half_intervals * d.interval_ms / 2)
 ),
 
 walked as (

@@ -3,6 +3,7 @@
 -- and one per restart of its count.
 -- grain: camera_id, run, first_missing
 -- reads: sequence_runs, cameras, calendar
+-- params: number_silence_ms
 -- columns:
 --   camera_id
 --   camera_no      position in vsd.toml
@@ -14,7 +15,7 @@
 --   last_missing   last one; null for a restart
 --   n_missing      messages missing; null for a restart, as it is not known
 -- steps:
---   compared   300000 ms: a lower number after five minutes of silence is a restart, after less a clock that was set
+--   compared   a lower number after five minutes of silence is a restart, after less a clock that was set
 --   stretches  the greatest number of all earlier stretches, since stretches may overlap when a clock was set back
 -- assumes: gaps and restarts that touch the calendar count; what is lost before the first and after the last message is not known
 with runs as (
@@ -40,10 +41,11 @@ compared as (
         case
             when lag(hour) over in_time is null then 1
             when restarts > 0 then 1
-            when first_ms - lag(last_ms) over in_time > 300000 and least_seq < lag(most_seq) over in_time then 1
+            when first_ms - lag(last_ms) over in_time > params.number_silence_ms and least_seq < lag(most_seq) over in_time then 1
             else 0
         end as is_start
     from runs
+    cross join params
     window
         in_time as (partition by camera_id order by hour, restarts)
 ),

@@ -2,7 +2,7 @@
 -- One row per violation record of a pair with track ids, with the run it belongs to: a run has no gap longer than gap_ms.
 -- grain: camera_id, track_a, track_b, ts_ms
 -- reads: pairs, camera_days
--- params: distance_mm, episode_gap_ms
+-- params: distance_mm, episode_gap_ms, gap_half_intervals
 -- columns:
 --   hour         UTC hour number
 --   camera_id
@@ -27,7 +27,7 @@
 --   next_x_b_mm  place of track_b
 --   next_y_b_mm  likewise
 -- steps:
---   close        5 / 2 frame intervals: one lost frame does not cut a run, whatever the frame rate; the lesser track id comes first,
+--   close        2.5 frame intervals: one lost frame does not cut a run, whatever the frame rate; the lesser track id comes first,
 --                with its place
 --   neighboured  the next record is read beyond the run, because same_pairs interpolates towards it
 -- assumes: both persons carry track ids; pairs without ids are in no run
@@ -38,7 +38,7 @@ with close as (
         p.ts_ms,
         p.weight_ms,
         d.interval_ms,
-        greatest(s.episode_gap_ms, cast(floor(5 * d.interval_ms / 2) as bigint)) as gap_ms,
+        greatest(s.episode_gap_ms, cast(floor(s.gap_half_intervals * d.interval_ms / 2) as bigint)) as gap_ms,
         p.distance_mm,
         p.is_owned,
         least(p.track_a, p.track_b) as track_a,

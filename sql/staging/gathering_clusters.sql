@@ -2,7 +2,7 @@
 -- One row per cluster of at least gathering_people people at an instant: the pieces of gatherings.
 -- grain: cluster_no
 -- reads: clusters, clustered, camera_days
--- params: gathering_people, gathering_link_ms
+-- params: gathering_people, gathering_link_ms, gap_half_intervals, crowd_people
 -- columns:
 --   cluster_no   number of the cluster, in order of camera, time and cluster
 --   hour         UTC hour number
@@ -42,11 +42,12 @@ with big as (
 standing as (
     select
         big.cluster_no,
-        big.n_people > 40 as is_crowd,
+        big.n_people > s.crowd_people as is_crowd,
         p.member,
         cast(p.x_mm as bigint) as x_mm,
         cast(p.y_mm as bigint) as y_mm
     from big
+    cross join params as s
     inner join clustered as p on big.camera_id = p.camera_id and big.ts_ms = p.ts_ms and big.cluster = p.cluster
     where p.x_mm is not null
 ),
@@ -157,7 +158,7 @@ select
     big.sum_y_mm,
     big.weight_ms,
     d.interval_ms,
-    greatest(s.gathering_link_ms, cast(floor(5 * d.interval_ms / 2) as bigint)) as gap_ms,
+    greatest(s.gathering_link_ms, cast(floor(s.gap_half_intervals * d.interval_ms / 2) as bigint)) as gap_ms,
     widest.square_mm2
 from big
 cross join params as s

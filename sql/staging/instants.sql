@@ -2,7 +2,7 @@
 -- One row per camera and instant at which its engine processed a frame, with the time that the frame represents.
 -- grain: camera_id, ts_ms
 -- reads: stored_frames, stored_observations, stored_pairs, camera_days
--- params: coverage_gap_ms
+-- params: coverage_gap_ms, next_half_intervals
 -- columns:
 --   hour           UTC hour number (hours since 1970)
 --   camera_id
@@ -58,13 +58,16 @@ select
     cast(floor(timed.ts_ms / 3600000) as bigint) as hour,
     timed.camera_id,
     timed.ts_ms,
-    case when timed.to_next_ms <= 2 * timed.interval_ms then timed.to_next_ms else timed.interval_ms end as weight_ms,
     case
-        when timed.to_next_ms <= 2 * timed.interval_ms then timed.to_next_ms
-        when not timed.has_heartbeat and timed.to_next_ms <= params.coverage_gap_ms then timed.to_next_ms
+        when 2 * timed.to_next_ms <= s.next_half_intervals * timed.interval_ms then timed.to_next_ms
+        else timed.interval_ms
+    end as weight_ms,
+    case
+        when 2 * timed.to_next_ms <= s.next_half_intervals * timed.interval_ms then timed.to_next_ms
+        when not timed.has_heartbeat and timed.to_next_ms <= s.coverage_gap_ms then timed.to_next_ms
         else timed.interval_ms
     end as covered_ms,
     timed.interval_ms,
     timed.has_heartbeat
 from timed
-cross join params
+cross join params as s

@@ -3,6 +3,7 @@
 -- In a cluster of more than 40 people, only ids at most 8 places apart in order are paired: work grows with people, not pairs.
 -- grain: cluster_no, track_a, track_b
 -- reads: gathering_clusters, clustered
+-- params: crowd_people
 -- columns:
 --   hour        UTC hour number
 --   camera_id
@@ -26,12 +27,13 @@ with named as (
         c.cluster_no,
         c.ts_ms,
         c.gap_ms,
-        c.n_people > 40 as is_crowd,
+        c.n_people > params.crowd_people as is_crowd,
         p.track_id
     from gathering_clusters as c
+    cross join params
     inner join clustered as p on c.camera_id = p.camera_id and c.ts_ms = p.ts_ms and c.cluster = p.cluster
     where p.track_id is not null
-    group by c.hour, c.camera_id, c.cluster_no, c.ts_ms, c.gap_ms, c.n_people, p.track_id
+    group by c.hour, c.camera_id, c.cluster_no, c.ts_ms, c.gap_ms, c.n_people, params.crowd_people, p.track_id
 ),
 
 steps as (

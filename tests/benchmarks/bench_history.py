@@ -22,7 +22,8 @@ import time
 from datetime import date, timedelta
 from pathlib import Path
 
-from vsd_analytics.bench.made_up_site import write_site
+from made_up_site import write_site
+
 from vsd_analytics.config.project import load_site
 from vsd_analytics.warehouse.build import build
 

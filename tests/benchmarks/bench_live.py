@@ -19,8 +19,8 @@ from datetime import date
 from pathlib import Path
 
 import numpy as np
+from made_up_site import FIRST_MS, HOUR_S, camera_hour, write_site
 
-from vsd_analytics.bench.made_up_site import FIRST_MS, HOUR_S, camera_hour, write_site
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.warehouse import open_warehouse

@@ -22,8 +22,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+from made_up_site import CAMERAS, DAY_MS, FIRST_MS, HOUR_S, camera_hour, write_site
 
-from vsd_analytics.bench.made_up_site import CAMERAS, DAY_MS, FIRST_MS, HOUR_S, camera_hour, write_site
 from vsd_analytics.store.store import Store
 
 OPEN_H = 6

@@ -25,8 +25,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
+from made_up_site import FIRST_MS, write_site
 
-from vsd_analytics.bench.made_up_site import FIRST_MS, write_site
 from vsd_analytics.config.project import load_site
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.site.model import Site

@@ -4,7 +4,7 @@ After every kill a reader opens what `current.json` names, through `pyarrow.fs`:
 After the last run the totals are those of the project. Then the records are published too, and a project that fetches
 them must have the same files and facts. Run it with
 
-    python tests/cluster/prove_bucket.py --kills 12
+    PYTHONPATH=tests python tests/cluster/prove_bucket.py --kills 12
 
 and put its line into docs/performance.md. Exits with 1 when anything is wrong.
 """
@@ -24,9 +24,9 @@ from pathlib import Path
 
 import pyarrow.fs
 import pyarrow.parquet as pq
+from benchmarks.made_up_site import write_site
 from prove_cluster import free_port, kill, start, wait_for
 
-from vsd_analytics.bench.made_up_site import write_site
 from vsd_analytics.config.project import load_site
 from vsd_analytics.warehouse.build import build, current_files
 

@@ -3,7 +3,7 @@
 Every run starts without facts, in a project on a disk that all workers see, and must leave the files of a local build,
 byte for byte. Scheduler, master and workers are the real ones, as processes of their own on this machine. Run it with
 
-    python tests/cluster/prove_cluster.py --engine dask
+    PYTHONPATH=tests python tests/cluster/prove_cluster.py --engine dask
 
 and put the table into docs/performance.md. Exits with 1 when a file differs. Wall time needs a core for each worker;
 where there are fewer, the processor time of the busiest worker beside that of all says how well the work was divided.
@@ -25,7 +25,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from vsd_analytics.bench.made_up_site import write_site
+from benchmarks.made_up_site import write_site
+
 from vsd_analytics.cluster.workers import workers
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.build import build

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+from benchmarks import made_up_site
 from warehouse.small_projects import FACTS_WITHOUT_AREAS
 
-from vsd_analytics.bench import made_up_site
 from vsd_analytics.cluster.workers import workers
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import StoreError, UsageError

@@ -11,7 +11,7 @@ import vsd_analytics
 from vsd_analytics.report.pages.templates import environment
 from vsd_analytics.warehouse.sqlfiles import relations
 
-NOT_IN_JOBS = ("vsd_analytics.bench", "vsd_analytics.cluster")
+NOT_IN_JOBS = ("vsd_analytics.cluster",)
 """Rooms whose libraries may be missing. The server stops importing without a word where an import fails."""
 LIBRARIES = ("contourpy", "cv2", "duckdb", "pandas", "pyarrow.dataset", "scipy.sparse.csgraph", "shapely")
 for name in ("pyarrow.pandas_compat", "pyarrow.parquet", "pyarrow.vendored.version", *LIBRARIES):

@@ -114,9 +114,9 @@ def test_the_planted_redesign_is_found(project: Path, capsys: pytest.CaptureFixt
     found = json.loads(out)
     assert (code, found["state"], found["design"]) == (0, "ok", "comparison areas")
     assert found["comparison_areas"] == list(AREAS[1:])
-    assert found["violation_rate"]["theta"] == pytest.approx(0.5, rel=0.02)
+    assert found["violation_rate"]["value"] == pytest.approx(0.5, rel=0.02)
     assert found["violation_rate"]["verdict"] == "clear fall"
-    assert found["effect"]["theta"] == pytest.approx(0.5 * (3600 + 40 * 40) / (3600 + 20 * 40), rel=0.01)
+    assert found["effect"]["value"] == pytest.approx(0.5 * (3600 + 40 * 40) / (3600 + 20 * 40), rel=0.01)
     assert found["effect"]["verdict"] == "clear fall"
     assert len(found["effect"]["placebo"]) == 5
     assert found["windows"]["before"] == ["2026-11-02", "2026-11-08"]
@@ -144,11 +144,11 @@ def test_two_weeks_and_their_areas(project: Path, capsys: pytest.CaptureFixture[
     assert areas["queue"]["verdict"] == "clear fall"
     assert areas["door"]["verdict"] == "cannot tell"
     n_before, n_now = 6 * 40, 5 * 40 + 20
-    assert areas["floor"]["theta"] == pytest.approx(n_now / n_before)
+    assert areas["floor"]["value"] == pytest.approx(n_now / n_before)
     made = found["mixing"]
     assert made["state"] == "ok"
     assert made["close"] == pytest.approx(n_now / n_before)
-    product = made["crowding"] * made["layout"] * made["behaviour"]["theta"]
+    product = made["crowding"] * made["layout"] * made["behaviour"]["value"]
     assert product == pytest.approx(made["close"], rel=1e-4)
     for period, n in (("a", 40), ("b", 20)):
         told = made[period]

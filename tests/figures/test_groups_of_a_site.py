@@ -341,7 +341,7 @@ def test_a_camera_that_cannot_tell_is_left_out_and_named(tmp_path: Path) -> None
         one = groups(warehouse, camera_id="side")
         with pytest.raises(UsageError, match="no camera has the id"):
             groups(warehouse, camera_id="nope")
-    assert (found.state, found.between.of, dict(found.left_out).keys()) == ("ok", 3, {"side"})
+    assert (found.state, found.n_by_size, dict(found.left_out).keys()) == ("ok", {2: 2}, {"side"})
     assert (one.state, one.groups) == ("not_measurable", ())
 
 
@@ -358,8 +358,8 @@ def test_the_command_prints_both_readings_and_names_tracks_in_json_only(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "vsd.toml").write_text(
-        '[site]\nid = "shop"\nname = "Shop"\ntimezone = "UTC"\n[rules]\npartial_hour_share = 0.0\n'
-        '[[floor]]\nid = "ground"\nname = "Ground"\n'
+        '[site]\nid = "shop"\nname = "Shop"\ntimezone = "UTC"\n'
+        '[rule]\npartial_hour_share = 0.0\n[[floor]]\nid = "ground"\nname = "Ground"\n'
         '[[camera]]\nid = "cam"\nname = "Cam"\nfloor = "ground"\nhz = 1.0\n'
     )
     put(make_site(tmp_path), [replace(r, track=f"track-{r.track}") for r in two_groups_that_meet()])
@@ -378,8 +378,8 @@ def test_the_command_prints_both_readings_and_names_tracks_in_json_only(
 
 def test_the_command_exits_with_1_when_it_cannot_tell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "vsd.toml").write_text(
-        '[site]\nid = "shop"\nname = "Shop"\ntimezone = "UTC"\n[rules]\npartial_hour_share = 0.0\n'
-        '[[floor]]\nid = "ground"\nname = "Ground"\n'
+        '[site]\nid = "shop"\nname = "Shop"\ntimezone = "UTC"\n'
+        '[rule]\npartial_hour_share = 0.0\n[[floor]]\nid = "ground"\nname = "Ground"\n'
         '[[camera]]\nid = "cam"\nname = "Cam"\nfloor = "ground"\nhz = 1.0\n'
     )
     put(make_site(tmp_path), [Pair(T0 + s * 1000, "a", "b", 900) for s in range(30)])

@@ -12,7 +12,7 @@ import pytest
 from planted_changes import AREAS, planted, site_of
 
 from vsd_analytics.figures.before_after import BeforeAfterFigure, before_after
-from vsd_analytics.figures.week.redesigns import moved_people, redesigns
+from vsd_analytics.figures.week.change_effects import change_effects, moved_people
 
 FIRST = date(2026, 8, 31)
 CHANGE = 12 * 7 + 1
@@ -37,7 +37,7 @@ def week(root: Path, *, days_after: int = 25, is_held_back: bool = False) -> Any
 
 def test_new_numbers_lie_beside_the_old_ones_and_add_up(tmp_path: Path) -> None:
     found = figure(tmp_path, rate=lambda a, d: 0.5 if a == "queue" and d >= CHANGE else 1.0)
-    (made,) = redesigns(week(tmp_path), [found])
+    (made,) = change_effects(week(tmp_path), [found])
     assert made.effect is not None
     assert made.burden is not None
     assert made.burden.change is not None
@@ -53,7 +53,7 @@ def test_new_numbers_lie_beside_the_old_ones_and_add_up(tmp_path: Path) -> None:
 
 
 def test_an_area_whose_counts_are_hidden_shows_none_of_them(tmp_path: Path) -> None:
-    (made,) = redesigns(week(tmp_path, is_held_back=True), [figure(tmp_path)])
+    (made,) = change_effects(week(tmp_path, is_held_back=True), [figure(tmp_path)])
     told = ("burden", "close", "running", "net", "e_value", "contribution", "moved_elsewhere", "through_people")
     assert [getattr(made, name) for name in told] == [None] * len(told)
 

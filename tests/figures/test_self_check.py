@@ -35,7 +35,7 @@ def test_twelve_weeks_in_which_nothing_changes_seldom_raise_a_false_alarm(tmp_pa
     assert found.violation_rate is not None
     assert found.encounter_rate is not None
     assert found.both is not None
-    assert found.both.value == (found.violation_rate.value + found.encounter_rate.share) / 2 <= 0.1
+    assert found.both.value == (found.violation_rate.value + found.encounter_rate.value) / 2 <= 0.1
     assert found.both.lo <= found.both.value <= found.both.hi
     assert found.verdicts_a_year == 104
     assert found.false_a_year is not None

@@ -27,7 +27,7 @@ from vsd_analytics.ingest.intake.quarantine_writer import Quarantine
 from vsd_analytics.live import listener as listening
 from vsd_analytics.live.listener import Listener
 from vsd_analytics.live.mqtt import password_of
-from vsd_analytics.live.single_instance import alone
+from vsd_analytics.live.single_instance import single_listener
 from vsd_analytics.live.status import FILE, Status
 from vsd_analytics.schema import TABLES
 from vsd_analytics.store.store import Store
@@ -265,7 +265,7 @@ def test_a_killed_listener_loses_nothing_doubles_nothing_and_its_will_tells(
     with watched(shared_broker, topic) as states:
         with command(root) as process:
             wait_for(lambda: "listening" in states)
-            with pytest.raises(LiveError) as refused, alone(root):
+            with pytest.raises(LiveError) as refused, single_listener(root):
                 pass
             assert refused.value.code == "E706"
             assert str(process.pid) in (refused.value.why or "")

@@ -259,7 +259,7 @@ def test_what_cannot_be_watched_is_refused(site: Site) -> None:
             watch(site, folder, IngestOptions(), clock=lambda: NOW)
     with pytest.raises(UsageError, match="no camera"):
         watch(site, world.folder, IngestOptions(camera="cam-9"), clock=lambda: NOW)
-    with inbox.alone(world.folder), pytest.raises(LiveError) as caught:
+    with inbox.single_watcher(world.folder), pytest.raises(LiveError) as caught:
         world.run()
     assert caught.value.code == "E707"
 

@@ -34,7 +34,7 @@ TOOLS = (
     "griffe",
 )
 CORE_SUITE = (
-    "tests/warehouse/test_arrays_against_sql.py",
+    "tests/warehouse/test_accelerated_against_sql.py",
     "tests/store",
     "tests/config",
     "tests/sql/test_sql_cases.py",

@@ -20,7 +20,7 @@ from vsd_analytics.figures.change_weeks import log_entry, windows_of
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import Redesign
+from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
 from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import CellSums, ChangeSide, PlannerChange
 from vsd_analytics.planner.page import render_planner
@@ -68,7 +68,7 @@ def test_a_logged_change_makes_the_page_hold_twelve_weeks_of_the_log(known: Plan
 
 
 def test_the_verdict_on_a_change_is_that_of_the_weekly_report(known: PlannerData, logged: Site) -> None:
-    [told] = week_report(logged, planted.MONDAY).redesigns
+    [told] = week_report(logged, planted.MONDAY).change_effects
     assert told.state == "ok"
     assert by_text(known, "Display").result == told
 
@@ -160,7 +160,7 @@ def test_only_a_controlled_comparison_says_that_a_change_worked(
         return Estimate(value=None, change=change, change_lo=lo, change_hi=hi, verdict=verdict)
 
     change = by_text(known, "Display")
-    assert isinstance(change.result, Redesign)
+    assert isinstance(change.result, LoggedChangeEffect)
     sure = {
         "design": "beside", "is_credible": True, "doubts": (), "moved_elsewhere": 0.1, "e_value": 400.0,
         "running": ("clear_fall", -0.4, -0.5, -0.3), "net": ("clear_fall", -0.1, -0.15, -0.05),

@@ -155,7 +155,7 @@ def workplace(folder: Path, root: Path) -> None:
     violation_rate = found["places"][0]["split"]["violation_rate"]
     print("| workplace, badges | week 1 | week 2 | ratio | likely between | verdict |\n|---|--:|--:|--:|---|---|")
     rates, bounds = (
-        (violation_rate["rate_a"], violation_rate["rate_b"], violation_rate["theta"]),
+        (violation_rate["rate_a"], violation_rate["rate_b"], violation_rate["value"]),
         (violation_rate["lo"], violation_rate["hi"]),
     )
     cells = [*(f"{v:.3g}" for v in rates), " and ".join(f"{v:.2f}" for v in bounds), violation_rate["verdict"]]

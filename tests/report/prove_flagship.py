@@ -163,9 +163,9 @@ def answers(folder: Path) -> dict[str, Any]:
     return {
         "planner": " ".join(re.sub("<[^>]*>", " ", card.partition(">")[2]).split()),
         "compare": compared,
-        "outcome": report["ledger"][0]["outcome"],
-        "ledger": report["ledger"],
-        "redesign": report["redesigns"][0],
+        "outcome": report["logged_changes"][0]["outcome"],
+        "ledger": report["logged_changes"],
+        "redesign": report["change_effects"][0],
         "headline": report["story"]["headline"],
         "things": report["story"]["things"],
     }

@@ -189,12 +189,12 @@ def readings(report: page_model.WeekReport) -> m.Readings:
     )
 
 
-def redesigns() -> tuple[m.Redesign, ...]:
+def change_effects() -> tuple[m.LoggedChangeEffect, ...]:
     said: dict[str, Any] = {"at": datetime(2026, 10, 7, 9, tzinfo=ROME), "text": "Fourth till opened"}
     effect = m.Estimate(value=None, change=-0.31, change_lo=-0.42, change_hi=-0.18, verdict="clear_fall")
     people = m.Estimate(value=None, change=0.04, change_lo=-0.02, change_hi=0.1, verdict="about_same")
     return (
-        m.Redesign(
+        m.LoggedChangeEffect(
             number=1,
             **said,
             area_name="Checkout queue",
@@ -214,7 +214,7 @@ def redesigns() -> tuple[m.Redesign, ...]:
                 read_reason("nobody was moved there by it"),
             ),
         ),
-        m.Redesign(
+        m.LoggedChangeEffect(
             number=2,
             at=datetime(2026, 11, 11, 12, tzinfo=ROME),
             text="Seasonal display moved",
@@ -268,7 +268,7 @@ def complete() -> page_model.WeekReport:
         report,
         spots=busiest(report),
         readings=readings(report),
-        redesigns=redesigns(),
+        change_effects=change_effects(),
         causes=CAUSES,
         trend=trend(report),
         outlook=outlook(),
@@ -339,7 +339,7 @@ def twelve_weeks(*, n_more_areas: int = 0) -> page_model.WeekReport:
         report.maps[0],
         spots=tuple(m.MapSpot(number=c.number, name=c.name, at=c.at) for c in spots.cards if c.at),
     )
-    told, _ = redesigns()
+    told, _ = change_effects()
     marks = tuple(
         m.TrendMark(
             label="ABCDE"[k],
@@ -369,7 +369,7 @@ def twelve_weeks(*, n_more_areas: int = 0) -> page_model.WeekReport:
         spots=spots,
         spot_pictures=tuple(floor_picture(floor, number=s.number, at=s.at) for s in floor.spots),
         change_maps=change,
-        redesigns=(told, replace(told, number=2, text="New floor stickers at the end of aisle 2")),
+        change_effects=(told, replace(told, number=2, text="New floor stickers at the end of aisle 2")),
         trend=replace(report.trend, marks=marks),
     )
 
@@ -382,7 +382,7 @@ def refused() -> page_model.WeekReport:
         report,
         spots=None,
         readings=none,
-        redesigns=redesigns()[1:],
+        change_effects=change_effects()[1:],
         causes=m.Causes(state="not_enough_data", reason=read_reason("needs at least 20 person-hours, has 4.2")),
         trend=trend(report, n=2),
         outlook=m.Outlook(

@@ -75,7 +75,7 @@ def cells(*, outage: bool = True) -> tuple[m.HourCell, ...]:
     return tuple(out)
 
 
-def when(hours: tuple[m.HourCell, ...]) -> m.When:
+def when(hours: tuple[m.HourCell, ...]) -> m.Timetable:
     full = [c for c in hours if c.state == "full" and c.cameras_down == 0 and c.violations is not None]
 
     def mean(chosen: list[m.HourCell]) -> tuple[float | None, int]:
@@ -90,7 +90,7 @@ def when(hours: tuple[m.HourCell, ...]) -> m.When:
         value, n = mean([c for c in full if c.hour == h])
         by_hour.append(m.HourMean(hour=h, value=value, hours=n))
     top = busiest_day({(c.day, c.hour): float(c.violations or 0) for c in full})
-    return m.When(cells=hours, day_means=tuple(days), hour_means=tuple(by_hour), busiest_day=top)
+    return m.Timetable(cells=hours, day_means=tuple(days), hour_means=tuple(by_hour), busiest_day=top)
 
 
 def camera(k: int, name: str, hours: tuple[m.HourCell, ...], *, is_weak: bool) -> m.CameraRecord:
@@ -372,7 +372,7 @@ def no_data() -> page_model.WeekReport:
         busiest_spot=None,
         busiest_hour=None,
         areas=(),
-        when=m.When(cells=hours),
+        when=m.Timetable(cells=hours),
         maps=(),
         log=(),
     )
@@ -512,7 +512,7 @@ def always_open_picture() -> page_model.WeekReport:
     return replace(
         report,
         week=week,
-        when=m.When(cells=tuple(hours)),
+        when=m.Timetable(cells=tuple(hours)),
         maps=(scene, replace(scene, title="Checkouts")),
         coverage=quiet,
     )

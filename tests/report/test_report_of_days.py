@@ -103,7 +103,7 @@ def test_ten_days_have_other_days_of_the_week_before_them(site: Site) -> None:
 
 def test_sections_that_need_weeks_are_left_out(fortnight: WeekReport) -> None:
     assert (fortnight.trend, fortnight.outlook, fortnight.spots, fortnight.unusual) == (None, None, None, None)
-    assert (fortnight.redesigns, fortnight.ledger) == ((), ())
+    assert (fortnight.change_effects, fortnight.logged_changes) == ((), ())
     assert fortnight.story is not None
     assert fortnight.story.question == ""
     page = render_html(fortnight)

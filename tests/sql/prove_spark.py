@@ -3,8 +3,8 @@
 Each query reads the rows that DuckDB gave the relations before it, so that one failure stays one. Floating numbers may
 differ by a billionth; everything else must be equal. Needs pyspark and Java. Run it with
 
-    python tests/sql/prove_spark.py                      # a made-up hour of two cameras
-    python tests/sql/prove_spark.py --project DIR        # the busiest hour of a project, and the one before it
+    PYTHONPATH=tests python tests/sql/prove_spark.py                # a made-up hour of two cameras
+    PYTHONPATH=tests python tests/sql/prove_spark.py --project DIR  # the busiest hour of a project, and the one before
 
 and put the table into docs/performance.md. Exits with 1 when a query gives other rows; a query that Spark cannot run
 at all is listed.
@@ -25,8 +25,8 @@ from typing import Any
 
 import duckdb
 import pyarrow.parquet as pq
+from benchmarks.made_up_site import write_site
 
-from vsd_analytics.bench.made_up_site import write_site
 from vsd_analytics.config.project import load_site
 from vsd_analytics.schema import SCHEMAS, TABLES
 from vsd_analytics.site.model import Site

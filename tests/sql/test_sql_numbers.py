@@ -1,4 +1,4 @@
-"""Numbers in SQL: a threshold comes from `params`, which are settings; every other number is here with its reason."""
+"""Numbers in SQL: a threshold is a setting or a rule, in `params`; every other one is here with its reason."""
 
 from __future__ import annotations
 
@@ -25,22 +25,14 @@ ORDINALS: Final = r"\b(group|order) by [\d, ]+$"
 
 CROWD = "more people than this are too many for all pairs: what bounds the time, not a figure"
 DIRECTIONS = "cosines and sines of sixteen directions, in thousandths"
-FRAMES = "5 / 2 frame intervals: of an episode one frame may be lost; proven over frame rates (docs/statistics.md)"
 CELL = "side of the cells of this mart, a multiple of the stored ones: MART_CELL_M"
 
 REASONS: Final[Mapping[str, Mapping[str, str]]] = {
-    "facts/area_stays": {"5": FRAMES},
-    "facts/walk_cells": {"5": FRAMES},
     "marts/walks": {"4": "quarters of an hour"},
-    "facts/camera_days": {
-        "0.5": "the median",
-        "1200000": "the longest frame interval, 20 minutes: an hour depends on its neighbours alone (compute.py)",
-    },
+    "facts/camera_days": {"0.5": "the median"},
     "facts/episode_segments": {
         "500": "class of distances of M11, part of its definition and of the column's name",
         "1500": "class of distances of M11, part of its definition and of the column's name",
-        "4": "half frame intervals in which a frame beside the end is looked for, so that one may be lost",
-        "5": "half frame intervals in which a frame beside the end is looked for, so that one may be lost",
         "8": "the cubic through four points at its middle",
     },
     "staging/pairs": {"40": CROWD},
@@ -48,31 +40,16 @@ REASONS: Final[Mapping[str, Mapping[str, str]]] = {
     "tables/cells": {"0.5": "the middle of a cell"},
     "facts/same_pairs": {
         "3": "a stretch of at most 4 s holds at most four whole seconds",
-        "4000": "how far a place may be carried on without a record: after 4 s people may be anywhere",
         "2000": "twice the side of the squares, 1 m, that candidates are looked for in; no threshold",
-        "250000": "(0.5 m)^2: how well two cameras agree on a place; proven on real recordings (prove_cameras.py)",
     },
     "facts/sequence_runs": {
         "5": "a count below 5 is too short to say that a fall to 0 or 1 is a new count",
         "60000": "a number that falls after a minute of silence is a new count of the engine",
-        "300000": "after 5 minutes of silence over an hour's edge, message_gaps decides",
-    },
-    "facts/track_lives": {
-        "3": "reach of 3 / 2 frame intervals; a walker leaves its straight way by up to 0.3 m a second",
-        "10": "a walker leaves its straight way by up to 3 / 10 mm a millisecond",
-        "500": "0.5 m: how well a camera knows a place",
-        "10000": "a cut track id begins again within 10 s at most; also the spans it is looked for in",
     },
     "marts/cell_days": {"500": CELL},
     "marts/planner_cells": {"500": CELL},
-    "marts/message_gaps": {"300000": "a lower number after 5 minutes of silence is a restart, not a set clock"},
-    "staging/close_records": {"5": FRAMES},
-    "staging/gathering_clusters": {
-        "5": FRAMES,
-        "40": CROWD,
-        **dict.fromkeys(("195", "383", "556", "707", "831", "924", "981"), DIRECTIONS),
-    },
-    "staging/shared_tracks": {"40": CROWD, **dict.fromkeys("345678", "8 neighbours in order of ids")},
+    "staging/gathering_clusters": dict.fromkeys(("195", "383", "556", "707", "831", "924", "981"), DIRECTIONS),
+    "staging/shared_tracks": dict.fromkeys("345678", "8 neighbours in order of ids"),
 }  # fmt: skip
 
 
@@ -85,7 +62,7 @@ def numbers(relation: Relation) -> set[str]:
 
 @pytest.mark.parametrize("relation", all_relations(), ids=lambda r: f"{r.layer}/{r.name}")
 def test_every_number_is_a_unit_or_has_its_reason(relation: Relation) -> None:
-    """A new threshold is a setting marked "sql" in `settings.py`; SQL reads it from `params`."""
+    """A new threshold is a setting marked "sql" in `settings.py` or a rule of `warehouse/rules.py`."""
     assert numbers(relation) - UNITS == set(REASONS.get(f"{relation.layer}/{relation.name}", {}))
 
 

@@ -103,7 +103,7 @@ def drifts(world: World, n: int) -> Line:
 
 
 def _names_a_trend(effect: BeforeAfter, *, weeks: int) -> bool:
-    """Return whether doubts or cautions of the page name a slope (`redesign.unseen_trend`)."""
+    """Return whether doubts or cautions of the page name a slope (`change_effect.unseen_trend`)."""
     trend = effect.trend
     if trend is None or effect.value is None:
         return False

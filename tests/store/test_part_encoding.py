@@ -13,7 +13,7 @@ import pytest
 
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.store.part_files import engines_of, part_bytes, read_part
-from vsd_analytics.warehouse.arrays.stored import NotedColumns
+from vsd_analytics.warehouse.stored_records import NotedColumns
 
 N = 20_000
 

@@ -25,7 +25,7 @@ WRITERS = {
     "fold": "Store(root / 'store', site_id=site.site_id).fold()",
     "secrets": "DayKeys(root / 'secrets').key(date(2031, 1, 1))",
     "removal": "removing(root / 'store').__enter__()",
-    "listen": "only_one(root / 'lock', refusal=ValueError).__enter__()",
+    "listen": "single_instance(root / 'lock', refusal=ValueError).__enter__()",
     "mail": "SentLog(root / 'sent').__enter__()",
 }
 WRITING = """
@@ -34,7 +34,7 @@ from pathlib import Path
 import pyarrow as pa
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import VsdError
-from vsd_analytics.live.single_instance import only_one
+from vsd_analytics.live.single_instance import single_instance
 from vsd_analytics.report.send.sent_mails import SentLog
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.store.removal import removing

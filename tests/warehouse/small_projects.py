@@ -17,7 +17,7 @@ from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import build as build_module
-from vsd_analytics.warehouse import unit_batches
+from vsd_analytics.warehouse import units
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.factfiles import by_hour, noted_inputs
 from vsd_analytics.warehouse.sqlfiles import relations
@@ -161,7 +161,7 @@ def fact_hours(site: Site) -> dict[tuple[str, int], tuple[list[dict[str, Any]], 
 
 def build_hour_by_hour(site: Site) -> BuildResult:
     """Build, computing each hour for itself, as a build does with hours of very many records."""
-    with mock.patch.multiple(unit_batches, BATCH_HOURS=1, QUIET_HOURS=1):
+    with mock.patch.multiple(units, BATCH_HOURS=1, QUIET_HOURS=1):
         return build_module.build(site)
 
 

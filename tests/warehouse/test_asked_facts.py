@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.made_up_site import write_site
 from warehouse.small_projects import (
     FACTS_OF_AREAS,
     FACTS_WITHOUT_AREAS,
@@ -22,7 +23,6 @@ from warehouse.small_projects import (
     put,
 )
 
-from vsd_analytics.bench.made_up_site import write_site
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.site.model import Site

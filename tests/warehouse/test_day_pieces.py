@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from benchmarks.made_up_site import write_site
 
-from vsd_analytics.bench.made_up_site import write_site
 from vsd_analytics.planner.planner_data import planner_pages
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site

@@ -32,7 +32,7 @@ from warehouse.small_projects import (
 from vsd_analytics.errors import StoreError
 from vsd_analytics.site.model import Calibration, Camera
 from vsd_analytics.warehouse import build as build_module
-from vsd_analytics.warehouse import factfiles, unit_batches
+from vsd_analytics.warehouse import factfiles, units
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.compute import hour_facts
 
@@ -236,7 +236,7 @@ def test_a_day_that_does_not_fit_whole_is_computed_with_the_next_ones(
     build(site)
     everything = fact_files(site)
     assert asked == [(HOUR0, HOUR0 + 25)]
-    monkeypatch.setattr(unit_batches, "QUIET_ROWS", n_rows - own)  # room for one hour of the second day
+    monkeypatch.setattr(units, "QUIET_ROWS", n_rows - own)  # room for one hour of the second day
     shutil.rmtree(project / "facts")
     build(site)
     assert asked[1:] == [(HOUR0, HOUR0 + 2), (HOUR0 + 24, HOUR0 + 25)]
@@ -318,7 +318,7 @@ def test_bytes_do_not_depend_on_range_or_batch(
     assert fact_files(backwards) == expected
     small = make_site(tmp_path / "small", cameras=cameras)
     for limit in ("BATCH_ROWS", "QUIET_ROWS"):
-        monkeypatch.setattr(unit_batches, limit, 1000)
+        monkeypatch.setattr(units, limit, 1000)
     build(small)
     assert fact_files(small) == expected
 

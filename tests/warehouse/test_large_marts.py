@@ -5,8 +5,8 @@ from __future__ import annotations
 from datetime import date, timedelta
 
 import pytest
+from benchmarks.made_up_site import write_site
 
-from vsd_analytics.bench.made_up_site import write_site
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse import sources
 from vsd_analytics.warehouse.warehouse import MEMORY_LIMIT, Warehouse

@@ -27,9 +27,10 @@ from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import compute
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.reach import NearParts, noted_spans, reach_ms, spans_of
+from vsd_analytics.warehouse.rules import RULES
 from vsd_analytics.warehouse.units import PartIndex
 
-GAPS = {"episode_gap_ms": 3000, "visit_gap_ms": 5000, "gathering_link_ms": 5000, "coverage_gap_ms": 600_000}
+GAPS = {"episode_gap_ms": 3000, "visit_gap_ms": 5000, "gathering_link_ms": 5000, "coverage_gap_ms": 600_000, **RULES}
 HOURS = 4
 Record = Person | Pair | Frame
 

@@ -13,7 +13,7 @@ from warehouse.small_projects import HOUR, T0, Person, beats, fact_files, make_s
 from vsd_analytics.retention.purge import Terms, purge_older, purge_range
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.layout import list_parts
-from vsd_analytics.warehouse import sources, unit_batches
+from vsd_analytics.warehouse import sources, units
 from vsd_analytics.warehouse.analyst_query import run_query
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.relations import named_relations
@@ -63,8 +63,8 @@ def test_pairs_are_those_of_the_places_and_no_file_holds_either(site: Site) -> N
 
 def test_hours_in_several_batches_have_the_same_pairs(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     expected = pairs(site)
-    monkeypatch.setattr(unit_batches, "QUIET_ROWS", 1)
-    monkeypatch.setattr(unit_batches, "BATCH_ROWS", 1)
+    monkeypatch.setattr(units, "QUIET_ROWS", 1)
+    monkeypatch.setattr(units, "BATCH_ROWS", 1)
     assert pairs(site) == expected
 
 

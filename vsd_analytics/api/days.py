@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import date
 from functools import cached_property
@@ -20,8 +20,9 @@ from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
 if TYPE_CHECKING:
-    from vsd_analytics.api.space_use import Rows
+    from vsd_analytics.answer import Answer
     from vsd_analytics.api.tracks import TrackTable
+    from vsd_analytics.figures.periods import Period
 
 MapKind = Literal["exposure", "burden", "risk", "excess"]
 T = TypeVar("T")
@@ -235,58 +236,65 @@ class Days:
 
     @cached_property
     def visits(self) -> Table:
-        """Return visits per open hour (M35) and dwell times (M36) of areas with `visits = true`, a row for each figure.
-
-        Columns: `floor_id`, `area_id`, `to_area_ids`, `name`, `what`, `unit`, `local_hour` (null = the whole days),
-        `value`, `lo`, `hi`, `reason`.
+        """Return visits per open hour (M35) and dwell times (M36), a row for each area with `visits = true`.
 
         Example:
             >>> print(week.visits.note)
             no area has visits = true in vsd.toml
         """
-        from vsd_analytics.api.space_use import visit_rows
+        from vsd_analytics.figures.visits import visits
 
-        return self._space_use(visit_rows, "Visits", "no area has visits = true in vsd.toml")
+        return self._answer("visits", lambda period: (visits(period),))
 
     @cached_property
     def flow(self) -> Table:
-        """Return where people go next from areas with `visits = true` (M37), and estimated links over blind floor.
-
-        Columns as `visits`; `to_area_ids` says where to, and `what` is "flow" or "estimated link".
+        """Return where people go next (M37), a row for each area with `visits = true` and each next area.
 
         Example:
             >>> print(week.flow.note)
             no area has visits = true in vsd.toml
         """
-        from vsd_analytics.api.space_use import flow_rows
+        from vsd_analytics.figures.flow_answers import flow_answers
 
-        return self._space_use(flow_rows, "Flow", "no area has visits = true in vsd.toml")
+        return self._answer("flow", flow_answers)
+
+    @cached_property
+    def flow_links(self) -> Table:
+        """Return estimated links over floor where nobody is followed; they are in no share of `flow`."""
+        from vsd_analytics.figures.flow_answers import flow_answers
+
+        return self._answer("flow_links", flow_answers)
 
     @cached_property
     def queues(self) -> Table:
-        """Return people waiting (M39), also by hour, and waiting times (M40) of areas with `queue = true`.
-
-        Columns as `visits`; the number of people waiting has a row for each `local_hour` too.
+        """Return people waiting (M39) and waiting times (M40), a row for each area with `queue = true`.
 
         Example:
             >>> print(week.queues.note)
             no area has queue = true in vsd.toml
         """
-        from vsd_analytics.api.space_use import queue_rows
+        from vsd_analytics.figures.queues import queues
 
-        return self._space_use(queue_rows, "Queues", "no area has queue = true in vsd.toml")
+        return self._answer("queues", queues)
+
+    @cached_property
+    def queue_hours(self) -> Table:
+        """Return people waiting and waiting times by hour of the day, a row for each queue and hour."""
+        from vsd_analytics.figures.queues import queues
+
+        return self._answer("queue_hours", queues)
 
     @cached_property
     def capacity(self) -> Table:
-        """Return how full areas and floors with a `capacity` were (M41); columns as `visits`.
+        """Return how full areas and floors with a `capacity` were (M41), a row for each.
 
         Example:
             >>> print(week.capacity.note)
             no area or floor has a capacity in vsd.toml
         """
-        from vsd_analytics.api.space_use import capacity_rows
+        from vsd_analytics.figures.capacities import capacity
 
-        return self._space_use(capacity_rows, "Capacity", "no area or floor has a capacity in vsd.toml")
+        return self._answer("capacity", lambda period: (capacity(period),))
 
     @cached_property
     def hotspots(self) -> Table:
@@ -393,11 +401,11 @@ class Days:
             rows = run_query(warehouse, query, computed=computed, given=given)
         return Table(rows, title="Query")
 
-    def _space_use(self, rows: Rows, title: str, none: str) -> Table:
-        from vsd_analytics.api.space_use import space_use
+    def _answer(self, name: str, answers: Callable[[Period], Sequence[Answer]]) -> Table:
+        from vsd_analytics.api.space_use import answer_table
 
-        days = (self.first, self.last)
-        return space_use(self.site, days, self._warehouse, rows, title=f"{title}, {self.name}", none=none)
+        title = f"{name.replace('_', ' ').capitalize()}, {self.name}"
+        return answer_table(self.site, (self.first, self.last), self._warehouse, answers, name=name, title=title)
 
     def _table(self, name: str) -> Table:
         rows = self.sql(f"select * from {name}").arrow()

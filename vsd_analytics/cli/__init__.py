@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import gc
 import importlib
 import os
 import sys
@@ -23,12 +22,9 @@ COMMANDS = (
     *("build", "fetch", "coverage", "hours", "heatmap", "hotspots", "groups", "visits", "flow", "queue", "capacity"),
     *("compare", "plan", "selfcheck", "forecast"),
     *("today", "report", "planner", "site", "serve", "export", "purge", "sql", "schema", "verify", "doctor"),
-    *("bench", "explain"),
+    "explain",
 )
 """The commands, each in the module of its name, in the order in which a new user needs them."""
-
-GARBAGE_AFTER = 50_000
-"""New objects before Python collects garbage. Its own 700 would collect many times during the imports alone."""
 
 
 class LazyGroup(click.Group):
@@ -61,6 +57,8 @@ class LazyGroup(click.Group):
 
             near = difflib.get_close_matches(args[0], COMMANDS, n=1)
             hint = f" Did you mean '{near[0]}'?" if near else ""
+            if args[0] == "bench":
+                hint = " It left the program with 2.0: python tests/benchmarks/bench_tools.py in the source measures."
             ctx.fail(f"No such command {args[0]!r}.{hint}")
         return super().resolve_command(ctx, args)
 
@@ -100,12 +98,11 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line and leave the process with its exit code.
 
     Args:
-        arguments: None = those of the process. It then collects garbage less often and, after exit code 0,
-            without taking apart what it imported: together a tenth of a report's time.
+        arguments: None = those of the process. After exit code 0 it then ends without taking apart what it
+            imported.
     """
     if arguments is not None:
         sys.exit(run(cli, arguments))
-    gc.set_threshold(GARBAGE_AFTER)
     code = run(cli, sys.argv[1:], is_own_process=True)
     if code != 0:
         sys.exit(code)

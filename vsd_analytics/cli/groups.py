@@ -139,7 +139,7 @@ def _reading_lines(found: Groups) -> list[str]:
             both = getattr(r, kind), getattr(r, f"{kind}_between")
             printed = (
                 f"{_number(both[0]):<22}  {_number(both[1])}"
-                if both[0].rate is not None
+                if both[0].value is not None
                 else f"– ({reason_text(both[0].reason)})"
             )
             lines.append(f"{unit:<28}  {printed}")

@@ -88,14 +88,14 @@ def listen(
     from vsd_analytics.cli.exit_codes import stop_signals
     from vsd_analytics.live.listener import Listener
     from vsd_analytics.live.mqtt import password_of, recommended_config
-    from vsd_analytics.live.single_instance import alone
+    from vsd_analytics.live.single_instance import single_listener
 
     if broker_config:
         click.echo(recommended_config(_own_port(project)), nl=False)
         return 0
     broker = _broker(project, is_needed=http is None or once)
     with (
-        alone(project.root),
+        single_listener(project.root),
         stop_signals(is_second_final=True) as stopped,
         live_alarms(project, clock=_clock(project)) as alarms,
     ):

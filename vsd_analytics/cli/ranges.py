@@ -58,6 +58,11 @@ def last_monday(project: Project) -> date:
     return min(whole, stored)
 
 
+def whole_week(last: date) -> date:
+    """Return the Monday of the last week that is over on a day, that day included."""
+    return last - timedelta(days=(last.weekday() + 1) % 7 + 6)
+
+
 def nothing_stored(project: Project) -> StoreError:
     """Return the error of an empty store."""
     return StoreError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -95,7 +94,6 @@ def report(
 
     if project.is_own_process:
         answer_pyarrow()
-        gc.disable()  # of a page's objects about a thousand are in cycles; looking for them takes 2 % of its time
     is_mailed = is_mailed or is_sent
     if as_json:
         if is_mailed or figure is not None or kinds not in (None, ("json",)):

@@ -58,12 +58,12 @@ def client(what: str = "--publish") -> Bucket:
     except ImportError as error:
         raise UsageError(f"{what} needs more packages", why=str(error), fix="pip install 'vsd-analytics[s3]'") from None
     try:
-        made: Bucket = boto3.client("s3", config=Config(connect_timeout=_CONNECT_S))
+        s3: Bucket = boto3.client("s3", config=Config(connect_timeout=_CONNECT_S))
     except Exception as error:
         if not (isinstance(error, ValueError) or is_of_client(error)):
             raise
         raise UsageError(f"{what} cannot use the environment", why=str(error), fix=_ENVIRONMENT) from None
-    return made
+    return s3
 
 
 def place(url: str) -> tuple[str, str]:
@@ -98,12 +98,12 @@ def publish(files: Mapping[str, Sequence[Path]], url: str, s3: Bucket, *, spared
 def _publish(files: Mapping[str, Sequence[Path]], url: str, s3: Bucket, spared: str | None) -> int:
     bucket, prefix = place(url)
     before = tag(s3, bucket, f"{prefix}/{CURRENT}")
-    wanted = {f"{prefix}/{name}/{link_name(path)}": path for name, of in files.items() for path in of}
+    wanted = {f"{prefix}/{name}/{link_name(path)}": path for name, paths in files.items() for path in paths}
     there = keys(s3, bucket, f"{prefix}/")
     missing = sorted(wanted.keys() - there)
     for key in missing:
         s3.put_object(Bucket=bucket, Key=key, Body=wanted[key].read_bytes())
-    relations = {n: sorted(f"{n}/{link_name(p)}" for p in of) for n, of in sorted(files.items())}
+    relations = {n: sorted(f"{n}/{link_name(p)}" for p in paths) for n, paths in sorted(files.items())}
     text = json.dumps({"version": 1, "facts": relations}, indent=1).encode()
     replace_if_unchanged(s3, bucket, f"{prefix}/{CURRENT}", text, before=before, url=url)
     # another build that ended just before may have removed what is wanted here after the list of what is there was read
@@ -160,12 +160,12 @@ def is_of_client(error: Exception) -> bool:
 
 def keys(s3: Bucket, bucket: str, prefix: str) -> set[str]:
     """Return the keys that begin with a prefix."""
-    found, more = set[str](), dict[str, str]()
+    names, more = set[str](), dict[str, str]()
     while True:
         page = s3.list_objects_v2(Bucket=bucket, Prefix=prefix, **more)
-        found |= {entry["Key"] for entry in page.get("Contents", ())}
+        names |= {entry["Key"] for entry in page.get("Contents", ())}
         if not page.get("IsTruncated"):
-            return found
+            return names
         more = {"ContinuationToken": page["NextContinuationToken"]}
 
 

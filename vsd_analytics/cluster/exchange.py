@@ -126,7 +126,7 @@ class FolderExchange:
         self._refuse_absent()
         path = self.root / name
         if path.parent.is_dir():
-            durable.sweep_temporaries(path.parent, of=path.name)
+            durable.sweep_temporaries(path.parent, file_name=path.name)
         durable.publish(path, data)
 
     def remove(self, name: str) -> None:

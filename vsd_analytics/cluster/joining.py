@@ -46,7 +46,7 @@ def invitation(site: Site) -> bytes:
     """
     keys = DayKeys(site.root / "secrets")
     chain = keys.chain()
-    made = Invitation(
+    new = Invitation(
         version=1,
         site=site.site_id,
         timezone=site.timezone,
@@ -55,7 +55,7 @@ def invitation(site: Site) -> bytes:
         keys={day: keys.key(day).hex() for day in keys.days()},
         forgotten=sorted(keys.forgotten()),
     )
-    return msgspec.json.encode(made)
+    return msgspec.json.encode(new)
 
 
 def join(site: Site, data: bytes, *, file: str) -> None:
@@ -70,18 +70,18 @@ def join(site: Site, data: bytes, *, file: str) -> None:
         StoreError: E320, it is no such file, of another site, or the project has other keys already.
     """
     try:
-        found = msgspec.json.decode(data, type=Invitation)
-        chain = DayChain.of_dict(found.chain)
-        keys = {day: bytes.fromhex(key) for day, key in found.keys.items()}
+        invited = msgspec.json.decode(data, type=Invitation)
+        chain = DayChain.of_dict(invited.chain)
+        keys = {day: bytes.fromhex(key) for day, key in invited.keys.items()}
         if any(len(key) != KEY_BYTES for key in keys.values()):
             raise ValueError(f"a key has {KEY_BYTES} bytes")
     except (msgspec.DecodeError, UnicodeDecodeError, ValueError, KeyError, RecursionError):
         raise _refused("it is not what vsd node invite writes", file) from None
-    own = {"id": site.site_id, "timezone": site.timezone, "day_starts": site.day_starts_min}
-    theirs = {"id": found.site, "timezone": found.timezone, "day_starts": found.day_starts_min}
-    if other := [name for name, value in own.items() if theirs[name] != value]:
+    this_site = {"id": site.site_id, "timezone": site.timezone, "day_starts": site.day_starts_min}
+    theirs = {"id": invited.site, "timezone": invited.timezone, "day_starts": invited.day_starts_min}
+    if other := [name for name, value in this_site.items() if theirs[name] != value]:
         raise _refused(f"vsd.toml differs from that of the site in: {', '.join(other)}", file)
-    DayKeys(site.root / "secrets").join(chain, keys, found.forgotten)
+    DayKeys(site.root / "secrets").join(chain, keys, invited.forgotten)
 
 
 def _refused(why: str, file: str) -> StoreError:

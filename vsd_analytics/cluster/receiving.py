@@ -101,12 +101,12 @@ def receive(site: Site, exchange: Exchange, *, now: datetime, stop: Callable[[],
     with reaching(site.exchange.place):
         _say(site, exchange, keys)
         names = exchange.names(f"{NODES}/")
-        found = sorted(
+        paths = sorted(
             (m for name in names if (m := _FILE.match(name))), key=lambda m: (_ORDER.index(m["kind"]), m.string)
         )
-        receipts = set(exchange.names(f"{RECEIPTS}/")) if found else set()
+        receipts = set(exchange.names(f"{RECEIPTS}/")) if paths else set()
         desk = _Desk(site, keys, now, result)
-        for match in found:
+        for match in paths:
             if stop():
                 break
             receipt = f"{RECEIPTS}/{match['node']}/{match['digest']}"
@@ -151,14 +151,14 @@ def _is_notice(data: bytes) -> bool:
 
 
 def _notices(exchange: Exchange, names: list[str]) -> list[NodeNotice]:
-    found = []
+    notices = []
     for name in names:
         if PurePosixPath(name).name == ABOUT_NODE and (data := exchange.read(name)) is not None:
             try:
-                found.append(msgspec.json.decode(data, type=NodeNotice))
+                notices.append(msgspec.json.decode(data, type=NodeNotice))
             except (msgspec.DecodeError, UnicodeDecodeError):
                 continue
-    return found
+    return notices
 
 
 class _Desk:
@@ -207,18 +207,18 @@ class _Desk:
     def _bad(self, rows: pa.Table) -> dict[str, tuple[np.ndarray, str]]:
         """Return which rows are too late in time or of a forgotten day, by reason; give each other day its key."""
         ts_ms = rows["ts"].cast(pa.int64()).to_numpy()
-        found: dict[str, tuple[np.ndarray, str]] = {}
+        bad: dict[str, tuple[np.ndarray, str]] = {}
         is_future = ts_ms > self._last_ms
         if is_future.any():
-            found[FUTURE] = (is_future, "its time lies beyond the clock of this machine")
+            bad[FUTURE] = (is_future, "its time lies beyond the clock of this machine")
         if self.site.settings.pseudonyms:
             closed = self.keys.closed()
             is_closed = self._pseudonyms.of_days(ts_ms, closed) & ~is_future
             if is_closed.any():
-                found[FORGOTTEN] = (is_closed, "the key of its day was destroyed before it came")
+                bad[FORGOTTEN] = (is_closed, "the key of its day was destroyed before it came")
             for day in self._pseudonyms.days(ts_ms[~is_future & ~is_closed]):
                 self.keys.key(day)  # so that vsd purge --forget-keys knows the day
-        return found
+        return bad
 
     def _refuse_unknown_cameras(self, rows: pa.Table) -> None:
         named = pc.unique(rows["camera_id"])
@@ -247,8 +247,8 @@ def _read(table: TableName, data: bytes) -> pa.Table:
         rows = pq.read_table(pa.BufferReader(data), use_threads=False)
     except (pa.ArrowException, OSError, ValueError) as error:
         raise ValueError(f"it is no segment of records: {str(error)[:200]}") from None
-    wanted, found = SCHEMAS[table], [n for n in rows.column_names if n != OWNER]
-    if found != wanted.names or any(rows.schema.field(f.name).type != f.type for f in wanted):
+    wanted, columns = SCHEMAS[table], [n for n in rows.column_names if n != OWNER]
+    if columns != wanted.names or any(rows.schema.field(f.name).type != f.type for f in wanted):
         raise ValueError("its columns are those of another version of this program: install one version everywhere")
     if any(rows[f.name].null_count for f in wanted if not f.nullable):
         raise ValueError("values are missing that every record has")

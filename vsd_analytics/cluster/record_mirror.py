@@ -91,15 +91,15 @@ def fetch_records(site: Site, url: str, s3: bucket.Bucket) -> tuple[int, int]:
     name, prefix = bucket.place(url)
     with bucket.refusals(url):
         moment = _moment(bucket.content(s3, name, f"{prefix}/{LIST}"), site, url)
-        own = _refuse_own_records(site)
-        lacking = {path: digest for path, digest in moment.files.items() if own.get(path) != digest}
-        _note(site, {**own, **moment.files})  # first, so that what a stop leaves is known as fetched
+        own_records = _refuse_own_records(site)
+        lacking = {path: digest for path, digest in moment.files.items() if own_records.get(path) != digest}
+        _note(site, {**own_records, **moment.files})  # first, so that what a stop leaves is known as fetched
         for path, digest in sorted(lacking.items(), key=lambda item: (item[0].endswith(".json"), item[0])):
             data = bucket.content(s3, name, f"{prefix}/{RECORDS}/{digest}")
             if data is None or durable.digest(data) != digest:
                 raise _not_whole(url, "a file is gone or damaged: a newer moment may be there")
             durable.publish(site.root / path, data)
-    gone = sorted(own.keys() - moment.files.keys())
+    gone = sorted(own_records.keys() - moment.files.keys())
     if gone:
         with removing(site.root / "store"):
             for path in gone:
@@ -112,22 +112,22 @@ def fetch_records(site: Site, url: str, s3: bucket.Bucket) -> tuple[int, int]:
 
 def _here(root: Path) -> list[str]:
     """Return the files of records and sealed facts below a project, as paths with slashes."""
-    found = (p for top in _TOPS for p in root.joinpath(*top).rglob("*") if p.is_file() and not p.name.startswith("."))
-    return sorted(p.relative_to(root).as_posix() for p in found)
+    paths = (p for top in _TOPS for p in root.joinpath(*top).rglob("*") if p.is_file() and not p.name.startswith("."))
+    return sorted(p.relative_to(root).as_posix() for p in paths)
 
 
 def _moment(data: bytes | None, site: Site, url: str) -> Moment:
     if data is None:
         raise _not_whole(url, "no records are published there; at the site: vsd build --publish URL --records")
     try:
-        found = msgspec.json.decode(data, type=Moment)
+        moment = msgspec.json.decode(data, type=Moment)
     except (msgspec.DecodeError, UnicodeDecodeError):
         raise _not_whole(url, f"{LIST} there is damaged") from None
-    if found.site != site.site_id:
-        raise _not_whole(url, f"it holds site {found.site!r}, and vsd.toml describes {site.site_id!r}")
-    if odd := [path for path in found.files if not _is_inside(path)]:
+    if moment.site != site.site_id:
+        raise _not_whole(url, f"it holds site {moment.site!r}, and vsd.toml describes {site.site_id!r}")
+    if odd := [path for path in moment.files if not _is_inside(path)]:
         raise _not_whole(url, f"it names a file that is no part of a store: {odd[0][:80]!r}")
-    return found
+    return moment
 
 
 def _is_inside(path: str) -> bool:

@@ -40,9 +40,9 @@ def read_asked(site: Site) -> tuple[AskedQuestion, ...]:
 def asked_question(site: Site, question_id: str) -> AskedQuestion:
     """Return the question with an id, the latest where two years had the same; UsageError E101 when there is none."""
     every = list(_all(site))
-    found = [one for one in every if one.question_id.casefold() == question_id.strip().casefold()]
-    if found:
-        return max(found, key=lambda one: one.monday)
+    questions = [one for one in every if one.question_id.casefold() == question_id.strip().casefold()]
+    if questions:
+        return max(questions, key=lambda one: one.monday)
     known = list(dict.fromkeys(one.question_id for one in sorted(every, key=lambda one: one.monday, reverse=True)))
     close = nearest(question_id, known)
     raise UsageError(

@@ -81,11 +81,11 @@ def calibrate(
         pairs = _pairs(stored.source)
     else:
         pairs = () if given == matrix else read_points(given)
-        made = load_calibration(given, kind="points" if pairs else "homography", valid_from=valid_from)
+        calibration = load_calibration(given, kind="points" if pairs else "homography", valid_from=valid_from)
         is_same_file = same is not None and same.source is not None and same.source.resolve() == given.resolve()
-        stored, needed = (same, None) if same and is_same_file else _store(site, camera, made, replaced=same)
-        if pairs and made.error_m is not None and stored.source is not None:
-            error_m = position_error_m(made.error_m, len(pairs))
+        stored, needed = (same, None) if same and is_same_file else _store(site, camera, calibration, replaced=same)
+        if pairs and calibration.error_m is not None and stored.source is not None:
+            error_m = position_error_m(calibration.error_m, len(pairs))
             state_error(stored.source, calibration_id=stored.calibration_id, error_m=error_m)
     overlay = site.root / FOLDER / f"{camera_id}-overlay.png"
     _publish(overlay, draw_overlay(camera, homography=stored.homography, points=pairs))
@@ -189,19 +189,21 @@ def state_error(matrix: Path, *, calibration_id: str, error_m: float | None) -> 
 
 
 def _warnings(errors: Sequence[float], *, replaced: Calibration | None, needed: str | None) -> list[tuple[str, str]]:
-    found = []
+    warnings = []
     if errors and len(errors) < ENOUGH_POINTS:
         reason = "four always fit, so nothing is checked" if len(errors) == MIN_POINTS else "so few hide their errors"
-        found.append(("W401", f"{len(errors)} points: {reason}; measure {ENOUGH_POINTS} or more"))
+        warnings.append(("W401", f"{len(errors)} points: {reason}; measure {ENOUGH_POINTS} or more"))
     if errors and max(errors) > WORST_M:
         worst, off_cm = max(range(len(errors)), key=errors.__getitem__) + 1, max(errors) * 100
-        found.append(("W402", f"point {worst} is off by {off_cm:.0f} cm: check it in the picture and on the floor"))
+        warnings.append(("W402", f"point {worst} is off by {off_cm:.0f} cm: check it in the picture and on the floor"))
     if needed is not None:
         source = replaced.source.name if replaced is not None and replaced.source is not None else "another file"
-        found.append(("W403", f"not in force yet: the project names {source}; write instead: {needed}"))
+        warnings.append(("W403", f"not in force yet: the project names {source}; write instead: {needed}"))
     elif replaced is not None:
-        found.append(("W404", "the calibration before is gone, also for old records; was the camera moved? use --from"))
-    return found
+        warnings.append(
+            ("W404", "the calibration before is gone, also for old records; was the camera moved? use --from")
+        )
+    return warnings
 
 
 def _publish(path: Path, data: bytes) -> None:

@@ -30,15 +30,15 @@ def read_calibrations(
     table: TableReader, camera_id: str | None, *, timezone: str
 ) -> tuple[tuple[Calibration, ...], tuple[Plane, ...]]:
     """Return a camera's calibrations by date, from its keys and calibration/<camera>.toml, and that file's planes."""
-    own = _calibration(table, timezone=timezone, from_key="calibrated_from")
-    found = [own] if own else []
+    in_table = _calibration(table, timezone=timezone, from_key="calibrated_from")
+    calibrations = [in_table] if in_table else []
     planes: tuple[Plane, ...] = ()
     history = table.folder / HISTORY_FOLDER / f"{camera_id}.toml"
     if camera_id is not None and history.is_file():
         dated, planes = _history(history, table=table, timezone=timezone)
-        found += dated
-    found.sort(key=lambda c: (c.valid_from is not None, c.valid_from or datetime.min.replace(tzinfo=UTC)))
-    for one, other in pairwise(found):
+        calibrations += dated
+    calibrations.sort(key=lambda c: (c.valid_from is not None, c.valid_from or datetime.min.replace(tzinfo=UTC)))
+    for one, other in pairwise(calibrations):
         if one.valid_from == other.valid_from:
             since = one.valid_from.isoformat() if one.valid_from else "the beginning"
             table.fault(
@@ -48,7 +48,7 @@ def read_calibrations(
                 why=f"one is {_shown(one, table.folder)}, the other {_shown(other, table.folder)}",
                 fix=f"keep one of the two in vsd.toml or calibration/{camera_id}.toml, or give one a later date",
             )
-    return tuple(found), planes
+    return tuple(calibrations), planes
 
 
 def _history(path: Path, *, table: TableReader, timezone: str) -> tuple[list[Calibration], tuple[Plane, ...]]:
@@ -60,18 +60,20 @@ def _history(path: Path, *, table: TableReader, timezone: str) -> tuple[list[Cal
         return [], ()
     apart = Mistakes(text)
     root = TableReader(tomllib.loads(text.text), path=(), label=name, mistakes=apart, folder=table.folder)
-    found = []
+    calibrations = []
     for entry in root.each("calibration"):
         if not _KINDS.keys() & entry.values.keys():
             entry.missing("homography", f'"calibration/{path.stem}.txt"')
-        found.append(_calibration(entry, timezone=timezone, from_key="from"))
+        calibrations.append(_calibration(entry, timezone=timezone, from_key="from"))
         entry.close()
     entries = root.each("plane")
     planes = [_plane(entry, timezone=timezone) for entry in entries]
     _check_dates(entries, planes)
     root.close()
     table.mistakes.take(apart.all)
-    return [calibration for calibration in found if calibration is not None], tuple(p for p in planes if p is not None)
+    return [calibration for calibration in calibrations if calibration is not None], tuple(
+        p for p in planes if p is not None
+    )
 
 
 def _calibration(table: TableReader, *, timezone: str, from_key: str, is_plane: bool = False) -> Calibration | None:

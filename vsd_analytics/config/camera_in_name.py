@@ -35,8 +35,8 @@ def cameras_in_name(name: str, pattern: str, known: Collection[str]) -> list[str
         known: Names of cameras.
     """
     end = _end_of(name, pattern)
-    found = [camera for camera in known if re.fullmatch(_expression(pattern, re.escape(camera)), end)]
-    return [camera for camera in found if not any(camera != other and camera in other for other in found)]
+    cameras = [camera for camera in known if re.fullmatch(_expression(pattern, re.escape(camera)), end)]
+    return [camera for camera in cameras if not any(camera != other and camera in other for other in cameras)]
 
 
 def text_in_name(name: str, pattern: str) -> str | None:
@@ -63,12 +63,12 @@ class CameraName:
 def camera_named(file_name: str, known: Collection[str]) -> CameraName | None:
     """Return the one known camera that the last part of a path names; None where it names none, or several."""
     names = [camera for camera in known if camera and not set(camera) & set("/{}")]
-    found = cameras_in_name(file_name, f"*{MARK}*", names)
-    if len(found) != 1 or file_name.count(found[0]) != 1:
+    cameras = cameras_in_name(file_name, f"*{MARK}*", names)
+    if len(cameras) != 1 or file_name.count(cameras[0]) != 1:
         return None
-    front, back = (_glob(part) for part in file_name.split(found[0]))
+    front, back = (_glob(part) for part in file_name.split(cameras[0]))
     files = tuple(dict.fromkeys(f"{front}{_glob(camera)}{back}" for camera in names))
-    return CameraName(found[0], f"{front}{MARK}{back}", files)
+    return CameraName(cameras[0], f"{front}{MARK}{back}", files)
 
 
 def _end_of(name: str, pattern: str) -> str:

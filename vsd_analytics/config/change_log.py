@@ -82,8 +82,8 @@ def read_answers(site: Site) -> tuple[QuestionAnswer, ...]:
     """
     records = read_records(site)
     current = set(_entries(records))
-    found = [r.answer for r in records if r.answer is not None and (r.entry is None or r.entry in current)]
-    return tuple(dict.fromkeys(sorted(found, key=lambda answer: answer.at)))
+    answers = [r.answer for r in records if r.answer is not None and (r.entry is None or r.entry in current)]
+    return tuple(dict.fromkeys(sorted(answers, key=lambda answer: answer.at)))
 
 
 def add_entry(site: Site, *, text: str, at: str | datetime, area: str | None = None) -> Added:
@@ -140,9 +140,9 @@ def add_answer(
     asked = asked_question(site, question_id)
     if by is not None and not is_name(by):
         raise UsageError(f"--by must be 1 to {NAME_MAX_CHARS} printable characters", fix='--by "Anna"')
-    said = _one_line(asked.text if text is None else text)
-    answer = QuestionAnswer(_instant(at, site), asked.question_id, kind, said, asked.area_id, by)
-    line: dict[str, Any] = {"at": answer.at.isoformat(), "text": said, "area": asked.area_id}
+    answer_text = _one_line(asked.text if text is None else text)
+    answer = QuestionAnswer(_instant(at, site), asked.question_id, kind, answer_text, asked.area_id, by)
+    line: dict[str, Any] = {"at": answer.at.isoformat(), "text": answer_text, "area": asked.area_id}
     line |= {"question": asked.question_id, "answer": kind} | ({} if by is None else {"by": by})
     if kind == "tried" and not asked.is_change:
         line["change"] = False

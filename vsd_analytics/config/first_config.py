@@ -146,17 +146,17 @@ def render(answers: Answers) -> str:
         *_plan(answers),
     ]
     for camera in answers.cameras:
-        said, _, name = (part.strip() for part in camera.partition("="))
+        stated_id, _, name = (part.strip() for part in camera.partition("="))
         # an engine's "Cam 2" becomes cam-2 and stays known by its own name; a path or markup is refused as an id
-        camera_id = suggest_id(said) if re.fullmatch(r"[\w .-]+", said) else said
+        camera_id = suggest_id(stated_id) if re.fullmatch(r"[\w .-]+", stated_id) else stated_id
         known = '# engine_ids = ["what the engine calls it"]'
         lines += [
             "",
             "[[camera]]",
             f"id = {_quoted(camera_id)}",
-            f"name = {_quoted(name or said)}",
+            f"name = {_quoted(name or stated_id)}",
             f'# picture = "pictures/{camera_id}.png"   # of the empty scene; then: vsd calibrate',
-            known if said == camera_id else f"engine_ids = [{_quoted(said)}]",
+            known if stated_id == camera_id else f"engine_ids = [{_quoted(stated_id)}]",
         ]
     lines += [
         "",

@@ -134,24 +134,24 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
 
 
 def _capacity(table: TableReader) -> int | None:
-    found = table.number("capacity", minimum=1, maximum=1_000_000, unit="people", example="40", whole=True)
-    return None if found is None else int(found)
+    capacity = table.number("capacity", minimum=1, maximum=1_000_000, unit="people", example="40", whole=True)
+    return None if capacity is None else int(capacity)
 
 
 def _check_queue(table: TableReader, areas: Mapping[str, Area]) -> None:
     """Note a queue that leads to no other area of its floor, and keys of a queue in an area that is none."""
-    own, end = areas.get(str(table.values.get("id"))), areas.get(str(table.values.get("served_in")))
-    if own is not None and own.queue_limit is not None and not own.is_queue:
+    area, end = areas.get(str(table.values.get("id"))), areas.get(str(table.values.get("served_in")))
+    if area is not None and area.queue_limit is not None and not area.is_queue:
         table.fault("queue_limit", f"{table.label} has queue_limit but is no queue", fix="add: queue = true")
-    if own is None or own.served_in is None:
+    if area is None or area.served_in is None:
         return
-    if not own.is_queue:
+    if not area.is_queue:
         table.fault("served_in", f"{table.label} has served_in but is no queue", fix="add: queue = true")
-    elif end is None or end is own or end.floor_id != own.floor_id:
-        others = [a.area_id for a in areas.values() if a is not own and a.floor_id == own.floor_id]
-        what = f"is served in {own.served_in!r}, which is no other area of its floor"
+    elif end is None or end is area or end.floor_id != area.floor_id:
+        others = [a.area_id for a in areas.values() if a is not area and a.floor_id == area.floor_id]
+        what = f"is served in {area.served_in!r}, which is no other area of its floor"
         instead = "describe the place of service, such as a till, with [[area]]"
-        table.unknown("served_in", what, nearest(own.served_in, others), instead=instead)
+        table.unknown("served_in", what, nearest(area.served_in, others), instead=instead)
 
 
 def read_fixtures(root: TableReader, *, floors: Mapping[str, Floor], timezone: str) -> tuple[Fixture, ...]:
@@ -206,8 +206,8 @@ def _dates(table: TableReader, *, timezone: str) -> tuple[datetime | None, datet
 def _days(table: TableReader, *, timezone: str) -> tuple[date | None, date | None]:
     """Return the local days `from` which and `to` which an area counts: whole days, since figures are made of days."""
     since, until = _dates(table, timezone=timezone)
-    found = [at if at is None else at.astimezone(ZoneInfo(timezone)) for at in (since, until)]
-    for key, at in zip(("from", "to"), found, strict=True):
+    instants = [at if at is None else at.astimezone(ZoneInfo(timezone)) for at in (since, until)]
+    for key, at in zip(("from", "to"), instants, strict=True):
         if at is not None and at.time() != time():
             table.fault(
                 key,
@@ -216,7 +216,7 @@ def _days(table: TableReader, *, timezone: str) -> tuple[date | None, date | Non
                 why="its figures would mix hours with and without the area",
                 fix=f'{key} = "{at.date()}"',
             )
-    first_day, end_day = (None if at is None else at.date() for at in found)
+    first_day, end_day = (None if at is None else at.date() for at in instants)
     return first_day, end_day
 
 
@@ -281,8 +281,8 @@ def _picture_px(table: TableReader, picture: Path | None) -> tuple[int, int] | N
     )
     if given is not None or picture is None:
         return given
-    found = picture_size(picture)
-    return (round(found[0]), round(found[1])) if found else None
+    size_px = picture_size(picture)
+    return (round(size_px[0]), round(size_px[1])) if size_px else None
 
 
 def _polygon(table: TableReader, key: str, *, required: bool = False) -> tuple[Point, ...] | None:

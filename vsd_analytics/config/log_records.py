@@ -79,7 +79,7 @@ def add_line(site: Site, make: Callable[[tuple[LogRecord, ...]], dict[str, Any] 
 
     path = (site.root / FILE).resolve()  # what a link points to
     with exclusive(site.root / LOCK):
-        sweep_temporaries(path.parent, of=path.name)
+        sweep_temporaries(path.parent, file_name=path.name)
         before = path.read_bytes() if path.exists() else None
         is_private = before is not None and not path.stat().st_mode & 0o077
         lines = list(whole_lines(site))

@@ -35,8 +35,8 @@ def parse_clock(text: str) -> int:
     Raises:
         OpeningError: Not a time of day on a quarter hour.
     """
-    found = _CLOCK.fullmatch(text.strip())
-    minutes = int(found[1]) * 60 + int(found[2]) if found and int(found[2]) < 60 else None
+    match = _CLOCK.fullmatch(text.strip())
+    minutes = int(match[1]) * 60 + int(match[2]) if match and int(match[2]) < 60 else None
     if minutes is None or minutes > DAY_MIN:
         raise OpeningError(f"{text!r} is not a time of day", 'write hours and minutes, such as "08:00" or "24:00"')
     if minutes % STEP_MIN:

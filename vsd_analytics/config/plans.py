@@ -73,7 +73,7 @@ def add_plan(site: Site, plan: Plan) -> bool:
 
     path = (site.root / FILE).resolve()  # what a link points to
     with exclusive(site.root / LOCK):
-        sweep_temporaries(path.parent, of=path.name)
+        sweep_temporaries(path.parent, file_name=path.name)
         if plan in read_plans(site):
             return False
         lines = [line for _, line in _lines(site)]

@@ -39,8 +39,8 @@ _NUMBER: Form = {"type": "number"}
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """Return the known word closest to `word`, or None when none is close."""
-    found = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.6)
-    return found[0] if found else None
+    matches = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.6)
+    return matches[0] if matches else None
 
 
 def suggest_id(text: str) -> str:
@@ -143,8 +143,8 @@ class TableReader:
 
     def wrong_type(self, key: str, expected: str, example: str) -> None:
         """Note that a value is of another kind."""
-        found = _kind(self.values[key])
-        self.refuse(key, f"must be {expected}, not {found}", example)
+        kind = _kind(self.values[key])
+        self.refuse(key, f"must be {expected}, not {kind}", example)
 
     def refuse(self, key: str, what: str, example: str, *, code: str = "E124") -> None:
         """Note what a value must be, or is, and how it is written."""
@@ -265,14 +265,14 @@ class TableReader:
 
     def each(self, key: str) -> list[TableReader]:
         """Return a reader per table of `[[key]]`."""
-        found = self.raw(key, {"type": "array"})
-        if found is None:
+        entries = self.raw(key, {"type": "array"})
+        if entries is None:
             return []
-        if not (isinstance(found, list) and all(isinstance(values, dict) for values in found)):
+        if not (isinstance(entries, list) and all(isinstance(values, dict) for values in entries)):
             self.fault(key, f"{key} must be a list of tables", fix=f"write [[{key}]] with two brackets, once per {key}")
             return []
         readers = []
-        for i, values in enumerate(found):
+        for i, values in enumerate(entries):
             name = repr(values["id"]) if isinstance(values.get("id"), str) else f"number {i + 1}"
             label = f"[[{key}]] {name}"
             path = (*self.path, key, i)

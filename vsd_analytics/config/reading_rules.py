@@ -36,10 +36,10 @@ _DAYS = frozenset("djxcsDFe")
 def read_sources(root: TableReader, *, cameras: Collection[Camera]) -> tuple[ReadingRule, ...]:
     """Return the profiles of `[[source]]`, in the order of the file."""
     names = {name for c in cameras for name in (c.camera_id, *c.engine_ids)}
-    found: dict[str, ReadingRule] = {}
+    rules: dict[str, ReadingRule] = {}
     for table in root.each("source"):
         rule_id = table.id("id", example='"tills"')
-        if rule_id in found:
+        if rule_id in rules:
             table.fault("id", f"two sources have the id {rule_id!r}", code="E125", fix="give one of them another id")
         _check_mapping(table)
         size = table.parsed("size", example="[1280, 720]", parse=parse_picture_px, form=_SIZE)
@@ -64,8 +64,8 @@ def read_sources(root: TableReader, *, cameras: Collection[Camera]) -> tuple[Rea
         )
         table.close()
         if rule_id is not None:
-            found[rule_id] = profile
-    return tuple(found.values())
+            rules[rule_id] = profile
+    return tuple(rules.values())
 
 
 def reading_rule_of(name: str, profiles: Collection[ReadingRule]) -> ReadingRule | None:
@@ -175,7 +175,7 @@ def _camera_from_name(table: TableReader) -> str | None:
 
 
 def _map(table: TableReader) -> dict[str, str]:
-    found = {}
+    columns = {}
     for ours, theirs in table.table("map", example='{ ts = "time", x_m = "X" }', form=_MAP).items():
         if ours not in FILE_COLUMNS:
             close = nearest(ours, FILE_COLUMNS)
@@ -190,8 +190,8 @@ def _map(table: TableReader) -> dict[str, str]:
             fix = f'{ours} = "their name"'
             table.fault("map", f"{table.label} map: {ours} must be a column name in quotes", fix=fix)
         else:
-            found[ours] = theirs
-    return found
+            columns[ours] = theirs
+    return columns
 
 
 def _check_mapping(table: TableReader) -> None:

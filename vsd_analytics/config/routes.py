@@ -109,11 +109,11 @@ def _tls(table: TableReader) -> MailTls:
 
 
 def _recipients(table: TableReader) -> tuple[str, ...]:
-    found = table.texts("to", example='["manager@example.org"]')
-    for address in found:
+    recipients = table.texts("to", example='["manager@example.org"]')
+    for address in recipients:
         if not is_address(address):
             table.fault("to", f"[mail] to: {address!r} is no mail address", fix='to = ["manager@example.org"]')
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(recipients))
 
 
 def _password_file(table: TableReader) -> Path | None:

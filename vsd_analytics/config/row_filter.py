@@ -52,7 +52,7 @@ def parse_filter(text: str) -> tuple[RowCondition, ...]:
         FilterError: It is not comparisons joined by `and`.
     """
     tokens = _tokens(text)
-    found = []
+    conditions = []
     for at in range(0, len(tokens), 4):
         part = tokens[at : at + 4]
         if len(part) < 3 or (len(part) == 4 and (part[3][0], part[3][1].lower()) != ("name", "and")):
@@ -65,20 +65,22 @@ def parse_filter(text: str) -> tuple[RowCondition, ...]:
             raise FilterError(f"{value} is neither a number nor a text in single quotes", fix=f"'{value}'")
         is_number = value_kind == "number"
         name = column.strip('"') if kind == "quoted" else column
-        found.append(RowCondition(name, sign, float(value) if is_number else value[1:-1].replace("''", "'").strip()))
-    if not found or len(tokens) % 4 == 0:
+        conditions.append(
+            RowCondition(name, sign, float(value) if is_number else value[1:-1].replace("''", "'").strip())
+        )
+    if not conditions or len(tokens) % 4 == 0:
         raise FilterError("a comparison is missing")
-    return tuple(found)
+    return tuple(conditions)
 
 
 def _tokens(text: str) -> list[tuple[str, str]]:
     if len(text) > MAX_CHARS:
         raise FilterError(f"it is longer than {MAX_CHARS:,} characters")
-    found, at, end = [], 0, len(text.rstrip())
+    tokens, at, end = [], 0, len(text.rstrip())
     while at < end:
         token = _TOKEN.match(text, at)
         if token is None or token.lastgroup is None:
             raise FilterError(f"this cannot be read: {text[at:].strip()[:40]}")
-        found.append((token.lastgroup, token[token.lastgroup]))
+        tokens.append((token.lastgroup, token[token.lastgroup]))
         at = token.end()
-    return found
+    return tokens

@@ -46,23 +46,23 @@ def read_settings(tables: Mapping[str, TableReader], *, environ: Mapping[str, st
         environ: Environment in which `VSD_<SETTING>` overrides a setting.
         mistakes: Where to note.
     """
-    found = Overrides()
+    overrides = Overrides()
     for setting in SETTINGS:
         table = tables[setting.section]
         value = _read(table, setting)
         if value is not None:
-            found.values[setting.name] = found.own[setting.name] = value
+            overrides.values[setting.name] = overrides.own[setting.name] = value
             line = mistakes.text.where((setting.section, setting.name)).line
-            found.sources[setting.name] = f"{mistakes.text.file} line {line}"
+            overrides.sources[setting.name] = f"{mistakes.text.file} line {line}"
         variable = ENVIRONMENT_PREFIX + setting.name.upper()
         if variable in environ:
             value = _from_environment(setting, variable, environ[variable], mistakes)
             if value is not None:
-                found.values[setting.name], found.sources[setting.name] = value, variable
+                overrides.values[setting.name], overrides.sources[setting.name] = value, variable
     _check_former(tables["rule"], environ=environ, mistakes=mistakes)
     _check_misspelt(environ, mistakes)
-    _check_together(found.values, tables)
-    return found
+    _check_together(overrides.values, tables)
+    return overrides
 
 
 def _check_former(rule: TableReader, *, environ: Mapping[str, str], mistakes: Mistakes) -> None:

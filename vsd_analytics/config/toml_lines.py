@@ -79,8 +79,8 @@ class TomlText:
 
     def syntax_where(self, error: Exception) -> Where:
         """Return the place of a syntax error, from the words of `tomllib`."""
-        found = re.search(r"line (\d+), column (\d+)", str(error))
-        number, column = (int(found[1]), int(found[2])) if found else (len(self.lines), 1)
+        match = re.search(r"line (\d+), column (\d+)", str(error))
+        number, column = (int(match[1]), int(match[2])) if match else (len(self.lines), 1)
         if not isinstance(error, tomllib.TOMLDecodeError):
             number = next((n for n, line in enumerate(self.lines, 1) if _LONG_NUMBER.search(line)), number)
         while number > 1 and not self.lines[number - 1].strip():  # "at end of document" means the last written line

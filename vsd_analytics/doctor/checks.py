@@ -51,8 +51,8 @@ def examine(
         environ: Environment variables, which override settings.
         broker_config: The broker's mosquitto.conf, to be checked too, also where there is no project.
     """
-    found = [*_machine(environ), *_project(start, now=now, environ=environ, broker_config=broker_config)]
-    return (*found, *(() if broker_config is None else _broker_config(broker_config)))
+    findings = [*_machine(environ), *_project(start, now=now, environ=environ, broker_config=broker_config)]
+    return (*findings, *(() if broker_config is None else _broker_config(broker_config)))
 
 
 def settings_in_force(site: Site | None) -> tuple[SettingInForce, ...]:
@@ -76,14 +76,14 @@ def _packages(version_of: Callable[[str], str]) -> Finding:
         with suppress(metadata.PackageNotFoundError):
             versions[name] = version_of(name)
     missing = [name for name in (*CORE_PACKAGES, *FIGURE_PACKAGES) if name not in versions]
-    found = ", ".join(f"{name} {version}" for name, version in versions.items())
+    versions_text = ", ".join(f"{name} {version}" for name, version in versions.items())
     if tuple(missing) == FIGURE_PACKAGES:
         fix = "vsd-analytics with all its libraries where reports are made"
-        return Finding("packages", "note", f"{found}: the core, without figures, maps and pages", fix)
+        return Finding("packages", "note", f"{versions_text}: the core, without figures, maps and pages", fix)
     if missing:
         fix = "install vsd-analytics again with pip"
         return Finding("packages", "needs you", f"missing: {', '.join(missing)}", fix)
-    return Finding("packages", "ok", found)
+    return Finding("packages", "ok", versions_text)
 
 
 def _platform(name: str) -> Finding:
@@ -191,8 +191,8 @@ def _far_off(site: Site) -> Iterator[Finding]:
     from vsd_analytics.store.stretches import FAR_OFF_FIX, day_range, far_off
 
     sealed = Seals(site.root / FOLDER, site_id=site.site_id).days()
-    if found := far_off({*Store(site.root / "store", site_id=site.site_id).days(), *sealed}):
-        detail = f"records more than a year from the others: {', '.join(map(day_range, found[:5]))} (UTC)"
+    if stretches := far_off({*Store(site.root / "store", site_id=site.site_id).days(), *sealed}):
+        detail = f"records more than a year from the others: {', '.join(map(day_range, stretches[:5]))} (UTC)"
         yield Finding("instants", "needs you", detail, FAR_OFF_FIX)
 
 

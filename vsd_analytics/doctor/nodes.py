@@ -70,11 +70,11 @@ def _site(route: ExchangeRoute, status: dict[str, Any] | None, *, now: datetime)
         fix = "correct that: the file is received with the next round"
         yield Finding("receiving", NEEDS_YOU, f"{name} waits: {why}", fix)
     for node in status.get("nodes") or ():
-        said = f"last heard of at {node['at']}, {node['waiting']:,} files waiting then, version {node['version']}"
+        last_heard = f"last heard of at {node['at']}, {node['waiting']:,} files waiting then, version {node['version']}"
         if _age_s(node["at"], now) > SILENT_S:
-            yield Finding(f"node {node['node']}", NEEDS_YOU, said, "look at its link, and vsd doctor there")
+            yield Finding(f"node {node['node']}", NEEDS_YOU, last_heard, "look at its link, and vsd doctor there")
         else:
-            yield Finding(f"node {node['node']}", "ok", said)
+            yield Finding(f"node {node['node']}", "ok", last_heard)
 
 
 def _age_s(at: object, now: datetime) -> float:

@@ -6,17 +6,16 @@ camera sees is not in it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Answer, Column, Reason, Row, Value
 from vsd_analytics.figures.neighbours import LEVELS, RoomLevel, density_edges, level_of
-from vsd_analytics.figures.people_present import Presence
+from vsd_analytics.figures.people_present import Presence, unknown_hours_notes
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Area, Floor
-from vsd_analytics.stats.estimates import RateEstimate
 
 BUSY: Final = 0.6
 """Share of a capacity from which a place counts as well used."""
@@ -27,61 +26,64 @@ where area_id = $area and from_ms < $end and to_ms >= $end
 """
 
 
-@dataclass(frozen=True, slots=True)
-class CapacityUse:
-    """How a place with a capacity was used in a period.
+COLUMNS: Final = (
+    Column("floor_id", "key"),
+    Column("area_id", "key"),
+    Column("name", "fact"),
+    Column("capacity", "fact", "people"),
+    Column("people", "people", "people", "M41", per="recorded_open_h"),
+    Column("busy_share", "share", "share", "M41", per="recorded_open_h"),
+    Column("full_share", "share", "share", "M41", per="recorded_open_h"),
+    Column("over_share", "share", "share", "M41", per="recorded_open_h"),
+    Column("surplus_people", "people", "people", "M41", per="recorded_open_h"),
+    *(Column(f"room_{level.lower()}_share", "share", "share", "M41") for level in LEVELS),
+    Column("area_m2", "fact", "m2"),
+    Column("recorded_open_h", "fact", "h"),
+    Column("recorded_share", "share", "share"),
+    Column("silent_cameras", "fact"),
+    Column("unrecorded_hours", "fact"),
+)
+"""Columns of `capacity`."""
+NO_ROOM: Final = Reason("room.no_area")
 
-    Attributes:
-        place: An area or the floor.
-        capacity: People it is meant for at once.
-        people: Mean number of people.
-        busy, full, over: Share of recorded open time with at least `BUSY` of its capacity, with at least all of it,
-            and with more.
-        surplus: Mean number of people beyond the capacity: person-hours of surplus per recorded open hour.
-        area_m2: Its area; None of a floor.
-        room: Person-time at Fruin's levels of service, by the floor for each person; empty for a floor.
-        recorded_share: Share of the opening hours in which all its cameras recorded.
-        silent_cameras: Cameras that see it and recorded nothing.
-        unrecorded_hours: Open hours of the day that were never recorded: the figures are of the other hours.
+
+def capacity(period: Period) -> Answer:
+    """Return how each place of a floor with a capacity was used: the floor first, areas in the order of vsd.toml.
+
+    Columns: mean number of people; share of recorded open time with at least `BUSY` of the capacity, with at least all
+    of it, and with more; mean number of people beyond it, which is person-hours of surplus per recorded open hour; for
+    areas the share of person-time at each of Fruin's levels of service A to F, by people / area (M41). For the floor
+    `area_id` is null.
     """
-
-    place: Area | Floor
-    capacity: int
-    people: RateEstimate
-    busy: RateEstimate
-    full: RateEstimate
-    over: RateEstimate
-    surplus: RateEstimate
-    area_m2: float | None
-    room: tuple[RoomLevel, ...]
-    recorded_share: float
-    silent_cameras: tuple[str, ...]
-    unrecorded_hours: tuple[int, ...]
-
-
-def capacities(period: Period) -> tuple[CapacityUse, ...]:
-    """Return how each place of a floor with a capacity was used: the floor first, areas in the order of vsd.toml."""
     asked: list[Area | Floor] = [period.data.floor, *period.data.areas]
-    return tuple(_use(period, place, place.capacity) for place in asked if place.capacity is not None)
+    rows = tuple(_row(period, place, place.capacity) for place in asked if place.capacity is not None)
+    nothing = None if rows else Reason("capacity.not_asked")
+    notes = tuple((k, n) for k, row in enumerate(rows) for n in unknown_hours_notes(row))
+    return Answer("capacity", COLUMNS, rows, period.holds_for, (), notes, nothing)
 
 
-def _use(period: Period, place: Area | Floor, capacity: int) -> CapacityUse:
+def _row(period: Period, place: Area | Floor, limit: int) -> Row:
     present = Presence(period, place)
     area_m2 = _area_m2(period, place) if isinstance(place, Area) else None
-    return CapacityUse(
-        place,
-        capacity,
-        present.mean(),
-        present.time_share(BUSY * capacity),
-        present.time_share(capacity),
-        present.time_share_above(capacity),
-        present.beyond(capacity),
-        area_m2,
-        _room(present, area_m2) if area_m2 else (),
-        present.recorded_share,
-        present.silent_cameras,
-        present.unrecorded_hours,
-    )
+    room = {level.level: Value.of(level.share) for level in _room(present, area_m2)} if area_m2 else {}
+    people = present.mean()
+    return {
+        "floor_id": period.data.floor.floor_id,
+        "area_id": place.area_id if isinstance(place, Area) else None,
+        "name": place.name,
+        "capacity": limit,
+        "people": Value.of(people),
+        "busy_share": Value.of(present.time_share(BUSY * limit)),
+        "full_share": Value.of(present.time_share(limit)),
+        "over_share": Value.of(present.time_share_above(limit)),
+        "surplus_people": Value.of(present.beyond(limit)),
+        **{f"room_{k.lower()}_share": room.get(k, Value.missing(NO_ROOM, "not_measurable")) for k in LEVELS},
+        "area_m2": area_m2,
+        "recorded_open_h": people.exposure_h,
+        "recorded_share": Value(present.recorded_share),
+        "silent_cameras": present.silent_cameras,
+        "unrecorded_hours": present.unrecorded_hours,
+    }
 
 
 def _room(present: Presence, area_m2: float) -> tuple[RoomLevel, ...]:

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.answer import Reason
+from vsd_analytics.answer import Reason, Row
 from vsd_analytics.figures.close_time import SECONDS, at_most_one, in_units
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Array, Flags, Place
 from vsd_analytics.figures.periods import Period
@@ -207,3 +207,14 @@ def _of_other_hours(found: RateEstimate, recorded: RecordedHours) -> RateEstimat
     if found.value is None:
         return found
     return replace(found, lo=None, hi=None, state="not_enough_data", reason=why_not_all(recorded))
+
+
+def unknown_hours_notes(row: Row) -> list[Reason]:
+    """Return what is not known of a place's people, from the cells `silent_cameras` and `unrecorded_hours` of a row."""
+    notes = []
+    silent, hours = row["silent_cameras"], row["unrecorded_hours"]
+    if isinstance(silent, tuple) and silent:
+        notes.append(Reason("present.silent", cameras=", ".join(map(str, silent))))
+    if isinstance(hours, tuple) and hours:
+        notes.append(Reason("present.unrecorded", hours=", ".join(f"{h:02d}:00" for h in hours)))
+    return notes

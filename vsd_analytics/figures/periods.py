@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from vsd_analytics.answer import Reason
+from vsd_analytics.answer import HoldsFor, Reason
 from vsd_analytics.figures.comparable import DAY_MS, Recalibration, has_other_owners, pair_days, recalibrations
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, WEEK, Flags, FloorHours, Ints, Panel, Place
@@ -34,6 +34,13 @@ class Period:
         self.days = data.warehouse.days(first, last)
         self.span_ms = data.span_ms(first, last)
         self.is_inside = data.inside(first, last)
+
+    @cached_property
+    def holds_for(self) -> HoldsFor:
+        """Return what answers about this period are about."""
+        site, floor = self.data.site, self.data.floor
+        settings, inputs = site.settings.settings_id(), self.data.warehouse.inputs_digest
+        return HoldsFor(site.site_id, floor.floor_id, self.first, self.last, settings=settings, inputs=inputs)
 
     @cached_property
     def scheduled_h(self) -> float:

@@ -12,13 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.answer import Reason
+from vsd_analytics.answer import Answer, Column, Reason, Row, Sum, Value, value_of
 from vsd_analytics.figures.panels import Array, Flags, Ints, positions
 from vsd_analytics.figures.people_present import (
     NOBODY,
-    PeopleQuantile,
     Presence,
     hours_that_stand_for_all,
+    unknown_hours_notes,
     why_not_all,
 )
 from vsd_analytics.figures.periods import Period
@@ -26,7 +26,6 @@ from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids, dwel
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.durations import QuantileEstimate
 from vsd_analytics.stats.dwell import Dwell
-from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.recorded_hours import RecordedHours
 from vsd_analytics.stats.waiting import CUT, LEFT, SERVED, WaitTimes, waiting
 
@@ -48,61 +47,45 @@ order by started_ms, camera_id, track_id, area_id
 """
 
 
-@dataclass(frozen=True, slots=True)
-class QueueHour:
-    """One hour of the day of a queue.
-
-    Attributes:
-        hour: Local hour, 0 to 23.
-        people: Mean number of people waiting in it.
-        waits: Waiting times of those who entered in it; None without an end of the queue.
-    """
-
-    hour: int
-    people: RateEstimate
-    waits: WaitTimes | None
-
-
-@dataclass(frozen=True, slots=True)
-class QueueWaits:
-    """The waiting times of a queue with an end.
-
-    Attributes:
-        waits: Of those who entered the queue from elsewhere.
-        stays: How long people stay in the queue, however that ends, with the check by Little's law.
-        n_back: Stays of people who came out of the area of service: they do not wait.
-    """
-
-    waits: WaitTimes
-    stays: Dwell
-    n_back: int
-
-
-@dataclass(frozen=True, slots=True)
-class AreaQueue:
-    """A queue over a period.
-
-    Attributes:
-        area: The area.
-        people: Mean number of people waiting, with its interval.
-        busy: Number of people that is not exceeded for 90 % of the time.
-        waiting: Waiting times; None where `why_no_waits` says why.
-        why_no_waits: No end is stated, or the engine sends no track ids.
-        by_hour: By hour of the day.
-        recorded_share: Share of the opening hours in which all its cameras recorded.
-        silent_cameras: Cameras that see it and recorded nothing.
-        unrecorded_hours: Open hours of the day that were never recorded: the figures are of the other hours.
-    """
-
-    area: Area
-    people: RateEstimate
-    busy: PeopleQuantile
-    waiting: QueueWaits | None
-    why_no_waits: Reason | None
-    by_hour: tuple[QueueHour, ...]
-    recorded_share: float
-    silent_cameras: tuple[str, ...]
-    unrecorded_hours: tuple[int, ...]
+_PEOPLE: Final = (Column("people_waiting", "people", "people", "M39", tells=("n_entered",), per="recorded_open_h"),)
+_WAIT_COLUMNS: Final = (
+    Column("wait_median_s", "seconds", "s", "M40", tells=("n_entered",), per="n_entered"),
+    Column("wait_p90_s", "seconds", "s", "M40", tells=("n_entered",), per="n_entered"),
+    Column("left_share", "share", "share", "M40", tells=("n_entered", "n_left", "n_not_left"), per="n_entered"),
+)
+_ENDS: Final = ("n_served", "n_left", "n_cut")
+QUEUE_COLUMNS: Final = (
+    Column("floor_id", "key"),
+    Column("area_id", "key"),
+    Column("name", "fact"),
+    *_PEOPLE,
+    Column("people_waiting_p90", "people", "people", "M39", tells=("n_entered",), per="recorded_open_h"),
+    *_WAIT_COLUMNS,
+    Column("stay_mean_s", "seconds", "s", "M40", tells=("n_entered",), per="n_entered"),
+    Column("stay_mean_little_s", "seconds", "s", "M40", tells=("n_entered",), per="n_entered"),
+    Column("little_ratio", "rate", "ratio", tells=("n_entered",)),
+    Column("means_agree", "fact"),
+    Column("n_entered", "count", "people"),
+    *(Column(name, "count", "people", tells=("n_entered",), audience="operator") for name in _ENDS),
+    Column("n_not_left", "count", "people", audience="operator"),
+    Column("n_back", "count", "people", audience="operator"),
+    Column("n_days", "fact", "days"),
+    Column("recorded_open_h", "fact", "h"),
+    Column("recorded_share", "share", "share"),
+    Column("silent_cameras", "fact"),
+    Column("unrecorded_hours", "fact"),
+)
+"""Columns of `queues`."""
+HOUR_COLUMNS: Final = (
+    Column("floor_id", "key"),
+    Column("area_id", "key"),
+    Column("local_hour", "key"),
+    *_PEOPLE,
+    *_WAIT_COLUMNS,
+    *(Column(name, "count", "people", audience="operator") for name in ("n_entered", *_ENDS, "n_not_left")),
+    Column("recorded_open_h", "fact", "h"),
+)
+"""Columns of `queue_hours`. How many entered in an hour is the operator's: the hours of a week are too many to hide."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,14 +104,25 @@ class _Waits:
         return _Waits(*(getattr(self, name)[chosen] for name in self.__slots__))
 
 
-def queues(period: Period) -> tuple[AreaQueue, ...]:
-    """Return each queue of a floor, in the order of vsd.toml."""
+def queues(period: Period) -> tuple[Answer, Answer]:
+    """Return each queue of a floor, in the order of vsd.toml: over the days, and by hour of the day.
+
+    Columns of both: mean number of people waiting (M39); median and 90 % quantile of the wait of those who are served,
+    share of those who enter that leave before the end (M40); entries that were seen, and how they ended. Over the days
+    also the number of people that is not exceeded for 90 % of the time, how long people stay in the queue however that
+    ends, with the check by Little's law, and people who came back from the area of service, who do not wait.
+    Waiting times need an end of the queue (`served_in`) and track ids; where these lack, a reason says so.
+    """
     data = period.data
     asked = [a for a in data.areas if a.is_queue]
     if not asked:
-        return ()
+        empty = (("queues", QUEUE_COLUMNS), ("queue_hours", HOUR_COLUMNS))
+        none, none_by_hour = (
+            Answer(name, columns, (), period.holds_for, nothing=Reason("queues.not_asked")) for name, columns in empty
+        )
+        return none, none_by_hour
     rows = data.warehouse.table(_WAITS, {"floor": data.floor.floor_id, "first": period.first, "last": period.last})
-    seen = _Waits(
+    waits = _Waits(
         positions(rows["area_id"], [a.area_id for a in asked], otherwise=-1),
         positions(rows["camera_id"], data.ids, otherwise=-1),
         np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy()),
@@ -137,33 +131,90 @@ def queues(period: Period) -> tuple[AreaQueue, ...]:
         rows["dwell_s"].to_numpy(),
         rows["wait_s"].to_numpy(),
     )
-    is_used = data.hours.is_counted[seen.camera, seen.hour]
-    return tuple(_queue(period, area, seen.of(is_used & (seen.area == k))) for k, area in enumerate(asked))
+    is_used = data.hours.is_counted[waits.camera, waits.hour]
+    made = [_queue(period, area, waits.of(is_used & (waits.area == k))) for k, area in enumerate(asked)]
+    of_days = tuple(row for row, _ in made)
+    by_hour = tuple(row for _, rows in made for row in rows)
+    notes = ((None, Reason("note.queues")), *((k, n) for k, row in enumerate(of_days) for n in _row_notes(row)))
+    sums = (Sum("n_entered", _ENDS), Sum("n_entered", ("n_left", "n_not_left")))
+    of_hours = (Sum("n_entered", ("queue_hours.n_entered",)), Sum("n_left", ("queue_hours.n_left",)))
+    return (
+        Answer("queues", QUEUE_COLUMNS, of_days, period.holds_for, (*sums, *of_hours), notes),
+        Answer("queue_hours", HOUR_COLUMNS, by_hour, period.holds_for, sums),
+    )
 
 
-def _queue(period: Period, area: Area, seen: _Waits) -> AreaQueue:
+def _queue(period: Period, area: Area, waits: _Waits) -> tuple[Row, tuple[Row, ...]]:
+    """Return the row of a queue over the days, and its rows by hour."""
     present = Presence(period, area)
     why = _why_no_waits(period, area, present)
     recorded = [hours_that_stand_for_all(period, is_known) for is_known in period.data.hours.is_counted]
-    of_day = period.data.hours.hour[seen.hour]
-    found = None
+    of_day = period.data.hours.hour[waits.hour]
+    times, stays = None, None
     if why is None:
-        waits = _of_open_hours(_waiting(period, seen, recorded), [recorded[c] for c in np.unique(seen.camera).tolist()])
-        found = QueueWaits(waits, _stays(period, area, seen), int(seen.was_served.sum()))
-    return AreaQueue(
-        area,
-        present.mean(),
-        present.quantile(BUSY_SHARE),
-        found,
-        why,
-        tuple(
-            QueueHour(h, present.mean(hour=h), None if why else _waiting(period, seen.of(of_day == h), recorded))
-            for h in present.hours_of_day()
-        ),
-        present.recorded_share,
-        present.silent_cameras,
-        present.unrecorded_hours,
-    )
+        every = [recorded[c] for c in np.unique(waits.camera).tolist()]
+        times, stays = _of_open_hours(_waiting(period, waits, recorded), every), _stays(period, area, waits)
+    place: Row = {"floor_id": period.data.floor.floor_id, "area_id": area.area_id}
+    row: Row = {
+        **place,
+        "name": area.name,
+        "people_waiting": Value.of(people := present.mean()),
+        "people_waiting_p90": Value.of(present.quantile(BUSY_SHARE), state=people.state, reason=people.reason),
+        **_wait_cells(times, why),
+        **_stay_cells(stays, why),
+        "n_back": Value.missing(why) if why else Value(int(waits.was_served.sum())),
+        "n_days": 0 if times is None else times.n_days,
+        "recorded_open_h": people.exposure_h,
+        "recorded_share": Value(present.recorded_share),
+        "silent_cameras": present.silent_cameras,
+        "unrecorded_hours": present.unrecorded_hours,
+    }
+    hours = []
+    for hour in present.hours_of_day():
+        of_hour = present.mean(hour=hour)
+        cells = _wait_cells(None if why else _waiting(period, waits.of(of_day == hour), recorded), why)
+        hours.append({**place, "local_hour": hour, "people_waiting": Value.of(of_hour), **cells,
+                      "recorded_open_h": of_hour.exposure_h})  # fmt: skip
+    return row, tuple(hours)
+
+
+def _wait_cells(times: WaitTimes | None, why: Reason | None) -> Row:
+    """Return waiting times as cells, or why there are none."""
+    names = ("wait_median_s", "wait_p90_s", "left_share", "n_entered", *_ENDS, "n_not_left")
+    if times is None:
+        return dict.fromkeys(names, Value.missing(why, "not_measurable"))
+    return {
+        "wait_median_s": Value.of(times.median, state=times.state, reason=times.reason),
+        "wait_p90_s": Value.of(times.p90, state=times.state, reason=times.reason),
+        "left_share": Value.of(times.left_share),
+        "n_entered": Value(times.n_entered),
+        "n_served": Value(times.n_served),
+        "n_left": Value(times.n_left),
+        "n_cut": Value(times.n_cut),
+        "n_not_left": Value(times.n_entered - times.n_left),
+    }
+
+
+def _stay_cells(stays: Dwell | None, why: Reason | None) -> Row:
+    if stays is None:
+        names = ("stay_mean_s", "stay_mean_little_s", "little_ratio")
+        return {**dict.fromkeys(names, Value.missing(why, "not_measurable")), "means_agree": None}
+    little = stays.little
+    return {
+        "stay_mean_s": Value.of(little.by_tracks),
+        "stay_mean_little_s": Value.of(little.by_little),
+        "little_ratio": Value.of(little),
+        "means_agree": little.agrees,
+    }
+
+
+def _row_notes(row: Row) -> list[Reason]:
+    """Return what a reader must know of one queue."""
+    notes = [*unknown_hours_notes(row)]
+    if row["means_agree"] is False:
+        ratio = value_of(row, "little_ratio").value or 1.0
+        notes.append(Reason("visits.entries_missed" if ratio > 1 else "visits.entered_twice"))
+    return notes
 
 
 def _why_no_waits(period: Period, area: Area, present: Presence) -> Reason | None:

@@ -40,7 +40,7 @@ class TodayHour:
         hour: Local hour, 0 to 23.
         is_over: It ended before the clock.
         violations: Violations counted, as in the week's timetable; None where nothing was recorded, or is not over.
-        estimate: Violations of all cameras in the whole hour, those that were down made up for; what `usual` is of;
+        estimate: Violations of all cameras in the whole hour, those that were down made up for: what `usual` is of;
             None where less than `partial_hour_share` of it was recorded.
         usual: The same of such an hour by the twelve weeks before yesterday (M25); None where too few recorded it.
         lo, hi: Range that holds four of five such hours.

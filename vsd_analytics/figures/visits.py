@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.answer import Reason
+from vsd_analytics.answer import Answer, Column, Reason, Row, Sum, Value, value_of
 from vsd_analytics.figures.panels import Array, Flags, FloorHours, Ints, Place, positions
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import NOT_RECORDED
@@ -59,47 +59,59 @@ where people.n > 0 and coalesce(tracked.n, 0) * 2 < people.n
 """
 
 
-@dataclass(frozen=True, slots=True)
-class AreaVisits:
-    """The visits of one area in a period.
+COLUMNS: Final = (
+    Column("floor_id", "key"),
+    Column("area_id", "key"),
+    Column("name", "fact"),
+    Column("visits_per_open_h", "rate", "per_open_h", "M35", tells=("n_visits",), per="recorded_open_h"),
+    Column("dwell_median_s", "seconds", "s", "M36", tells=("n_visits",), per="n_visits"),
+    Column("dwell_p90_s", "seconds", "s", "M36", tells=("n_visits",), per="n_visits"),
+    Column("long_visit_s", "fact", "s"),
+    Column("long_share", "share", "share", "M36", tells=("n_visits", "n_long", "n_short"), per="n_visits"),
+    Column("dwell_mean_s", "seconds", "s", "M36", tells=("n_visits",), per="n_visits"),
+    Column("dwell_mean_little_s", "seconds", "s", "M36", tells=("n_visits",), per="n_visits"),
+    Column("little_ratio", "rate", "ratio", tells=("n_visits",)),
+    Column("means_agree", "fact"),
+    Column("n_visits", "count", "visits"),
+    Column("n_followed", "count", "visits", tells=("n_visits",), audience="operator"),
+    Column("n_cut", "count", "visits", tells=("n_visits",), audience="operator"),
+    Column("n_long", "count", "visits", audience="operator"),
+    Column("n_short", "count", "visits", audience="operator"),
+    Column("n_began_inside", "count", "tracks", audience="operator"),
+    Column("n_days", "fact", "days"),
+    Column("recorded_open_h", "fact", "h"),
+    Column("recorded_share", "share", "share"),
+    Column("silent_cameras", "fact"),
+)
+"""Columns of `visits`."""
 
-    Attributes:
-        area: The area.
-        often: Visits per open hour of the area, sum over cameras, with the interval of M0: entries that were seen.
-        dwell: How long they last; its person-time is that of the same camera-hours.
-        long_visit_s: Dwell time from which a visit counts as long.
-        n_began_inside: Tracks that begin inside, whose visit began unseen; they are in no figure but person-time.
-        recorded_share: Recorded share of the opening hours of the cameras that count people of the area, on any loaded
-            day.
-        silent_cameras: Those of them that recorded nothing of the period.
+
+def visits(period: Period) -> Answer:
+    """Return the visits of each area of a floor that asks for them, in the order of vsd.toml.
+
+    Columns: visits per open hour of the area, entries that were seen, sum over cameras, with the interval of M0 (M35);
+    median, 90 % quantile and mean of the dwell time, the mean by Little's law beside it, and the share of visits longer
+    than `long_visit_s` (M36); visits seen to enter, those followed to their end, those cut, and tracks that begin
+    inside (in no figure but person-time); recorded share of the opening hours of the cameras that count people there.
     """
-
-    area: Area
-    often: RateEstimate
-    dwell: Dwell
-    long_visit_s: float
-    n_began_inside: int
-    recorded_share: float
-    silent_cameras: tuple[str, ...]
-
-
-def visits(period: Period) -> tuple[AreaVisits, ...]:
-    """Return the visits of each area of a floor that asks for them, in the order of vsd.toml."""
     data = period.data
     asked = [a for a in data.areas if a.has_visits]
     if not asked:
-        return ()
+        return Answer("visits", COLUMNS, (), period.holds_for, nothing=Reason("visits.not_asked"))
     rows = data.warehouse.table(_VISITS, {"floor": data.floor.floor_id, "first": period.first, "last": period.last})
     area = positions(rows["area_id"], [a.area_id for a in asked], otherwise=-1)
     camera = positions(rows["camera_id"], data.ids, otherwise=-1)
     hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
     is_used = data.hours.is_counted[camera, hour]
-    seen = _Stays(
+    stays = _Stays(
         *(v[is_used] for v in (area, camera, hour)),
         *(rows[name].to_numpy(zero_copy_only=False)[is_used] for name in ("has_entry", "has_exit", "dwell_s")),
     )
     able = sends_ids(period)
-    return tuple(_of_area(period, a, seen.of(k), able) for k, a in enumerate(asked))
+    areas = tuple(_area_row(period, a, stays.of(k), able) for k, a in enumerate(asked))
+    notes = ((None, Reason("note.visits")), *((k, n) for k, row in enumerate(areas) for n in _row_notes(row)))
+    sums = (Sum("n_visits", ("n_followed", "n_cut")), Sum("n_visits", ("n_long", "n_short")))
+    return Answer("visits", COLUMNS, areas, period.holds_for, sums, notes)
 
 
 def sends_ids(period: Period) -> Flags:
@@ -130,26 +142,73 @@ class _Stays:
         return _Stays(*(getattr(self, name)[at] for name in self.__slots__))
 
 
-def _of_area(period: Period, area: Area, seen: _Stays, able: Flags) -> AreaVisits:
+def _area_row(period: Period, area: Area, stays: _Stays, able: Flags) -> Row:
     data, settings = period.data, period.data.site.settings
     place = period.area(area.area_id)
-    entered = seen.has_entry.astype(np.bool_)
-    counted, why_none = people_counted(place, seen.camera[entered], seen.hour[entered], able)
+    entered = stays.has_entry.astype(np.bool_)
+    counted, why_none = people_counted(place, stays.camera[entered], stays.hour[entered], able)
     used = data.hours.is_counted & period.is_inside & counted.cameras[:, None]
     long_s = area.long_visit_s or settings.long_visit_s
-    is_cut = ~seen.has_exit[entered].astype(np.bool_)
-    found = dwell_of(period, place, used, seen.dwell_s[entered], is_cut, seen.hour[entered], long_s=long_s)
-    open_h = float(data.hours.open_s[period.is_inside].sum()) / 3600 * int(counted.cameras.sum())
-    recorded = data.hours.recorded_s[:, period.is_inside].sum(axis=1) / 3600
-    return AreaVisits(
-        area,
-        per_open_hour(period, counted, what="visits", why_none=why_none),
-        found,
-        long_s,
-        int((~entered).sum()),
-        float(recorded[counted.cameras].sum()) / open_h if open_h else 0.0,
-        _silent(data, counted, recorded),
-    )
+    is_cut = ~stays.has_exit[entered].astype(np.bool_)
+    times = dwell_of(period, place, used, stays.dwell_s[entered], is_cut, stays.hour[entered], long_s=long_s)
+    rate = per_open_hour(period, counted, what="visits", why_none=why_none)
+    recorded_h = data.hours.recorded_s[:, period.is_inside].sum(axis=1) / 3600
+    n_long = None if times.long_share.value is None else round(times.long_share.value * times.n_visits)
+    return {
+        "floor_id": data.floor.floor_id,
+        "area_id": area.area_id,
+        "name": area.name,
+        "visits_per_open_h": Value.of(rate),
+        **dwell_cells(times),
+        "long_visit_s": long_s,
+        "n_visits": Value(times.n_visits),
+        "n_followed": Value(times.n_visits - times.n_cut),
+        "n_cut": Value(times.n_cut),
+        "n_long": count_or_unknown(n_long, times.reason),
+        "n_short": count_or_unknown(None if n_long is None else times.n_visits - n_long, times.reason),
+        "n_began_inside": Value(int((~entered).sum())),
+        "n_days": times.n_days,
+        "recorded_open_h": rate.exposure_h,
+        "recorded_share": Value(share_of_open_hours(period, counted.cameras)),
+        "silent_cameras": _silent(data, counted, recorded_h),
+    }
+
+
+def dwell_cells(times: Dwell) -> Row:
+    """Return dwell times as cells: median, 90 % quantile, share of long visits, and the mean by two ways."""
+    little = times.little
+    return {
+        "dwell_median_s": Value.of(times.median, state=times.state, reason=times.reason),
+        "dwell_p90_s": Value.of(times.p90, state=times.state, reason=times.reason),
+        "long_share": Value.of(times.long_share),
+        "dwell_mean_s": Value.of(little.by_tracks),
+        "dwell_mean_little_s": Value.of(little.by_little),
+        "little_ratio": Value.of(little),
+        "means_agree": little.agrees,
+    }
+
+
+def count_or_unknown(n: int | None, reason: Reason | None) -> Value:
+    """Return a count, or why it is unknown."""
+    return Value.missing(reason) if n is None else Value(n)
+
+
+def share_of_open_hours(period: Period, cameras: Flags) -> float:
+    """Return the share of the opening hours of some cameras that they recorded; 0 where none counts."""
+    hours = period.data.hours
+    open_s = float(hours.open_s[period.is_inside].sum()) * int(cameras.sum())
+    return float(hours.recorded_s[cameras][:, period.is_inside].sum()) / open_s if open_s else 0.0
+
+
+def _row_notes(row: Row) -> list[Reason]:
+    """Return what a reader must know of one area."""
+    notes = []
+    if silent := row["silent_cameras"]:
+        notes.append(Reason("visits.silent", cameras=", ".join(map(str, silent)) if isinstance(silent, tuple) else ""))
+    if row["means_agree"] is False:
+        ratio = value_of(row, "little_ratio").value or 1.0
+        notes.append(Reason("visits.entries_missed" if ratio > 1 else "visits.entered_twice"))
+    return notes
 
 
 def dwell_of(

@@ -173,9 +173,9 @@ class AlarmEngine:
                     ]
                     xa, ya, xb, yb = (_NAN if v is None else float(v) for v in at)
                     key = (*names[0], "-", *names[1], distance if a is None or b is None else None)
-                    found = (names[0], names[1], a, b, (xa, ya, xb, yb), 2**31 - 1 if distance is None else distance)
-                    if key not in instant.pairs or found[5] < instant.pairs[key][5]:
-                        instant.pairs[key] = found
+                    row = (names[0], names[1], a, b, (xa, ya, xb, yb), 2**31 - 1 if distance is None else distance)
+                    if key not in instant.pairs or row[5] < instant.pairs[key][5]:
+                        instant.pairs[key] = row
                 yield camera_id, ts_ms, instant
 
 
@@ -188,15 +188,19 @@ class _Stream:
     """
 
     def __init__(self, site: Site, camera: Camera, rules: Sequence[AlarmRule], ground: Ground) -> None:
-        own = [r for r in rules if not r.camera_ids or camera.camera_id in r.camera_ids]
+        camera_rules = [r for r in rules if not r.camera_ids or camera.camera_id in r.camera_ids]
         self._camera, self._ground = camera, ground
         self._distance_mm = round(site.settings.distance_m * 1000)
         self._gap_ms = round(site.settings.episode_gap_s * 1000)
         self._situations = [
-            Situations(site, ground=ground, rule=r, camera_id=camera.camera_id) for r in own if r.kind != "silence"
+            Situations(site, ground=ground, rule=r, camera_id=camera.camera_id)
+            for r in camera_rules
+            if r.kind != "silence"
         ]
-        self._silences = [Silence(site, rule=r, camera_id=camera.camera_id) for r in own if r.kind == "silence"]
-        self._companions = Companions(site.settings) if any(r.kind == "contact" for r in own) else None
+        self._silences = [
+            Silence(site, rule=r, camera_id=camera.camera_id) for r in camera_rules if r.kind == "silence"
+        ]
+        self._companions = Companions(site.settings) if any(r.kind == "contact" for r in camera_rules) else None
         self._opening = Opening(site)
         self._fixed_interval_ms = None if camera.hz is None else 1000 / camera.hz
         self._waiting: dict[int, Instant] = {}
@@ -227,10 +231,10 @@ class _Stream:
 
     def instant(self, ts_ms: int) -> Instant | None:
         """Return the collection of records of an instant; None when the instant has been handled already."""
-        found = self._waiting.get(ts_ms)
-        if found is None and ts_ms >= self._over_ms:
-            found = self._waiting[ts_ms] = Instant(has_engine_pairs=False, persons={}, pairs={})
-        return found
+        waiting = self._waiting.get(ts_ms)
+        if waiting is None and ts_ms >= self._over_ms:
+            waiting = self._waiting[ts_ms] = Instant(has_engine_pairs=False, persons={}, pairs={})
+        return waiting
 
     def hear(self, newest_ms: int, clock_ms: int) -> None:
         """Note the newest instant and the clock when it came."""
@@ -262,23 +266,23 @@ class _Stream:
                 close_pairs = contacts(frame, edges)
             clusters = gatherings(frame)
             for situations in self._situations:
-                found = close_pairs if situations.rule.kind == "contact" else clusters
-                events += situations.see(self._matching(situations.rule, found, ts_ms), ts_ms, self._tolerated_ms)
+                sightings = close_pairs if situations.rule.kind == "contact" else clusters
+                events += situations.see(self._matching(situations.rule, sightings, ts_ms), ts_ms, self._tolerated_ms)
         if self._last_ms is not None:
             self._intervals.append(ts_ms - self._last_ms)
             self._tolerated_ms = max(self._gap_ms, round(2.5 * self._interval_ms()))
         self._last_ms = ts_ms
         return events
 
-    def _matching(self, rule: AlarmRule, found: Sequence[Sighting], ts_ms: int) -> list[Sighting]:
+    def _matching(self, rule: AlarmRule, sightings: Sequence[Sighting], ts_ms: int) -> list[Sighting]:
         """Return the sightings that match a rule: its hours, number of people and area."""
-        if not found or (rule.is_open_only and not self._opening.is_open(ts_ms)):
+        if not sightings or (rule.is_open_only and not self._opening.is_open(ts_ms)):
             return []
         n_min = rule.n_people if rule.kind == "gathering" else 2
         area, camera = rule.area_id, self._camera.camera_id
         return [
             s
-            for s in found
+            for s in sightings
             if s.n_people >= n_min and (area is None or self._ground.is_in(area, camera, s.x_mm, s.y_mm))
         ]
 

@@ -23,29 +23,29 @@ def day_topic(broker: Broker, floor: Floor) -> str:
     return f"{broker.figures_topic}/{floor.floor_id}"
 
 
-def day_figures(found: Today, site: Site, floor: Floor) -> dict[str, Any]:
+def day_figures(today: Today, site: Site, floor: Floor) -> dict[str, Any]:
     """Return the figures of a floor's day so far, and of its last hour that is over, as JSON values.
 
     Args:
-        found: The numbers.
+        today: The numbers.
         site: The site; counts from 1 to just under its `mask_below` are not given.
         floor: The floor.
     """
     below = site.settings.mask_below
-    over = [h for h in found.hours if h.is_over and h.day == found.at.date()]
+    over = [h for h in today.hours if h.is_over and h.day == today.at.date()]
     return {
         "v": VERSION,
         "site": site.site_id,
         "floor": floor.floor_id,
-        "at": found.at.isoformat(timespec="seconds"),
-        **_day(found, below=below),
+        "at": today.at.isoformat(timespec="seconds"),
+        **_day(today, below=below),
         "last_hour": _last_hour(over[-1], below=below) if over else None,
-        "silent_cameras": len(found.silent),
+        "silent_cameras": len(today.silent),
     }
 
 
-def _day(found: Today, *, below: int) -> dict[str, Any]:
-    level = found.so_far
+def _day(today: Today, *, below: int) -> dict[str, Any]:
+    level = today.so_far
     if level is None:
         return {**_no_day(None), "state": "closed"}
     known = _no_day(level)

@@ -114,9 +114,9 @@ class Preparer:
         payloads = {n: d.payload for n, d in enumerate(deliveries, first)}
         used = [r for r in self._readers if r in mapped.values()]
         parts = [self._cleaned(batch, payloads) for batch in (rows.batch(0), *(r.batch() for r in used))]
-        found = parts[0] if len(parts) == 1 else _joined(parts)
-        bad = [replace(r, detail=f"{r.detail}; topic {deliveries[r.line - first].topic}") for r in found.rejected]
-        return replace(found, rejected=bad, readings={n: reader.reading for n, reader in mapped.items()})
+        prepared = parts[0] if len(parts) == 1 else _joined(parts)
+        bad = [replace(r, detail=f"{r.detail}; topic {deliveries[r.line - first].topic}") for r in prepared.rejected]
+        return replace(prepared, rejected=bad, readings={n: reader.reading for n, reader in mapped.items()})
 
     def _cleaned(self, raw: RawBatch, payloads: Mapping[int, bytes]) -> Prepared:
         clean = self._normaliser.normalise(raw)

@@ -41,29 +41,29 @@ def keep_on(
         stop: Called between rounds.
         report: Called with a line for people when something goes wrong, and when it is right again.
     """
-    said: str | None = None
-    found: dict[str, Any] = {}
+    told: str | None = None
+    last_round: dict[str, Any] = {}
     delays = delays_s(first_s=min(1.0, every_s), most_s=every_s)
     while not stop():
         try:
-            found = one_round()
+            last_round = one_round()
             error = None
         except (VsdError, OSError) as caught:
             error = _words(caught)
-        if error != said:
+        if error != told:
             report("the exchange works again" if error is None else f"{error}; it is tried again")
-            said = error
-        write_status(root, found, state=WORKING if error is None else REFUSED, error=error, now=clock())
+            told = error
+        write_status(root, last_round, state=WORKING if error is None else REFUSED, error=error, now=clock())
         if error is None:
             delays = delays_s(first_s=min(1.0, every_s), most_s=every_s)
         if not stop():
             sleep(every_s if error is None else next(delays))
-    write_status(root, found, state=STOPPED, error=said, now=clock())
+    write_status(root, last_round, state=STOPPED, error=told, now=clock())
 
 
-def write_status(root: Path, found: dict[str, Any], *, state: str, error: str | None, now: datetime) -> None:
+def write_status(root: Path, last_round: dict[str, Any], *, state: str, error: str | None, now: datetime) -> None:
     """Write what a round found."""
-    about = {"state": state, "pid": os.getpid(), "at": iso_utc(now), "error": error, **found}
+    about = {"state": state, "pid": os.getpid(), "at": iso_utc(now), "error": error, **last_round}
     status.write_status(root, about, file=STATUS)
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from vsd_analytics.errors import InputError, LiveError, UsageError, Where
 from vsd_analytics.ingest.intake.pipeline import SourceResult
 from vsd_analytics.ingest.reading.adapter import Source
-from vsd_analytics.live.single_instance import only_one
+from vsd_analytics.live.single_instance import single_instance
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import publish
 
@@ -56,8 +56,8 @@ def waiting(folder: Path, *, known: Collection[Waiting] = (), limit: int = LOOKE
 
     def files() -> Iterator[Waiting]:
         nonlocal n_open
-        with os.scandir(folder) as found:
-            for entry in found:
+        with os.scandir(folder) as entries:
+            for entry in entries:
                 if entry.name.startswith(".") or entry.name.lower().endswith(UNFINISHED):
                     continue
                 try:
@@ -105,7 +105,7 @@ def refuse_folder(site: Site, folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def alone(folder: Path) -> Iterator[None]:
+def single_watcher(folder: Path) -> Iterator[None]:
     """Hold the lock of a watched folder; LiveError E707 when another process does."""
     refusal = partial(
         LiveError,
@@ -114,7 +114,7 @@ def alone(folder: Path) -> Iterator[None]:
         where=Where(Source(folder).name),
         fix="stop it first; vsd doctor shows whether it runs",
     )
-    with only_one(folder / LOCK, refusal=refusal):
+    with single_instance(folder / LOCK, refusal=refusal):
         yield
 
 

@@ -54,17 +54,17 @@ class MappedReader:
     def add(self, number: int, delivery: ReceivedMessage) -> None:
         """Add one message, or the messages of an array; one that cannot be used is rejected."""
         try:
-            found: Any = json.loads(delivery.payload)
+            payload: Any = json.loads(delivery.payload)
         except (ValueError, RecursionError) as error:
             self._rows.reject(number, "bad-json", f"this is no JSON: {str(error)[:200]}", delivery.payload)
             return
-        for message in found if isinstance(found, list) else [found]:
+        for message in payload if isinstance(payload, list) else [payload]:
             if isinstance(message, dict):
                 wrong = self._rows.attempt(partial(self._reader.take, message, self._rows, self._options, number))
             else:
                 wrong = [("bad-json", f"this is no JSON object: {str(message)[:40]!r}")]
             for reason, detail in wrong:
-                record = json.dumps(message).encode() if isinstance(found, list) else delivery.payload
+                record = json.dumps(message).encode() if isinstance(payload, list) else delivery.payload
                 self._rows.reject(number, reason, detail, record)
 
     def batch(self) -> RawBatch:
@@ -82,7 +82,7 @@ class MappedReader:
 
 def mapped_readers(site: Site) -> list[MappedReader]:
     """Return a reader of each `[[source]]` whose messages can come live, in the order of `vsd.toml`."""
-    found = []
+    readers = []
     for profile in site.sources:
         if profile.topics or profile.persons is not None or profile.format == "json":
             if profile.rule_id == FRAMES:
@@ -90,13 +90,13 @@ def mapped_readers(site: Site) -> list[MappedReader]:
                     f"[[source]] {FRAMES}: this id stands for VSD frame messages",
                     fix="give the source another id",
                 )
-            found.append(MappedReader(site, profile))
-    return found
+            readers.append(MappedReader(site, profile))
+    return readers
 
 
-def topics_of(own: Sequence[str], readers: Sequence[MappedReader]) -> tuple[str, ...]:
+def topics_of(site_topics: Sequence[str], readers: Sequence[MappedReader]) -> tuple[str, ...]:
     """Return the topic filters to subscribe to: the broker's, then those of sources, each once."""
-    return tuple(dict.fromkeys([*own, *(topic for reader in readers for topic in reader.topics)]))
+    return tuple(dict.fromkeys([*site_topics, *(topic for reader in readers for topic in reader.topics)]))
 
 
 def topic_matches(pattern: str, topic: str) -> bool:

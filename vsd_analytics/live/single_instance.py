@@ -14,7 +14,7 @@ from vsd_analytics.store.durable import make_dirs
 
 
 @contextlib.contextmanager
-def alone(root: Path) -> Iterator[None]:
+def single_listener(root: Path) -> Iterator[None]:
     """Hold the lock of a project's listener; the kernel releases it when the process dies.
 
     Raises:
@@ -32,12 +32,12 @@ def alone(root: Path) -> Iterator[None]:
             fix="stop it first (systemctl stop vsd-listen), or look at it: vsd doctor",
         )
 
-    with only_one(lock, refusal=refusal):
+    with single_instance(lock, refusal=refusal):
         yield
 
 
 @contextlib.contextmanager
-def only_one(lock: Path, *, refusal: Callable[[], LiveError]) -> Iterator[None]:
+def single_instance(lock: Path, *, refusal: Callable[[], LiveError]) -> Iterator[None]:
     """Hold a lock file; the kernel releases it when the process dies.
 
     Args:

@@ -90,8 +90,8 @@ class Instant:
 
     def add_person(self, name: Name, track: str | None, x_mm: float, y_mm: float) -> None:
         """Add a person record; of two with one name the lesser place counts, so their order changes nothing."""
-        found = self.persons.get(name)
-        if found is None or (math.isnan(x_mm), x_mm, y_mm) < (math.isnan(found[1]), *found[1:]):
+        person = self.persons.get(name)
+        if person is None or (math.isnan(x_mm), x_mm, y_mm) < (math.isnan(person[1]), *person[1:]):
             self.persons[name] = (track, x_mm, y_mm)
 
 
@@ -160,9 +160,9 @@ def close_pairs(xy: Floats, *, distance_mm: int) -> list[Edge]:
     if len(known) > _CROWD:
         from scipy.spatial import cKDTree
 
-        found = np.sort(cKDTree(at).query_pairs(distance_mm, output_type="ndarray"), axis=1)
-        found = found[np.lexsort((found[:, 1], found[:, 0]))]
-        i, j = found[:, 0], found[:, 1]
+        pairs = np.sort(cKDTree(at).query_pairs(distance_mm, output_type="ndarray"), axis=1)
+        pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+        i, j = pairs[:, 0], pairs[:, 1]
     else:
         i, j = np.triu_indices(len(known), 1)
     d = at[i] - at[j]
@@ -197,7 +197,7 @@ def gatherings(frame: PeopleGraph) -> list[Sighting]:
     for i in range(len(root)):
         if find(i) in nearest:
             members[find(i)].append(i)
-    return [_sighting(frame, inside, nearest[of]) for of, inside in members.items()]
+    return [_sighting(frame, inside, nearest[members_at]) for members_at, inside in members.items()]
 
 
 def contacts(frame: PeopleGraph, edges: Iterable[Edge]) -> list[Sighting]:

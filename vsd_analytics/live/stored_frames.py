@@ -142,12 +142,12 @@ def _rows_now(store: Store, table: TableName, hour: int, cameras: Collection[str
 
 def _spool(store: Store, table: TableName, hour: int) -> list[Path]:
     """Return the spool's files that may hold rows of an hour."""
-    found = []
+    segments = []
     for path in segment_paths(store.root, table):
         ends = ends_ms(path)
         if ends is None or ends[0] // HOUR_MS <= hour <= ends[1] // HOUR_MS:
-            found.append(path)
-    return found
+            segments.append(path)
+    return segments
 
 
 def _spooled(path: Path, table: TableName) -> pa.Table:

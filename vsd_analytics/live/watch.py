@@ -22,7 +22,17 @@ from vsd_analytics.ingest.intake.pipeline import SourceResult, ingest, with_site
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.live.batches import delays_s
 from vsd_analytics.live.group_commit import GroupCommitStore
-from vsd_analytics.live.inbox import DONE, FAILED, Waiting, alone, as_it_is, refuse_folder, to_done, to_failed, waiting
+from vsd_analytics.live.inbox import (
+    DONE,
+    FAILED,
+    Waiting,
+    as_it_is,
+    refuse_folder,
+    single_watcher,
+    to_done,
+    to_failed,
+    waiting,
+)
 from vsd_analytics.live.single_instance import is_alive
 from vsd_analytics.live.status import CANNOT_STORE, iso_utc, read_json, write_status
 from vsd_analytics.site.model import Site
@@ -128,7 +138,7 @@ def watch(
     """
     refuse_folder(site, folder)
     with_site(site, options)
-    with alone(folder):
+    with single_watcher(folder):
         for name in (DONE, FAILED):
             make_dirs(folder / name)
         status = WatchStatus(folder, clock())
@@ -201,11 +211,11 @@ class _Watch:
         """Ingest the files that no longer change; return whether more of them wait."""
         now_s = self.monotonic()
         self.held = {file: until_s for file, until_s in self.held.items() if until_s > now_s}
-        found, self.status.n_open = waiting(self.status.folder, known=self.held)
+        waiting_files, self.status.n_open = waiting(self.status.folder, known=self.held)
         self.status.n_open += len(self.held)
-        self.seen = {file: self.seen.get(file, now_s) for file in found}
+        self.seen = {file: self.seen.get(file, now_s) for file in waiting_files}
         settle_s = float(self.site.settings.watch_settle_s)
-        settled = [file for file in found if now_s - self.seen[file] >= settle_s]
+        settled = [file for file in waiting_files if now_s - self.seen[file] >= settle_s]
         for files in _together(settled[:ROUND_FILES]):
             self.take(files)
             self.commit()

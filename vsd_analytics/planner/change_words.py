@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import Redesign
+from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
 from vsd_analytics.planner.logged_changes import ChangeSide, PlannerChange
 from vsd_analytics.report.pages.logged_changes import amount
 from vsd_analytics.wording import format as fmt
@@ -93,7 +93,7 @@ def _verdict(change: PlannerChange) -> str:
     return say("planner.log.untold", area=area, reason=reason) if reason else say("came_of.nothing")
 
 
-def _rows(result: Redesign) -> tuple[ChangeEffectRow, ...]:
+def _rows(result: LoggedChangeEffect) -> tuple[ChangeEffectRow, ...]:
     n = result.n_watched or 0
     figures = (
         (say("planner.log.running", plural=n, n=n, area=result.area_name), result.running),
@@ -113,7 +113,7 @@ def _row(name: str, e: Estimate) -> ChangeEffectRow:
     )
 
 
-def _notes(result: Redesign) -> tuple[str, ...]:
+def _notes(result: LoggedChangeEffect) -> tuple[str, ...]:
     n, notes = result.n_weeks or 0, []
     if result.design == "beside":
         notes.append(say("planner.log.beside", plural=n, n=n, areas=terms.joined(result.compared_with)))

@@ -6,14 +6,13 @@ and nothing over floor that no camera recorded.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
+from vsd_analytics.answer import Answers
 from vsd_analytics.figures.week.model_map import FloorMap
-from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.report.draw.floor_frame import Frame
 from vsd_analytics.report.draw.flow_maps import WIDTHS, direction_paths, line_paths, width_steps
-from vsd_analytics.report.pages.map_figures import arrows_of, lines_of, rows_of
+from vsd_analytics.report.pages.map_figures import arrows_of, cell_side_m, lines_of, rows_of
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say
 
@@ -52,26 +51,24 @@ class FlowLayer:
     arrows_legend: str
 
 
-def flow_layer(
-    figures: Mapping[str, Figure], floor: FloorMap, frame: Frame, *, least: int, distance_unit: str
-) -> FlowLayer | None:
+def flow_layer(answers: Answers, floor: FloorMap, frame: Frame, *, least: int, distance_unit: str) -> FlowLayer | None:
     """Return the layer; None where nobody asks for it or nothing is known.
 
     Args:
-        figures: Figures of how the space is used, by catalogue id.
+        answers: Answers on how the space is used.
         floor: The map it lies on.
         frame: The drawing.
         least: People of the least arrow.
         distance_unit: "m" or "ft".
     """
-    between, cells = rows_of(figures, "M37"), rows_of(figures, "M42")
+    between, cells = rows_of(answers, "flow"), rows_of(answers, "walking_directions")
     unit = frame.width / MAP_PX
     drawn = [(line, path) for line, path in line_paths(floor, lines_of(between), frame, unit=unit) if path]
     lines = tuple(FlowLine(start=f"area:{i.start}", end=f"area:{i.end}", path=path) for i, path in drawn)
     arrows, arrows_legend = arrows_of(cells), ""
     paths: tuple[tuple[float, str], ...] = ()
     if arrows:
-        cell_m = float(cells[0]["cell_m"])
+        cell_m = cell_side_m(cells)
         found = direction_paths(floor, arrows, frame, cell_m=cell_m, unit=unit)
         paths = tuple((wide, path) for wide, path in zip(WIDTHS, found, strict=True) if path)
         cell = fmt.distance(cell_m, distance_unit)

@@ -21,8 +21,8 @@ from vsd_analytics.figures.change_weeks import WEEKS, local_day, windows_of
 from vsd_analytics.figures.compare import Days
 from vsd_analytics.figures.panels import WEEK, Flags, Ints
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.figures.week.model_sections import Redesign
-from vsd_analytics.figures.week.redesigns import redesigns
+from vsd_analytics.figures.week.change_effects import change_effects
+from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, hidden_places, open_slots, panel_of
 from vsd_analytics.site.model import Area, LogEntry, Site
@@ -88,7 +88,7 @@ class PlannerChange:
     at: datetime
     text: str
     area: Area | None
-    result: Redesign | None
+    result: LoggedChangeEffect | None
     before: ChangeSide | None
     after: ChangeSide | None
     hidden: Mapping[int, Reason]
@@ -143,7 +143,7 @@ def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> Plann
     areas = {a.area_id: a for a in data.areas}
     result = None
     if entry.area_id is not None:
-        [result] = redesigns(data, [before_after(data.warehouse, number)], shown_days=MOST_WEEKS * 7)
+        [result] = change_effects(data, [before_after(data.warehouse, number)], shown_days=MOST_WEEKS * 7)
         spans = result.before, result.after
     else:
         windows, _ = windows_of(data.warehouse, entry, area_id="", weeks=WEEKS)

@@ -14,9 +14,9 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.answer import Reason
+from vsd_analytics.answer import Answers, Reason
 from vsd_analytics.figures import hotspots as spots
-from vsd_analytics.figures.catalogue import asks_for, space_figures
+from vsd_analytics.figures.catalogue import asks_for, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_time import change_close_time_share, close_time
 from vsd_analytics.figures.compare import why_not
@@ -24,20 +24,20 @@ from vsd_analytics.figures.hotspot_export import without_small
 from vsd_analytics.figures.panels import WEEK, Flags, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.week import areas as report_areas
-from vsd_analytics.figures.week import findings, recording, timetable
+from vsd_analytics.figures.week import lazy_answers, recording, timetable
 from vsd_analytics.figures.week.density import FloorGrid
 from vsd_analytics.figures.week.estimates import with_change
 from vsd_analytics.figures.week.floor_maps import floor_maps
 from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import FloorMap
-from vsd_analytics.figures.week.results import AreaRow, Figure, WeekRef
+from vsd_analytics.figures.week.results import AreaRow, WeekRef
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.cell_counts import WeekCells, seen_cells
 from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, hidden_places, open_slots, panel_of
 from vsd_analytics.planner.layouts import Layout, layouts
 from vsd_analytics.planner.logged_changes import MOST_WEEKS, PlannerChange, entries_of, logged_changes
-from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level, with_row_texts
+from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.stats.rates import HISTORY_WEEKS
 from vsd_analytics.warehouse.provenance import engines
@@ -142,7 +142,7 @@ class PlannerData:
         weeks: Weeks of the log that the page holds.
         changes: The log's entries of these weeks, in order of time.
         layouts: Fixtures by selection (`layouts.layouts`); empty where they are always those of `shown`.
-        space: Figures of how the space is used in the week (M35 to M42); empty where no place of the floor asks.
+        space: Answers on how the space is used in the week (M35 to M42); empty where no place of the floor asks.
     """
 
     site: Site
@@ -165,7 +165,7 @@ class PlannerData:
     weeks: int
     changes: tuple[PlannerChange, ...]
     layouts: tuple[Layout, ...] = ()
-    space: Mapping[str, Figure] = field(default_factory=dict)
+    space: Answers = field(default_factory=Answers)
 
 
 def weeks_needed(site: Site, monday: date, *, floor_id: str | None = None) -> int:
@@ -180,7 +180,7 @@ def first_day(site: Site, monday: date, before: date, *, weeks: int = 2) -> date
     """
     window = timedelta(days=int(site.settings.hotspot_days) - 7)  # the other week's map of excess
     first = min(monday - HISTORY, before - window, spots.days_needed(site, monday + timedelta(days=6))[0])
-    return min(first, findings.first_day(site, monday)) if entries_of(site, monday, weeks=weeks) else first
+    return min(first, lazy_answers.first_day(site, monday)) if entries_of(site, monday, weeks=weeks) else first
 
 
 def planner_pages(
@@ -295,15 +295,15 @@ def planner_data(
     )
 
 
-def _space(data: TwoWeeks, *, is_ranked: bool) -> Mapping[str, Figure]:
-    """Return the report's figures of how the space is used."""
+def _space(data: TwoWeeks, *, is_ranked: bool) -> Answers:
+    """Return the report's answers on how the space is used."""
     if not asks_for(data):
-        return {}
+        return Answers()
     areas = report_areas.areas(data, is_compared=False, rest=say("words.rest"))
     level = floor_level(data, is_compared=False, areas=areas)
-    found, coverage = findings.Findings(data), recording.coverage(data)
+    found, coverage = lazy_answers.LazyAnswers(data), recording.coverage(data)
     asked = FigureInputs(data, found, coverage, level, areas.rows, timetable.timetable(data).when, is_ranked)
-    return with_row_texts(space_figures(asked))
+    return shared_answers(asked)
 
 
 def _seen(data: TwoWeeks, shown: FloorMap | None) -> Flags | None:

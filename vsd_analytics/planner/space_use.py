@@ -6,12 +6,12 @@ intervals are no sums, so that the page cannot compute them again for the days t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
-from vsd_analytics.figures.week.results import Figure
-from vsd_analytics.report.pages.map_figures import Rows, doubts, rows_of
+from vsd_analytics.answer import Answers, Row, Value, value_of
+from vsd_analytics.report.pages.map_figures import doubts, is_known, is_pooled, number, rows_of
 from vsd_analytics.report.pages.waiting import WaitingView, time_text, waiting
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say
@@ -78,39 +78,40 @@ class SpaceUseView:
     waiting: WaitingView | None
 
 
-def space_use_view(figures: Mapping[str, Figure]) -> SpaceUseView | None:
+def space_use_view(answers: Answers) -> SpaceUseView | None:
     """Return the section; None where no place of the floor asks for it.
 
     Args:
-        figures: Figures of how the space is used, by catalogue id, with texts for reasons in their rows.
+        answers: Answers on how the space is used.
     """
-    if not figures:
+    if not len(answers):
         return None
-    often, stays, between = (rows_of(figures, metric) for metric in ("M35", "M36", "M37"))
-    names = {str(r["area"]): str(r["place"]) for r in between}
-    to = [area for area in names if any(r["to_areas"] == area for r in between)]
-    has_others = any(" " in (r["to_areas"] or "") for r in between)
-    limits = {float(r["longer_than_s"]) for r in stays if r.get("longer_than_s")}
+    visits, between = rows_of(answers, "visits"), rows_of(answers, "flow")
+    areas = {str(r["area_id"]): str(r["name"]) for r in between}
+    lost = {r["area_id"]: value_of(r, "not_followed_share") for r in rows_of(answers, "flow_areas")}
+    to = [area for area in areas if any(r["to_area_ids"] == area for r in between)]
+    has_others = any(is_pooled(r) for r in between)
+    limits = {number(r, "long_visit_s") for r in visits}
     limit = _limit(limits.pop()) if len(limits) == 1 else ""
+    columns = [*to, *([OTHERS] if has_others else [])]
     return SpaceUseView(
-        visits=tuple(
-            _visits(row, [r for r in stays if r["area"] == row["area"]], says_limit=not limit) for row in often
-        ),
+        visits=tuple(_visits(row, says_limit=not limit) for row in visits),
         long_limit=limit,
-        why_no_visits=_why(figures.get("M35")),
-        to=(*(names[area] for area in to), *([say("planner.use.others")] if has_others else [])),
+        why_no_visits=_why(answers, "visits"),
+        to=(*(areas[area] for area in to), *([say("planner.use.others")] if has_others else [])),
         leaving=tuple(
-            _leaving(name, [r for r in between if r["area"] == area], [*to, *([OTHERS] if has_others else [])])
-            for area, name in names.items()
+            _leaving(name, [r for r in between if r["area_id"] == area], columns, lost[area])
+            for area, name in areas.items()
         ),
-        why_no_flow=_why(figures.get("M37")),
-        doubts=tuple(doubts([r for r in between if r["value"] is not None])),
-        waiting=waiting(figures),
+        why_no_flow=_why(answers, "flow"),
+        doubts=tuple(doubts([r for r in between if is_known(r)])),
+        waiting=waiting(answers),
     )
 
 
-def _why(figure: Figure | None) -> str:
-    return "" if figure is None or figure.rows else reason_text(figure.reason)
+def _why(answers: Answers, name: str) -> str:
+    answer = answers.get(name)
+    return "" if answer is None else reason_text(answer.nothing)
 
 
 def _limit(value_s: float) -> str:
@@ -120,37 +121,37 @@ def _limit(value_s: float) -> str:
     return say("planner.use.over", limit=text)
 
 
-def _visits(often: Mapping[str, Any], stays: Rows, *, says_limit: bool) -> VisitsRow:
-    """Return an area's row; of its stays (M36) the share of long ones has a limit, and the means may disagree."""
-    long = next((r for r in stays if "longer_than_s" in r), {})
-    none: Mapping[str, Any] = {}
-    tracks, little, *_ = (*(r for r in stays if "agrees" in r), none, none)
-    median, p90, *_ = (*(r for r in stays if not {"longer_than_s", "agrees"} & r.keys()), none, none)
+def _visits(row: Row, *, says_limit: bool) -> VisitsRow:
+    """Return an area's row; the share of long visits has a limit, and the means may disagree."""
+    often, median, p90, long = (
+        value_of(row, name) for name in ("visits_per_open_h", "dwell_median_s", "dwell_p90_s", "long_share")
+    )
+    tracks, little = value_of(row, "dwell_mean_s").value, value_of(row, "dwell_mean_little_s").value
     reason = ""
-    if often["value"] is not None and median.get("value") is None:
-        reason = str(median.get("reason") or "")
-    elif tracks.get("agrees") is False and None not in (tracks["value"], little["value"]):
-        reason = say("waiting.disagree", tracks=time_text(tracks["value"]), little=time_text(little["value"]))
-    share = _cell(long, fmt.percent, why=str(long.get("reason") or ""))
-    if says_limit and long:
-        share = UseCell(value=share.value, note=" ".join((_limit(float(long["longer_than_s"])), share.note)).strip())
-    unreached = say("planner.use.unreached") if p90 and p90["value"] is None else ""
+    if often.value is not None and median.value is None:
+        reason = reason_text(median.reason)
+    elif row["means_agree"] is False and tracks is not None and little is not None:
+        reason = say("waiting.disagree", tracks=time_text(tracks), little=time_text(little))
+    share = _cell(long, fmt.percent, why="" if median.value is None else reason_text(long.reason))
+    if says_limit and median.value is not None:
+        share = UseCell(value=share.value, note=" ".join((_limit(number(row, "long_visit_s")), share.note)).strip())
+    is_unreached = median.value is not None and p90.value is None
     return VisitsRow(
-        name=str(often["place"]),
-        often=_cell(often, fmt.number, why=str(often["reason"] or "")),
+        name=str(row["name"]),
+        often=_cell(often, fmt.number, why=reason_text(often.reason)),
         median=_cell(median, time_text),
-        p90=_cell(p90, time_text, why=unreached),
+        p90=_cell(p90, time_text, why=say("planner.use.unreached") if is_unreached else ""),
         long=share,
-        recorded=fmt.percent(often["recorded_share"]),
+        recorded=fmt.percent(value_of(row, "recorded_share").value),
         reason=reason,
     )
 
 
-def _cell(row: Mapping[str, Any], write: Callable[[float], str], *, why: str = "") -> UseCell:
-    value, lo, hi = row.get("value"), row.get("lo"), row.get("hi")
-    if value is None:
+def _cell(value: Value, write: Callable[[float], str], *, why: str = "") -> UseCell:
+    if value.value is None:
         return UseCell(value=fmt.MISSING, note=why)
-    return UseCell(value=write(value), note="" if lo is None or hi is None else _range(write(lo), write(hi)))
+    has_range = value.lo is not None and value.hi is not None
+    return UseCell(value=write(value.value), note=_range(write(value.lo), write(value.hi)) if has_range else "")  # type: ignore[arg-type]
 
 
 def _range(low: str, high: str) -> str:
@@ -162,18 +163,17 @@ def _range(low: str, high: str) -> str:
     return f"{a.removesuffix('%')}\u2013{high}" if is_same and a[:1].isdigit() else f"{low}\u2013{high}"
 
 
-def _leaving(name: str, rows: Rows, to: list[str]) -> LeavingRow:
-    if all(r["value"] is None for r in rows):
-        return LeavingRow(name=name, cells=(), lost="", reason=str(rows[0]["reason"] or ""))
-    pooled: list[str] = next((r["to_areas"].split() for r in rows if " " in r["to_areas"]), [])
+def _leaving(name: str, rows: Sequence[Row], to: list[str], lost: Value) -> LeavingRow:
+    if not any(is_known(r) for r in rows):
+        return LeavingRow(name=name, cells=(), lost="", reason=reason_text(value_of(rows[0], "next_area_share").reason))
+    pooled: list[str] = next((str(r["to_area_ids"]).split() for r in rows if is_pooled(r)), [])
     cells = []
     for area in to:
-        row = next((r for r in rows if r["to_areas"] == area or (area == OTHERS and " " in r["to_areas"])), None)
+        row = next((r for r in rows if r["to_area_ids"] == area or (area == OTHERS and is_pooled(r))), None)
         if row is not None:
-            cells.append(_cell(row, fmt.percent))
+            cells.append(_cell(value_of(row, "next_area_share"), fmt.percent))
         elif area in pooled:
             cells.append(UseCell(value="", note=say("planner.use.few")))
         else:
             cells.append(UseCell(value="", note="" if area == OTHERS else say("planner.use.nobody")))
-    lost = rows[0]["not_followed_share"]
-    return LeavingRow(name=name, cells=tuple(cells), lost=fmt.MISSING if lost is None else fmt.percent(lost), reason="")
+    return LeavingRow(name=name, cells=tuple(cells), lost=fmt.percent(lost.value), reason="")

@@ -118,8 +118,8 @@ def messages(tables: Mapping[TableName, pa.Table], *, engine: str | None = None)
         frames[row["camera_id"], row["ts"]] = row
     for key in sorted({*frames, *persons, *pairs}):
         of_quality: dict[str, tuple[list[_Row], list[_Row]]] = {}
-        for i, found in enumerate((persons, pairs)):
-            for row in found.get(key, ()):
+        for i, parts in enumerate((persons, pairs)):
+            for row in parts.get(key, ()):
                 of_quality.setdefault(row["quality"], ([], []))[i].append(row)
         for quality, (people, sent) in sorted(of_quality.items()) or [("metric", ([], []))]:
             yield _message(key, quality, frames.get(key), people, sent, engine)
@@ -156,10 +156,10 @@ def _has_ids(pair: _Row) -> bool:
 
 
 def _grouped(rows: pa.Table, order: str) -> dict[_Frame, list[_Row]]:
-    found: dict[_Frame, list[_Row]] = {}
+    groups: dict[_Frame, list[_Row]] = {}
     for row in rows.sort_by([("camera_id", "ascending"), ("ts", "ascending"), (order, "ascending")]).to_pylist():
-        found.setdefault((row["camera_id"], row["ts"]), []).append(row)
-    return found
+        groups.setdefault((row["camera_id"], row["ts"]), []).append(row)
+    return groups
 
 
 def _write_table(store: Store, which: RecordScope, path: Path, table: TableName, *, kind: str) -> Exported:
@@ -178,7 +178,7 @@ def _write_messages(store: Store, which: RecordScope, file: IO[bytes]) -> Export
     n_unframed = n_left_out = 0
     for _, parts in _hours(store, which, TABLES):
         tables = {t: with_metres(_rows(parts[t], t, which)) for t in TABLES}
-        engines = sorted({e for found in parts.values() for p in found for e in engines_of(p.path)})
+        engines = sorted({e for table_parts in parts.values() for p in table_parts for e in engines_of(p.path)})
         records.update({t: rows.num_rows for t, rows in tables.items()})
         framed = set(zip(tables["frames"]["camera_id"].to_pylist(), tables["frames"]["ts"].to_pylist(), strict=True))
         seen: set[_Frame] = set()
@@ -194,12 +194,12 @@ def _hours(
     store: Store, which: RecordScope, tables: Iterable[TableName]
 ) -> Iterator[tuple[int, dict[TableName, list[Part]]]]:
     """Yield each UTC hour of the range with its parts by table."""
-    found: dict[int, dict[TableName, list[Part]]] = {}
+    hours: dict[int, dict[TableName, list[Part]]] = {}
     for table in tables:
         last_hour = (which.after_ms - 1) // HOUR_MS
         for part in store.parts(table, first_hour=which.first_ms // HOUR_MS, last_hour=last_hour):
-            found.setdefault(part.hour, {t: [] for t in tables})[table].append(part)
-    yield from sorted(found.items())
+            hours.setdefault(part.hour, {t: [] for t in tables})[table].append(part)
+    yield from sorted(hours.items())
 
 
 def _rows(parts: Iterable[Part], table: TableName, which: RecordScope) -> pa.Table:

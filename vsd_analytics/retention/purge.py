@@ -126,7 +126,7 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
         days = sorted({p.hour // 24 for p in going})
         guard(len(days), len({p.hour // 24 for p in every}), "days", terms)
         sealer = _Sealer(site, store, edge)
-        found = Purged(
+        purged = Purged(
             records=n_records(store, last_hour=edge - 1),
             n_days=len(days),
             first=date_of_hour(days[0] * 24) if days else None,
@@ -134,8 +134,8 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
             n_sealed=len(sealer.hours(days)),
             n_quarantined=n_old,
         )
-        if terms.is_dry_run or found.is_nothing:
-            return found
+        if terms.is_dry_run or purged.is_nothing:
+            return purged
         if days:
             sealer.seal(days, on=terms.now.astimezone(UTC).date())
         if n_old:
@@ -145,9 +145,9 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
         hours = sorted({p.hour for p in going})
         spare_other_days(site, hours)
         unlink = [*(p.path for p in going), *again, *facts_around(site, hours)]
-        entry = audit_line(terms, found, {"older_than": before.isoformat()})
+        entry = audit_line(terms, purged, {"older_than": before.isoformat()})
         remove_records(store.root, Intent(site_id=site.site_id, entry=entry, unlink=below(site.root, unlink)))
-        return found
+        return purged
 
 
 def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: int, terms: Terms) -> Purged:
@@ -190,7 +190,7 @@ def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: i
         hours = sorted({p.hour for parts in rewrite.values() for p in parts})
         days = sorted({h // 24 for h in (*hours, *sealed)})
         guard(sum(records.values()), sum(n_records(store).values()), "records", terms)
-        found = Purged(
+        purged = Purged(
             records=records,
             n_days=len(days),
             first=date_of_hour(days[0] * 24) if days else None,
@@ -199,13 +199,13 @@ def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: i
             n_quarantined=len(in_quarantine.lines),
             n_doubtful=in_quarantine.n_doubtful,
         )
-        if terms.is_dry_run or found.is_nothing:
-            return found
+        if terms.is_dry_run or purged.is_nothing:
+            return purged
         what = {"camera_id": camera_id, "from": _iso(first_ms), "to": _iso(after_ms)}
         spare_other_days(site, hours)
         intent = Intent(
             site_id=site.site_id,
-            entry=audit_line(terms, found, what),
+            entry=audit_line(terms, purged, what),
             unlink=below(site.root, facts_around(site, hours)),
             which=which,
             rewrite={
@@ -217,7 +217,7 @@ def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: i
             quarantined=tuple(sorted(map(durable.digest, in_quarantine.lines))),
         )
         remove_records(store.root, intent)
-        return found
+        return purged
 
 
 def forget_keys(site: Site, *, before: date | None = None, purged: date | None = None, terms: Terms) -> Purged:
@@ -239,12 +239,12 @@ def forget_keys(site: Site, *, before: date | None = None, purged: date | None =
             days = [d for d in keys.days() if is_over(d)]
         else:
             days = [d for d in keys.days() if _site_day_end_ms(site, d) <= _iso_ms(before)]
-        found = Purged(keys=days)
+        removed = Purged(keys=days)
         if not terms.is_dry_run and days:
             remove_records(
-                store.root, Intent(site_id=site.site_id, entry=audit_line(terms, found, {}), forget=tuple(days))
+                store.root, Intent(site_id=site.site_id, entry=audit_line(terms, removed, {}), forget=tuple(days))
             )
-        return found
+        return removed
 
 
 class _Sealer:
@@ -262,8 +262,8 @@ class _Sealer:
     def hours(self, days: Sequence[int]) -> list[int]:
         """Return the hours with records of some UTC days before the edge, and the edge hour if it follows them."""
         present = {p.hour for p in _parts(self._store) if p.hour <= self._edge}
-        found = sorted(h for h in present if h // 24 in days and h < self._edge)
-        return [*found, self._edge] if self._edge in present and self._edge // 24 - 1 in days else found
+        hours = sorted(h for h in present if h // 24 in days and h < self._edge)
+        return [*hours, self._edge] if self._edge in present and self._edge // 24 - 1 in days else hours
 
     def seal(self, days: Sequence[int], *, on: date) -> None:
         """Copy the facts of the hours durably, then write each day's seal. Hours sealed before stay as they are.
@@ -296,13 +296,13 @@ class _Sealer:
 
         Files of the day have these hours only, because facts of sealed hours are never computed again.
         """
-        found: dict[str, str] = {}
+        facts: dict[str, str] = {}
         names = [r.name for r in relations("facts").values() if r.unit == "hour" and r.name in built.paths]
         for name in names:
             path = built.paths[name][day]
             data = day_bytes_of(path, name, day) if is_in_day else hour_bytes(path, self._edge)
-            found[name] = self._seals.put(name, day * 24, data, is_in_day=is_in_day)
-        return found
+            facts[name] = self._seals.put(name, day * 24, data, is_in_day=is_in_day)
+        return facts
 
     def _day(self, day: int, built: BuildResult) -> UnitSeal:
         data = day_bytes_of(built.paths[DAY_FACT][day], DAY_FACT, day)
@@ -358,8 +358,8 @@ def _sealed_hours(site: Site, which: RecordScope) -> list[int]:
     Sealed facts are sums of an hour, so a part of an hour cannot be taken out of them.
     """
     last_hour = (which.after_ms - 1) // HOUR_MS
-    found = Seals(site.root / FOLDER, site_id=site.site_id).between(which.first_ms // HOUR_MS, last_hour)
-    hours = [h for h, unit in found.items() if unit.last_ms and which.camera_id in (None, *unit.last_ms)]
+    seals = Seals(site.root / FOLDER, site_id=site.site_id).between(which.first_ms // HOUR_MS, last_hour)
+    hours = [h for h, unit in seals.items() if unit.last_ms and which.camera_id in (None, *unit.last_ms)]
     cut = [h for h in hours if h * HOUR_MS < which.first_ms or (h + 1) * HOUR_MS > which.after_ms]
     if cut:
         first, after = (datetime.fromtimestamp(s, tz=UTC) for s in (cut[0] * 3600, (cut[-1] + 1) * 3600))
@@ -390,8 +390,8 @@ def _came_before(cutoff: datetime) -> Callable[[quarantine.QuarantineEntry], boo
 
 
 def _n_quarantined(folder: Path, is_old: Callable[[quarantine.QuarantineEntry], bool]) -> int:
-    found = (entry for path in quarantine.files(folder) for _, entry in quarantine.entries(path))
-    return sum(entry.n_not_kept or 1 for entry in found if entry is not None and is_old(entry))
+    entries = (entry for path in quarantine.files(folder) for _, entry in quarantine.entries(path))
+    return sum(entry.n_not_kept or 1 for entry in entries if entry is not None and is_old(entry))
 
 
 def _purged_days(site: Site, store: Store, purged: date | None) -> Callable[[date], bool]:
@@ -419,14 +419,14 @@ def _site_day_end_ms(site: Site, day: date) -> int:
     return round(midnight.replace(tzinfo=site.zone).timestamp() * 1000)
 
 
-def audit_line(terms: Terms, found: Purged, what: Mapping[str, Any]) -> dict[str, Any]:
+def audit_line(terms: Terms, purged: Purged, what: Mapping[str, Any]) -> dict[str, Any]:
     """Return the audit line."""
     entry: dict[str, Any] = {"at": terms.now.astimezone(UTC).isoformat(timespec="seconds"), **what}
-    entry["records"] = dict(found.records)
-    entry["utc_days"] = [d.isoformat() for d in (found.first, found.last) if d is not None]
-    entry |= {"sealed_hours": found.n_sealed, "quarantined": found.n_quarantined}
-    if found.keys:
-        entry["forgotten_days"] = [d.isoformat() for d in found.keys]
+    entry["records"] = dict(purged.records)
+    entry["utc_days"] = [d.isoformat() for d in (purged.first, purged.last) if d is not None]
+    entry |= {"sealed_hours": purged.n_sealed, "quarantined": purged.n_quarantined}
+    if purged.keys:
+        entry["forgotten_days"] = [d.isoformat() for d in purged.keys]
     if terms.reason is not None:
         entry["reason"] = terms.reason
     return entry

@@ -16,7 +16,7 @@ from vsd_analytics.store.owners import brought_by
 from vsd_analytics.store.removal import Intent, remove_records, removing
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.store import Store
-from vsd_analytics.store.taking_back import n_replacing
+from vsd_analytics.store.undo_import import n_replacing
 from vsd_analytics.warehouse.day_files import facts_around, spare_other_days
 
 SHORTEST_ID = 4
@@ -31,11 +31,11 @@ def find_import(store: Store, given: str) -> str:
     """
     listed = imports_of(store.root)
     known = sorted({*listed, *holdings(store)})
-    found = [i for i in known if i.startswith(given)] if len(given) >= SHORTEST_ID else []
-    if len(found) == 1:
-        return found[0]
+    matching = [i for i in known if i.startswith(given)] if len(given) >= SHORTEST_ID else []
+    if len(matching) == 1:
+        return matching[0]
     raise UsageError(
-        f"--import {given!r}: {'no import' if not found else 'more than one import'} has an id that begins so",
+        f"--import {given!r}: {'no import' if not matching else 'more than one import'} has an id that begins so",
         why=f"an id has 16 digits, of which the first {SHORTEST_ID} or more are needed",
         fix="vsd imports --all lists them",
     )
@@ -73,13 +73,13 @@ def purge_import(site: Site, given: str, *, terms: Terms) -> tuple[ImportLine | 
         repeats = {
             t: [p for p in store.repeats(t) if p.hour in going or import_id in brought_by(p.path)] for t in TABLES
         }
-        store.refuse_damaged(p for found in (rewrite, repeats) for parts in found.values() for p in parts)
+        store.refuse_damaged(p for purged in (rewrite, repeats) for parts in purged.values() for p in parts)
         staying = {t: sum(n_replacing(store.root, p.path, t, import_id) for p in parts) for t, parts in rewrite.items()}
         records = {t: _n_rows(parts, import_id) - staying[t] for t, parts in rewrite.items()}
         quarantined = _quarantined(site, import_id)
         guard(sum(records.values()), sum(n_records(store).values()), "records", terms)
         days = sorted({hour // 24 for hour in going})
-        found = Purged(
+        purged = Purged(
             records=records,
             n_days=len(days),
             first=date_of_hour(days[0] * 24) if days else None,
@@ -88,13 +88,13 @@ def purge_import(site: Site, given: str, *, terms: Terms) -> tuple[ImportLine | 
             n_staying=sum(staying.values()),
             n_again=sum(_n_rows(_parts_of(parts, import_id), import_id) for parts in repeats.values()),
         )
-        if terms.is_dry_run or found.is_nothing:
-            return line, found
+        if terms.is_dry_run or purged.is_nothing:
+            return line, purged
         what = {"import_id": import_id, "source": None if line is None else line.source}
         spare_other_days(site, going)
         intent = Intent(
             site_id=site.site_id,
-            entry=audit_line(terms, found, what),
+            entry=audit_line(terms, purged, what),
             unlink=below(site.root, facts_around(site, sorted(going))),
             rewrite={t: below(site.root, [p.path for p in parts]) for t, parts in rewrite.items() if parts},
             import_id=import_id,
@@ -102,7 +102,7 @@ def purge_import(site: Site, given: str, *, terms: Terms) -> tuple[ImportLine | 
             quarantined=tuple(sorted(map(durable.digest, quarantined))),
         )
         remove_records(store.root, intent)
-        return line, found
+        return line, purged
 
 
 def _parts_of(parts: Sequence[Part], import_id: str) -> list[Part]:

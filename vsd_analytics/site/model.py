@@ -404,8 +404,8 @@ class Site:
 
     def with_settings(self, **values: Value) -> Site:
         """Return the site with other settings in force; KeyError for an unknown name."""
-        own = self.own_settings or self.settings
-        return replace(self, settings=self.settings.with_values(values), own_settings=own)
+        own_values = self.own_settings or self.settings
+        return replace(self, settings=self.settings.with_values(values), own_settings=own_values)
 
     def with_own_settings(self) -> Site:
         """Return the site with the settings of vsd.toml in force."""

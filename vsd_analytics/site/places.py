@@ -10,15 +10,15 @@ from vsd_analytics.site.model import Area, Floor, Site
 
 def known_area(site: Site, area_id: str) -> Area:
     """Return an area by its id; UsageError E101 when there is none."""
-    found = next((a for a in site.areas if a.area_id == area_id), None)
-    if found is None:
+    area = next((a for a in site.areas if a.area_id == area_id), None)
+    if area is None:
         known = [a.area_id for a in site.areas]
         raise UsageError(
             f"the site has no area {area_id!r}",
             why=f"its areas are: {', '.join(known)}" if known else "vsd.toml describes no [[area]]",
             fix=f"--area {known[0]}" if known else "describe the area in vsd.toml",
         )
-    return found
+    return area
 
 
 def known_floor(site: Site, floor_id: str | None, areas: Sequence[Area] = ()) -> Floor:

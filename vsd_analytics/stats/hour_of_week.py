@@ -16,7 +16,6 @@ from scipy.special import gammaincinv
 
 from vsd_analytics.answer import Reason, State
 from vsd_analytics.settings import DEFAULTS
-from vsd_analytics.stats.least_squares import two_parts
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -238,8 +237,10 @@ def spread(weeks: Weeks, *, is_count: bool, min_weeks: int = 2) -> Spread:
     if not is_seen.any():
         return Spread(0.0, 0.0)
     design = np.column_stack([per_hour[is_seen], mean[is_seen]])
-    found = two_parts(design, s2[is_seen] / mean[is_seen])
-    return Spread(float(found[0]), float(found[1]))
+    from scipy.optimize import nnls  # takes a tenth of a second to import, and only long histories need it
+
+    (noise, dispersion), _ = nnls(design, s2[is_seen] / mean[is_seen])
+    return Spread(float(noise), float(dispersion))
 
 
 def slot_rates(

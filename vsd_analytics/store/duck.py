@@ -60,11 +60,11 @@ def n_threads(connection: duckdb.DuckDBPyConnection) -> int:
 
 
 @contextlib.contextmanager
-def one_thread(connection: duckdb.DuckDBPyConnection, *, of: int) -> Iterator[None]:
+def one_thread(connection: duckdb.DuckDBPyConnection, *, restored_threads: int) -> Iterator[None]:
     """Let a connection of some threads use one meanwhile; one with locked settings is left as it is."""
     import duckdb
 
-    is_changed = of > 1
+    is_changed = restored_threads > 1
     if is_changed:
         try:
             connection.execute("set threads = 1")
@@ -74,7 +74,7 @@ def one_thread(connection: duckdb.DuckDBPyConnection, *, of: int) -> Iterator[No
         yield
     finally:
         if is_changed:
-            connection.execute(f"set threads = {of:d}")
+            connection.execute(f"set threads = {restored_threads:d}")
 
 
 def literal_list(paths: Iterable[Path]) -> str:

@@ -160,15 +160,15 @@ def exclusive(lock: Path) -> Iterator[None]:
         yield
 
 
-def sweep_temporaries(folder: Path, *, of: str | None = None) -> int:
+def sweep_temporaries(folder: Path, *, file_name: str | None = None) -> int:
     """Remove temporary files that dead processes left; return how many.
 
     Args:
         folder: Where to look.
-        of: Only temporary files of this file name, directly in `folder`; None = all below `folder`.
+        file_name: Only temporary files of this file name, directly in `folder`; None = all below `folder`.
     """
     n_swept = 0
-    for path in folder.rglob(".*.tmp") if of is None else folder.glob(f".{glob.escape(of)}.*.tmp"):
+    for path in folder.rglob(".*.tmp") if file_name is None else folder.glob(f".{glob.escape(file_name)}.*.tmp"):
         with _held_if_abandoned(path) as is_dead:
             if is_dead:
                 remove(path)

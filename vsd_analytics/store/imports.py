@@ -103,41 +103,41 @@ def imports_of(store: Path) -> dict[str, ImportLine]:
 
     The line of an import that was taken back, and did not come again, says so.
     """
-    found: dict[str, ImportLine] = {}
+    imports: dict[str, ImportLine] = {}
     decoder = msgspec.json.Decoder(ImportLine)
     try:
         lines = (store / FILE).read_bytes().splitlines()
     except FileNotFoundError:
-        return found
+        return imports
     for text in lines:
         try:
             line = decoder.decode(text)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
             continue
-        known = found.get(line.id)
+        known = imports.get(line.id)
         if line.is_taken_back:
             if known is not None:
-                found[line.id] = msgspec.structs.replace(known, is_taken_back=True)
+                imports[line.id] = msgspec.structs.replace(known, is_taken_back=True)
         elif known is None or known.is_taken_back:
-            found.pop(line.id, None)
-            found[line.id] = line
-    return found
+            imports.pop(line.id, None)
+            imports[line.id] = line
+    return imports
 
 
 def holdings(store: Store) -> dict[str, Holding]:
     """Return what is stored of each import by id, from the metadata of the parts."""
-    found: dict[str, Holding] = {}
+    held: dict[str, Holding] = {}
     for table in TABLES:
         for part in store.parts(table):
             for import_id, owned in brought_by(part.path).items():
-                holding = found.setdefault(import_id, Holding())
+                holding = held.setdefault(import_id, Holding())
                 holding.n_records[table] += owned.n_rows
                 holding.hours.add(part.hour)
                 holding.cameras.update(owned.cameras)
         for part in store.repeats(table):
             for import_id, owned in brought_by(part.path).items():
-                found.setdefault(import_id, Holding()).n_again += owned.n_rows
-    return found
+                held.setdefault(import_id, Holding()).n_again += owned.n_rows
+    return held
 
 
 def order_of(listed: Mapping[str, ImportLine]) -> dict[str, int]:

@@ -62,11 +62,11 @@ def _with_owner(rows: pa.Table) -> list[tuple[dict[str, Any], str | None]]:
 
 def _raw(row: dict[str, Any]) -> dict[str, Any]:
     """Return a stored row in the columns of `schema.RAW_SCHEMAS`, without what is missing."""
-    found: dict[str, Any] = {"camera": row["camera_id"], "ts_ms": round(row["ts"].timestamp() * 1000)}
+    record: dict[str, Any] = {"camera": row["camera_id"], "ts_ms": round(row["ts"].timestamp() * 1000)}
     for name, value in row.items():
         if value is not None and name not in ("camera_id", "ts"):
             is_mm = name.endswith("_mm")
-            found[f"{name[:-3]}_m" if is_mm else "track" if name == "track_id" else name] = (
+            record[f"{name[:-3]}_m" if is_mm else "track" if name == "track_id" else name] = (
                 value / 1000 if is_mm else value
             )
-    return found
+    return record

@@ -88,9 +88,9 @@ def new_rows(table: TableName, span: FoldSpan, *, known: Sequence[Path], noted: 
         fresh, again, n_second = rows, rows.slice(0, 0), 0
         if is_doubtful.any():
             doubtful = rows.filter(pa.array(is_doubtful))
-            found, again, n_second = _compared(table, doubtful, known, noted)
+            new, again, n_second = _compared(table, doubtful, known, noted)
             others = rows.filter(pa.array(~is_doubtful)).combine_chunks()
-            fresh = pa.concat_tables([others, found]).unify_dictionaries()
+            fresh = pa.concat_tables([others, new]).unify_dictionaries()
     except (pa.ArrowException, OSError) as error:
         raise _not_folded(error) from None
     return NewRows(_in_order(table, fresh), _in_order(table, again), rows.num_rows, n_second, engines)
@@ -141,26 +141,26 @@ def _doubtful(table: TableName, rows: pa.Table, known: Sequence[Path]) -> NDArra
                 others.append(file.read(columns=read))
         keys = pa.concat_tables([keys.combine_chunks(), *others], promote_options="default").unify_dictionaries()
     hashes = _key_hashes(table, keys)
-    own, stored = hashes[: rows.num_rows], hashes[rows.num_rows :]
+    fresh, stored = hashes[: rows.num_rows], hashes[rows.num_rows :]
     # half of each hash first: numbers of 32 bits are sorted in two thirds of the time, and few halves come twice
-    is_shared = _are_shared(*((of >> np.uint64(32)).astype(np.uint32) for of in (own, stored)))
+    is_shared = _are_shared(*((side >> np.uint64(32)).astype(np.uint32) for side in (fresh, stored)))
     if is_shared.any():
-        is_shared[is_shared] = _are_shared(own[is_shared], stored)
+        is_shared[is_shared] = _are_shared(fresh[is_shared], stored)
     return is_shared
 
 
-def _are_shared(own: NDArray[Any], stored: NDArray[Any]) -> NDArray[np.bool_]:
+def _are_shared(fresh: NDArray[Any], stored: NDArray[Any]) -> NDArray[np.bool_]:
     """Return which numbers come twice in `own`, or are in `stored`."""
     stored = np.sort(stored)
-    in_order = np.sort(own)  # `numpy.unique` and `numpy.isin` hash, which takes many times as long
+    in_order = np.sort(fresh)  # `numpy.unique` and `numpy.isin` hash, which takes many times as long
     others = np.concatenate([in_order[1:][in_order[1:] == in_order[:-1]], in_order[_is_in(in_order, stored)]])
     # few numbers are looked up among few: those that share their first 16 bits with one of them
-    first_bits = np.array(8 * own.itemsize - 16, dtype=own.dtype)
+    first_bits = np.array(8 * fresh.itemsize - 16, dtype=fresh.dtype)
     is_possible = np.zeros(2**16, dtype=np.bool_)
     is_possible[others >> first_bits] = True
-    at = np.flatnonzero(is_possible[own >> first_bits])
-    is_shared = np.zeros(len(own), dtype=np.bool_)
-    is_shared[at] = _is_in(own[at], np.sort(others))
+    at = np.flatnonzero(is_possible[fresh >> first_bits])
+    is_shared = np.zeros(len(fresh), dtype=np.bool_)
+    is_shared[at] = _is_in(fresh[at], np.sort(others))
     return is_shared
 
 
@@ -250,8 +250,8 @@ def _compared_on(
             {"names": [str(path) for path in known]},
         )
     brought_again(con, table, stored=known, noted=noted)
-    found = [con.sql(f"select {columns}, {OWNER} from {name}").to_arrow_table() for name in ("fresh", "again")]
-    return found[0].cast(doubtful.schema), found[1].cast(doubtful.schema), n_second
+    compared = [con.sql(f"select {columns}, {OWNER} from {name}").to_arrow_table() for name in ("fresh", "again")]
+    return compared[0].cast(doubtful.schema), compared[1].cast(doubtful.schema), n_second
 
 
 def _in_order(table: TableName, rows: pa.Table) -> pa.Table:

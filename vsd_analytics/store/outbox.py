@@ -60,11 +60,11 @@ def make_ready(root: Path) -> int:
 
 def ready(root: Path) -> list[Path]:
     """Return the files that can be handed on: records before the frames that count them, then imports; by name."""
-    found = []
+    paths = []
     for kind in (*reversed(TABLES), IMPORTS):
         with contextlib.suppress(FileNotFoundError):
-            found += sorted(p for p in (root / READY / kind).iterdir() if not p.name.startswith("."))
-    return found
+            paths += sorted(p for p in (root / READY / kind).iterdir() if not p.name.startswith("."))
+    return paths
 
 
 def n_waiting(root: Path) -> int:

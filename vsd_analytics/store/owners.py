@@ -68,11 +68,11 @@ def owners_of(path: Path) -> pa.Array:
     note = (metadata.metadata or {}).get(OWNERS)
     if note is None:
         return pa.array([""] * metadata.num_rows, pa.string())
-    found = json.loads(note)
-    ids = pa.array(list(found["imports"]), pa.string())
-    if "rows" not in found:
+    owners = json.loads(note)
+    ids = pa.array(list(owners["imports"]), pa.string())
+    if "rows" not in owners:
         return ids.take(pa.array(np.zeros(metadata.num_rows, dtype=np.int32)))
-    packed = base64.b64decode(found["rows"])
+    packed = base64.b64decode(owners["rows"])
     of_row = pa.decompress(packed, decompressed_size=4 * metadata.num_rows, codec="zstd", asbytes=True)
     return ids.take(pa.array(np.frombuffer(of_row, dtype="<u4")))
 

@@ -117,20 +117,20 @@ def _alone(project: Path) -> Iterator[None]:
 
 def _write(folder: Path, generation: str, relations: Sequence[str], links: Mapping[str, Path]) -> None:
     """Write the links under a temporary name, durably: a power cut must not leave a generation with fewer files."""
-    made = folder / f".{generation}.{secrets.token_hex(8)}.tmp"
+    temporary = folder / f".{generation}.{secrets.token_hex(8)}.tmp"
     for name in relations:
-        (made / name).mkdir(parents=True, mode=0o700)
+        (temporary / name).mkdir(parents=True, mode=0o700)
     for link, path in links.items():
-        (made / link).symlink_to(UP / path)
-    for part in (*(made / name for name in relations), made):
+        (temporary / link).symlink_to(UP / path)
+    for part in (*(temporary / name for name in relations), temporary):
         fsync_dir(part)
-    made.rename(folder / generation)
+    temporary.rename(folder / generation)
 
 
 def _swap(folder: Path, generation: str) -> None:
-    made = folder / f".{CURRENT}.{secrets.token_hex(8)}.tmp"
-    made.symlink_to(generation)
+    temporary = folder / f".{CURRENT}.{secrets.token_hex(8)}.tmp"
+    temporary.symlink_to(generation)
     if (folder / CURRENT).is_dir() and not (folder / CURRENT).is_symlink():
         _remove(folder / CURRENT)  # a copy: a link cannot be renamed over a folder
-    made.rename(folder / CURRENT)
+    temporary.rename(folder / CURRENT)
     fsync_dir(folder)

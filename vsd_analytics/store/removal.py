@@ -33,7 +33,7 @@ from vsd_analytics.store.part_files import HASH_DIFFERS, read_owned
 from vsd_analytics.store.published import withdraw
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.secrets import DayKeys
-from vsd_analytics.store.taking_back import forget_repeats, replace_part, take_back
+from vsd_analytics.store.undo_import import forget_repeats, replace_part, undo_import
 from vsd_analytics.store.unsealing import unseal
 
 LOCK = ".purge.lock"
@@ -179,7 +179,7 @@ def _intent(path: Path, *, project: Path) -> Intent:
         if durable.digest(data) == path.stem:
             intent = msgspec.json.decode(data, type=Intent)
             named = (*intent.rewrite.values(), *intent.repeats.values())
-            names = [*intent.unlink, *(n for found in named for n in found)]
+            names = [*intent.unlink, *(n for paths in named for n in paths)]
             away = next((n for n in names if not _is_inside(project, n)), None)
             if away is None:
                 return intent
@@ -212,7 +212,7 @@ def _carry_out(store: Path, intent: Intent) -> None:
             touched |= {_rewrite_without(project / name, table, intent.which) for name in names}
         unseal(Seals(project / FOLDER, site_id=intent.site_id), intent.unseal, intent.which.camera_id)
     if intent.import_id is not None:
-        touched |= _take_back(store, intent, intent.import_id)
+        touched |= _undo_import(store, intent, intent.import_id)
     if intent.forget:
         DayKeys(project / "secrets").forget(intent.forget)
     if intent.quarantined:
@@ -229,11 +229,11 @@ def _carry_out(store: Path, intent: Intent) -> None:
                 durable.fsync_dir(folder.parent)
 
 
-def _take_back(store: Path, intent: Intent, import_id: str) -> set[Path]:
-    """Take an import back (`store.taking_back`); return the folders of the parts."""
+def _undo_import(store: Path, intent: Intent, import_id: str) -> set[Path]:
+    """Take an import back (`store.undo_import`); return the folders of the parts."""
     project, order = store.parent, order_of(imports_of(store))
     touched = {
-        take_back(store, project / name, table, import_id, order=order)
+        undo_import(store, project / name, table, import_id, order=order)
         for table, names in intent.rewrite.items()
         for name in names
     }

@@ -74,8 +74,8 @@ def brought_again(
         f"order by {key}, {OWNER}, {columns}"
     )
     if noted:
-        found = _with_owner(con, f"(select *, {key_aliases(table)} from again) as s", table, noted)
-        con.register("noted_rows", found)
+        rows = _with_owner(con, f"(select *, {key_aliases(table)} from again) as s", table, noted)
+        con.register("noted_rows", rows)
         con.execute(
             f"create or replace temp table again as select {columns}, {OWNER} "
             f"from (select *, {key_aliases(table)} from again) as f "
@@ -88,16 +88,16 @@ def brought_again(
 def _with_owner(con: duckdb.DuckDBPyConnection, rows: str, table: TableName, parts: Sequence[Path]) -> pa.Table:
     """Return the rows of a relation `s` whose key is in some parts, with the `owner` of the row there."""
     columns = ", ".join(f"s.{name}" for name in SCHEMAS[table].names)
-    found = con.sql(
+    owned = con.sql(
         f"select {columns}, s.{OWNER}, f.filename, f.file_row_number from {rows} "
         f"join (select {key_aliases(table)}, filename, file_row_number "
         f"from read_parquet($names, filename = true, file_row_number = true)) as f on {same_key(table)}",
         params={"names": [str(path) for path in parts]},
     ).to_arrow_table()
-    owner = np.full(found.num_rows, "", dtype=object)
-    files, numbers = found["filename"].combine_chunks().dictionary_encode(), found["file_row_number"].to_numpy()
+    owner = np.full(owned.num_rows, "", dtype=object)
+    files, numbers = owned["filename"].combine_chunks().dictionary_encode(), owned["file_row_number"].to_numpy()
     of_file = files.indices.to_numpy(zero_copy_only=False)
     for at, name in enumerate(files.dictionary.to_pylist()):
         is_here = of_file == at
         owner[is_here] = owners_of(Path(name)).take(pa.array(numbers[is_here])).to_pylist()
-    return found.drop_columns(["filename", "file_row_number"]).append_column("owner", pa.array(owner, pa.string()))
+    return owned.drop_columns(["filename", "file_row_number"]).append_column("owner", pa.array(owner, pa.string()))

@@ -197,15 +197,15 @@ class Seals:
 
     def damaged(self) -> list[Path]:
         """Return the paths of seals and sealed fact files that are damaged or missing."""
-        found: list[Path] = []
+        paths: list[Path] = []
         for day in self.days():
             try:
                 seal = self.read(day)
             except StoreError:
-                found.append(self.path(day))
+                paths.append(self.path(day))
                 continue
-            found += filter(_is_damaged, self._named(seal))
-        return found
+            paths += filter(_is_damaged, self._named(seal))
+        return paths
 
     def refuse_damaged(self, paths: Iterable[Path]) -> None:
         """Raise StoreError E313 when a sealed fact file is damaged or missing; call it after one could not be read."""

@@ -111,12 +111,12 @@ class DayKeys:
         Days that have a key keep it.
         """
         with self._alone():
-            found = read_chain(self.folder)
-            if found is None:
+            chain = read_chain(self.folder)
+            if chain is None:
                 forgotten = self.forgotten()
-                found = new_chain(day_after(max(forgotten))) if forgotten else new_chain()
-                write_chain(self.folder, found)
-            return found
+                chain = new_chain(day_after(max(forgotten))) if forgotten else new_chain()
+                write_chain(self.folder, chain)
+            return chain
 
     def join(self, chain: DayChain, keys: Mapping[date, bytes], forgotten: Iterable[date]) -> None:
         """Take over the secret of a site: its chain, the keys of days that have one of their own, and forgotten days.
@@ -125,10 +125,10 @@ class DayKeys:
             StoreError: E320, this project has another chain or another key of a day already.
         """
         with self._alone():
-            own = read_chain(self.folder)
+            own_chain = read_chain(self.folder)
             here = {d: (self.folder / f"{d.isoformat()}.key").read_bytes() for d in self.days()}
-            later = max(chain.day, chain.day if own is None else own.day)
-            is_other = own is not None and own.from_day(later) != chain.from_day(later)
+            later = max(chain.day, chain.day if own_chain is None else own_chain.day)
+            is_other = own_chain is not None and own_chain.from_day(later) != chain.from_day(later)
             other = [d for d, key in here.items() if key != keys.get(d, chain.key(d))]
             if is_other or other:
                 raise StoreError(

@@ -84,8 +84,8 @@ def read_segment(path: Path, *, columns: Sequence[str] | None = None) -> pa.Tabl
     """
     if path.suffix != ARROW:
         noted = pq.read_metadata(path)
-        of = (noted.schema.column(i) for i in range(noted.num_columns))
-        texts = [column.name for column in of if column.physical_type == "BYTE_ARRAY"]
+        noted_columns = (noted.schema.column(i) for i in range(noted.num_columns))
+        texts = [column.name for column in noted_columns if column.physical_type == "BYTE_ARRAY"]
         with pq.ParquetFile(path, read_dictionary=texts, pre_buffer=False) as file:
             return file.read(columns=columns, use_threads=False)
     rows = _opened(path).read_all()
@@ -105,10 +105,10 @@ def about(path: Path) -> About:
         return About(n_rows, first_ms, last_ms)
     noted = pq.read_metadata(path)
     at = noted.schema.names.index("ts")
-    found = [noted.row_group(i).column(at).statistics for i in range(noted.num_row_groups)]
-    if not found or not all(n is not None and n.has_min_max for n in found):
+    statistics = [noted.row_group(i).column(at).statistics for i in range(noted.num_row_groups)]
+    if not statistics or not all(n is not None and n.has_min_max for n in statistics):
         return About(noted.num_rows, None, None)
-    ends = [int(pa.scalar(end, pa.timestamp("ms", "UTC")).value) for n in found for end in (n.min, n.max)]
+    ends = [int(pa.scalar(end, pa.timestamp("ms", "UTC")).value) for n in statistics for end in (n.min, n.max)]
     return About(noted.num_rows, min(ends), max(ends))
 
 

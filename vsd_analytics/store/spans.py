@@ -41,7 +41,9 @@ class FoldSpan:
         if not known or len(known) < len(ends):
             return files
         first, last = min(known)[0], max(end for _, end in known)
-        return [path for path in files if (of := ends_ms(path)) is None or (of[0] <= last and of[1] >= first)]
+        return [
+            path for path in files if (end_ms := ends_ms(path)) is None or (end_ms[0] <= last and end_ms[1] >= first)
+        ]
 
 
 def spans_of(segments: Sequence[Path], *, stored_days: set[int]) -> Iterator[FoldSpan]:
@@ -50,12 +52,12 @@ def spans_of(segments: Sequence[Path], *, stored_days: set[int]) -> Iterator[Fol
     New days are folded together. A day that the store has records of is a span of its own, because those records are
     read too. Of a day with more rows the single hours are spans.
     """
-    found = [(path, *_hours_and_rows(path)) for path in segments]
-    n_rows_of = {path: n_rows for path, _, n_rows in found}
+    segments_hours = [(path, *_hours_and_rows(path)) for path in segments]
+    n_rows_of = {path: n_rows for path, _, n_rows in segments_hours}
     together: dict[int, list[Path]] = {}
-    for day in sorted({h // 24 for _, hours, _ in found for h in hours}):
+    for day in sorted({h // 24 for _, hours, _ in segments_hours for h in hours}):
         hours_of_day = range(day * 24, day * 24 + 24)
-        inside = [(path, hours) for path, hours, _ in found if not hours.isdisjoint(hours_of_day)]
+        inside = [(path, hours) for path, hours, _ in segments_hours if not hours.isdisjoint(hours_of_day)]
         paths = [path for path, _ in inside]
         joined = {*paths, *(path for of_day in together.values() for path in of_day)}
         first, last = min(together, default=day), max(together, default=day)
@@ -85,18 +87,18 @@ def hours_in(segment: Path) -> frozenset[int]:
 def ends_ms(path: Path) -> tuple[int, int] | None:
     """Return first and last instant of a part or a segment by what it notes, UTC milliseconds; None where unknown."""
     try:
-        found = about(path)
+        footer = about(path)
     except (pa.ArrowException, ValueError, OSError):
         return None  # whoever reads it says what is wrong
-    return None if found.first_ms is None or found.last_ms is None else (found.first_ms, found.last_ms)
+    return None if footer.first_ms is None or footer.last_ms is None else (footer.first_ms, footer.last_ms)
 
 
 def _hours_and_rows(segment: Path) -> tuple[frozenset[int], int]:
     """Return the UTC hour numbers a segment has rows of, and the number of its rows."""
-    found = about(segment)
-    if found.first_ms is not None and found.last_ms is not None:
-        hours = {found.first_ms // HOUR_MS, found.last_ms // HOUR_MS}
+    footer = about(segment)
+    if footer.first_ms is not None and footer.last_ms is not None:
+        hours = {footer.first_ms // HOUR_MS, footer.last_ms // HOUR_MS}
         if len(hours) == 1:  # most segments: their instants need not be read
-            return frozenset(hours), found.n_rows
+            return frozenset(hours), footer.n_rows
     instants = read_segment(segment, columns=["ts"])["ts"].cast(pa.int64()).to_numpy()
-    return frozenset(np.unique(instants // HOUR_MS).tolist()), found.n_rows
+    return frozenset(np.unique(instants // HOUR_MS).tolist()), footer.n_rows

@@ -197,8 +197,8 @@ class Store:
 
     def hours(self) -> tuple[int, int] | None:
         """Return the first and last UTC hour number with a part, or None for an empty store."""
-        found = [p.hour for t in TABLES for p in self.parts(t)]
-        return (min(found), max(found)) if found else None
+        hours = [p.hour for t in TABLES for p in self.parts(t)]
+        return (min(hours), max(hours)) if hours else None
 
     def days(self) -> set[int]:
         """Return the UTC day numbers with a part, by their folders alone."""
@@ -207,7 +207,11 @@ class Store:
             for day in day_folders(self.root, table, self.site_id):
                 tables.setdefault(day, []).append(table)
         # a removal that was killed leaves empty folders; one table with a part is enough
-        return {day for day, of in tables.items() if any(has_parts(self.root, t, self.site_id, day) for t in of)}
+        return {
+            day
+            for day, own_tables in tables.items()
+            if any(has_parts(self.root, t, self.site_id, day) for t in own_tables)
+        }
 
     def damaged(self) -> list[Path]:
         """Return the paths of parts whose bytes do not match the hash in their name."""
@@ -259,19 +263,19 @@ class Store:
             known, noted = self.parts(table, **hours_of), self.repeats(table, **hours_of)
             self.refuse_damaged([*known, *noted])  # a flipped bit in a key would let a record in twice
             near = span.overlapping(p.path for p in known)
-            found = new_rows(table, span, known=near, noted=[p.path for p in noted])
-            for root, rows in ((self.root, found.fresh), (self.root / AGAIN, found.again)):
+            fresh = new_rows(table, span, known=near, noted=[p.path for p in noted])
+            for root, rows in ((self.root, fresh.fresh), (self.root / AGAIN, fresh.again)):
                 for hour, part in _by_hour(rows):
-                    data = part_bytes(table, part, found.engines[hour // 24])
+                    data = part_bytes(table, part, fresh.engines[hour // 24])
                     folder = unit_folder(root, table, self.site_id, hour)
                     self._publish(folder / f"{hour % 24:02d}-{durable.digest(data)}.parquet", data)
                     folders.add(folder)
-            hours |= {hour for hour, _ in _by_hour(found.fresh)}
-            n_new = found.fresh.num_rows
-            done += TableCounts(n_new, found.n_read - n_new - found.n_second, found.n_second)
+            hours |= {hour for hour, _ in _by_hour(fresh.fresh)}
+            n_new = fresh.fresh.num_rows
+            done += TableCounts(n_new, fresh.n_read - n_new - fresh.n_second, fresh.n_second)
             folders |= {part.path.parent for part in known}
             if on_rows is not None:
-                on_rows(found.n_read)
+                on_rows(fresh.n_read)
         for folder in sorted(folders):  # an earlier fold may have been killed between the rename and the sync
             durable.fsync_dir(folder)
         for path in segments:

@@ -22,20 +22,20 @@ FAR_OFF_FIX = (
 
 def stretches(days: Collection[int]) -> list[list[int]]:
     """Return day numbers in order, split where two successive ones are more than FAR_DAYS apart."""
-    found: list[list[int]] = []
+    split: list[list[int]] = []
     for day in sorted(set(days)):
-        if found and day - found[-1][-1] <= FAR_DAYS:
-            found[-1].append(day)
+        if split and day - split[-1][-1] <= FAR_DAYS:
+            split[-1].append(day)
         else:
-            found.append([day])
-    return found
+            split.append([day])
+    return split
 
 
 def far_off(days: Collection[int]) -> list[list[int]]:
     """Return all stretches but the main one: the stretch with most days, and of equal ones the last."""
-    found = stretches(days)
-    main = max(found, key=lambda s: (len(s), s[-1]), default=None)
-    return [s for s in found if s is not main]
+    every = stretches(days)
+    main = max(every, key=lambda s: (len(s), s[-1]), default=None)
+    return [s for s in every if s is not main]
 
 
 def day_range(stretch: Collection[int]) -> str:

@@ -42,16 +42,16 @@ def unseal(seals: Seals, hours: Collection[int], camera_id: str | None) -> None:
 def _reduced_hours(seals: Seals, seal: DaySeal, going: Set[int], camera_id: str | None) -> dict[int, UnitSeal]:
     """Return the units of a day that change when a camera (None = every one) is removed from some of its hours."""
     together = {h: unit for h, unit in seal.hours.items() if unit.is_in_day}
-    found = {}
+    hours = {}
     if of_day := going & together.keys():
         facts = _reduced(seals, seal.day * 24, together[min(of_day)], camera_id, hours=of_day)
-        found = {h: replace(unit, facts=facts) for h, unit in together.items()}
+        hours = {h: replace(unit, facts=facts) for h, unit in together.items()}
     for hour in going - together.keys():
-        found[hour] = replace(seal.hours[hour], facts=_reduced(seals, hour, seal.hours[hour], camera_id))
+        hours[hour] = replace(seal.hours[hour], facts=_reduced(seals, hour, seal.hours[hour], camera_id))
     for hour in going:
-        last_ms = {c: ms for c, ms in found[hour].last_ms.items() if camera_id is not None and c != camera_id}
-        found[hour] = replace(found[hour], last_ms=last_ms)
-    return found
+        last_ms = {c: ms for c, ms in hours[hour].last_ms.items() if camera_id is not None and c != camera_id}
+        hours[hour] = replace(hours[hour], last_ms=last_ms)
+    return hours
 
 
 def _reduced(

@@ -291,17 +291,17 @@ def _segment_misfit(path: Path, table: TableName) -> str | None:
         return f"it cannot be read: {' '.join(str(error).split())[:200]}"
 
 
-def _misfit(found: pa.Schema, table: TableName, *allowed: str) -> str | None:
+def _misfit(schema: pa.Schema, table: TableName, *allowed: str) -> str | None:
     """Return why columns are not those of a table, or None; a nullable column, which may be newer, may be missing."""
     for column in SCHEMAS[table]:
-        if column.name not in found.names:
+        if column.name not in schema.names:
             if column.nullable:
                 continue
             return f"it lacks the column {column.name}"
-        other = found.field(column.name)
+        other = schema.field(column.name)
         if other.type != column.type or (other.nullable and not column.nullable):
             return f"its column {column.name} is {_type(other)}, not {_type(column)}"
-    foreign = [name for name in found.names if name not in (*SCHEMAS[table].names, *allowed)]
+    foreign = [name for name in schema.names if name not in (*SCHEMAS[table].names, *allowed)]
     return f"it has a column {foreign[0]!r}, which the table does not have" if foreign else None
 
 

@@ -38,8 +38,7 @@ from vsd_analytics.warehouse.input_fingerprint import InputHashes
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.spread import Spread, publish_days
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
-from vsd_analytics.warehouse.unit_batches import batches
-from vsd_analytics.warehouse.units import PartIndex, Unit, days_around, merged_parts
+from vsd_analytics.warehouse.units import PartIndex, Unit, batches, days_around, merged_parts
 
 
 def build(

@@ -11,16 +11,15 @@ from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.duck import connect, literal_list
 from vsd_analytics.store.layout import HOUR_MS, Part
-from vsd_analytics.warehouse.arrays.batch import Batch
-from vsd_analytics.warehouse.arrays.camera_days import camera_days as days_of_cameras
-from vsd_analytics.warehouse.arrays.held import ENUMS, Held
-from vsd_analytics.warehouse.arrays.stored import columns_of, read_records, with_names
+from vsd_analytics.warehouse.accelerated.switch import Accelerator, accelerated_camera_days
 from vsd_analytics.warehouse.dimensions import camera_table, params, quarters, register_site, site_relations
 from vsd_analytics.warehouse.duckdb_failures import failed_inside, inside
 from vsd_analytics.warehouse.graphs import components
+from vsd_analytics.warehouse.held import ENUMS, Held
 from vsd_analytics.warehouse.input_fingerprint import dependencies
 from vsd_analytics.warehouse.reach import reach_ms
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
+from vsd_analytics.warehouse.stored_records import columns_of, read_records, with_names
 
 if TYPE_CHECKING:
     import duckdb
@@ -28,16 +27,16 @@ if TYPE_CHECKING:
 Parts = Mapping[TableName, Sequence[Part]]
 
 
-def day_facts(site: Site, parts: Parts, *, by_queries: bool = False) -> pa.Table:
+def day_facts(site: Site, parts: Parts) -> pa.Table:
     """Return the rows of the fact `camera_days`.
 
     Args:
         site: The project.
         parts: Stored parts of whole UTC days.
-        by_queries: Run the query in `sql/` instead of the function that is quicker.
     """
-    if not by_queries:
-        return days_of_cameras(parts, camera_table(site))
+    rows = accelerated_camera_days(parts, camera_table(site), params(site))
+    if rows is not None:
+        return rows
     with connect() as con:
         register_site(con, site)
         for table in TABLES:
@@ -56,7 +55,6 @@ def hour_facts(
     camera_days: pa.Table,
     first_hour: int,
     last_hour: int,
-    by_queries: bool = False,
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield hourly facts with their rows of the hours from `first_hour` to `last_hour`, by hour and grain.
 
@@ -73,7 +71,6 @@ def hour_facts(
         camera_days: The fact of all UTC days these lie in.
         first_hour: First UTC hour number.
         last_hour: Last one, inclusive.
-        by_queries: Run every query in `sql/`, also of relations that `arrays` computes; else only after DuckDB failed.
 
     Raises:
         SqlError: E604, DuckDB fails internally, also with careful settings.
@@ -89,11 +86,11 @@ def hour_facts(
         try:
             name = "stored records"
             with _load(small, [t for t in TABLES if f"stored_{t}" in inputs], parts, *spans, is_careful) as held:
-                batch = None if is_careful or by_queries else Batch(held, params(site))
+                accelerator = Accelerator(held, params(site), is_careful=is_careful)
                 order = [r for r in relations("staging", "facts").values() if r.name in computed]
                 for number, relation in enumerate(order):
                     name = relation.name
-                    is_array = batch is not None and batch.computes(relation)
+                    is_array = accelerator.computes(relation)
                     if not is_array:
                         held.publish(relation.reads)
                         create(held.con, relation)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from vsd_analytics.settings import BY_NAME, DEFAULTS, FLOOR_CELL_M, OWNER_CELL_M, SETTINGS
 from vsd_analytics.site.model import Calibration, Camera, Floor, Point, Site
+from vsd_analytics.warehouse.rules import RULES
 
 if TYPE_CHECKING:
     import duckdb
@@ -79,7 +80,7 @@ _FLOORS = pa.schema([("floor_id", pa.string())])
 
 
 def params(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, Any]:
-    """Return the one-row relation `params`: the settings that SQL reads, sizes of cells, and hours of a bucket.
+    """Return the one-row relation `params`: the settings and rules that SQL reads, sizes of cells, hours of a bucket.
 
     Metres become whole millimetres and seconds whole milliseconds, also in the name: `distance_m` is `distance_mm`.
 
@@ -94,6 +95,7 @@ def params(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, Any]:
         "owner_cell_mm": round(OWNER_CELL_M * 1000),
         "heat_cell_mm": round(heat_cell_m * 1000),
         "bucket_quarters": bucket_quarters(site),
+        **RULES,
     }
 
 

@@ -20,7 +20,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import StoreError
-from vsd_analytics.warehouse.arrays.held import ENUMS
+from vsd_analytics.warehouse.held import ENUMS
 
 INPUTS = b"vsd.causes"
 """Metadata key of the input hashes. Every file on disk has it, so it keeps its name from before they were "inputs"."""

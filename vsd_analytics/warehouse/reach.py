@@ -21,22 +21,23 @@ Spans = Mapping[str, tuple[int, int]]
 """First and last instant, UTC milliseconds, by digest of a part."""
 
 _GAPS = ("episode_gap_ms", "visit_gap_ms", "gathering_link_ms")
-_NUMBERS_MS = 300_000
-"""Silence before a message after which `sequence_runs` does not ask what came before. `track_lives` asks for 10 s."""
 
 
 def reach_ms(settings: Mapping[str, Any], days: Iterable[Mapping[str, Any]]) -> int:
     """Return how far beyond an hour its facts read records: to the next frame, or over the longest gap they bridge.
 
-    5 / 2: gaps of up to 2.5 frame intervals are bridged whatever the settings say (`staging/close_records`). Only
-    without a heartbeat does a silence count as recorded.
+    Only without a heartbeat does a silence count as recorded.
 
     Args:
-        settings: The settings that SQL reads.
+        settings: The settings and rules that SQL reads.
         days: Rows of `camera_days` of all UTC days that the hour and its two neighbours lie in.
     """
-    rows = list(days)
-    gaps = [_NUMBERS_MS, *(int(settings[name]) for name in _GAPS), *(5 * int(row["interval_ms"]) // 2 for row in rows)]
+    rows, half_intervals = list(days), int(settings["gap_half_intervals"])
+    gaps = [
+        int(settings["number_silence_ms"]),
+        *(int(settings[name]) for name in _GAPS),
+        *(half_intervals * int(row["interval_ms"]) // 2 for row in rows),
+    ]
     if not all(row["has_heartbeat"] for row in rows):
         gaps.append(int(settings["coverage_gap_ms"]))
     return max(gaps)

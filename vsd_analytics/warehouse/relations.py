@@ -133,6 +133,6 @@ class Catalog:
                 return
             self._views.discard(name)
         source = self._sources[name]
-        with one_thread(self._con, of=self._threads) if source.is_files else nullcontext():
+        with one_thread(self._con, restored_threads=self._threads) if source.is_files else nullcontext():
             self._con.execute(f"create temp table {name} as {source.query}")
         self._tables.add(name)

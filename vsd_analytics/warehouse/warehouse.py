@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import pickle
 from collections.abc import Callable, Collection, Iterator, Sequence
 from datetime import date, datetime, timedelta
+from functools import cached_property
 from itertools import pairwise
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -176,6 +178,14 @@ class Warehouse:
             "recorded nor missing"
             for a, b in gaps
         ]
+
+    @cached_property
+    def inputs_digest(self) -> str:
+        """Return a hash of the facts of the range: the same facts give the same figures."""
+        digest = hashlib.blake2b(digest_size=8)
+        for hour, fingerprint in sorted(self.built.fingerprints.items()):
+            digest.update(f"{hour}:{fingerprint};".encode())
+        return digest.hexdigest()
 
     def other_rules(self) -> list[OtherRules]:
         """Return the runs of purged hours of the range that were computed by other rules than today's."""

@@ -221,11 +221,11 @@ def test_planted_redesign_is_a_clear_fall_in_its_area(tmp_path: Path) -> None:
     files = sorted((tmp_path / "engine").glob("cam-1_*"))
     ingest(site, files, IngestOptions(format="frames"), now=datetime(2026, 11, 20, tzinfo=UTC))
     report = week_report(site, MONDAY)
-    row = next(a for a in report.areas if a.area_id == truth.redesign.area_id)
+    row = next(a for a in report.areas if a.area_id == truth.change_effect.area_id)
     assert row.violation_rate.verdict == "clear_fall"
     assert (row.violation_rate.change_hi or 0) < -0.5
-    line = next(line for line in report.log if line.area_id == truth.redesign.area_id)
-    assert line.at == truth.redesign.at
+    line = next(line for line in report.log if line.area_id == truth.change_effect.area_id)
+    assert line.at == truth.change_effect.at
     assert line.since is not None
     assert line.since.verdict == "clear_fall"
     # few people are left there: without a level per person-hour there is no change of it either

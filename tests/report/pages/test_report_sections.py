@@ -18,7 +18,7 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.forecast import FloorForecast as FoundOutlook
 from vsd_analytics.figures.forecast import HourForecast, SeriesForecast
 from vsd_analytics.figures.unusual import UnusualWeek
-from vsd_analytics.figures.week import outlook, redesigns, trend_weeks
+from vsd_analytics.figures.week import change_effects, outlook, trend_weeks
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, chart, spark
 from vsd_analytics.report.pages import questions
 from vsd_analytics.report.pages import sections as page_sections
@@ -328,7 +328,7 @@ def mixing(**more: Any) -> MixingChange:
 
 
 def test_causes_are_factors_of_the_whole_change() -> None:
-    found = redesigns.causes(mixing(close=0.7 * 1.04 * 1.1))
+    found = change_effects.causes(mixing(close=0.7 * 1.04 * 1.1))
     parts = (found.people or 0) + 1, (found.layout or 0) + 1, (found.behaviour or 0) + 1
     assert parts[0] * parts[1] * parts[2] == pytest.approx((found.close or 0) + 1)
 
@@ -365,7 +365,7 @@ def test_what_hardly_moved_is_not_explained() -> None:
 
 
 def test_a_redesign_is_reported_with_its_range_its_people_and_what_must_hold() -> None:
-    table = page_sections.redesigns(sections.complete())
+    table = page_sections.change_effects(sections.complete())
     assert table is not None
     head, violation_rate, row = table.rows
     assert (head.is_head, head.name, head.bar) == (True, "Fourth till opened.", "")
@@ -393,8 +393,8 @@ def test_encounters_per_person_hour_of_a_redesign_are_not_judged_on_the_page() -
     """They rise where people stand about less, so a good change would be a clear rise beside a clear fall."""
     rise = m.Estimate(value=None, change=0.58, change_lo=0.19, change_hi=1.09, verdict="clear_rise")
     report = sections.complete()
-    worse = tuple(replace(r, effect=rise) if r.effect is not None else r for r in report.redesigns)
-    table = page_sections.redesigns(replace(report, redesigns=worse))
+    worse = tuple(replace(r, effect=rise) if r.effect is not None else r for r in report.change_effects)
+    table = page_sections.change_effects(replace(report, change_effects=worse))
     assert table is not None
     assert "rise" not in " ".join(row.words for row in table.rows)
 
@@ -469,7 +469,7 @@ def test_a_site_in_feet_reads_feet_everywhere(name: str) -> None:
     change = report.settings_change and replace(report.settings_change, before="5 ft", after="6 ft")
     maps = tuple(replace(x, scale_bar_m=3.048) for x in report.maps)
     log = tuple(replace(line, text="Moved.") for line in report.log)
-    report = replace(report, rules=rules, settings_change=change, maps=maps, log=log, redesigns=(), story=None)
+    report = replace(report, rules=rules, settings_change=change, maps=maps, log=log, change_effects=(), story=None)
     if report.trend is not None:
         report = replace(report, trend=replace(report.trend, marks=()))
     page = render_html(report)
@@ -486,7 +486,7 @@ def test_every_instant_of_the_sections_is_local() -> None:
 
 
 def test_further_figures_are_reported_by_the_catalogue_and_refused_with_their_reason() -> None:
-    rows = {r.name: r for r in make_page(sections.complete()).more_figures}
+    rows = {r.name: r for r in make_page(sections.complete()).further_figures}
     assert rows["How long violations last: median"].value == "12"
     assert rows["How long violations last: 30 s or longer"].likely == "29% and 36%"
     assert rows["Of the time too close, nearest person at 0 m to 0.5 m"].value == "4%"

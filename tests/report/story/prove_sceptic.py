@@ -88,7 +88,7 @@ def recorded() -> Iterator[list[tuple[str, dict[str, object], str]]]:
 
 def said_on(report: WeekReport) -> tuple[list[Said], list[str]]:
     """Return the sentences of a page by key, and those without any key."""
-    changes = {c.number: c for c in report.redesigns}
+    changes = {c.number: c for c in report.change_effects}
     with recorded() as log:
         page = make_page(replace(report, story=None))
         answers = {number: came_of(change) for number, change in changes.items()}
@@ -129,7 +129,7 @@ def said_on(report: WeekReport) -> tuple[list[Said], list[str]]:
         add("key figures", f"{tile.title} {tile.note} {tile.also}")
     for card in page.cards.cards if page.cards else ():
         add("cards", f"{card.change} {card.when} {card.sure} {card.reason} {card.ask}".strip())
-    lines = {line.number: line for line in report.ledger}
+    lines = {line.number: line for line in report.logged_changes}
     for row in page.log:
         line = next((one for one in lines.values() if row.result and one.text in row.text), None)
         if line is not None:
@@ -187,7 +187,7 @@ def _by_verdict(report: WeekReport) -> Iterator[Said]:
         if card.area_id is not None and card.violation_rate is not None:
             k = int(card.area_id.rsplit("-", 1)[1])
             yield said("cards", "spots.level", f"card {card.name}", estimate=card.violation_rate, area=k)
-    for change in report.redesigns:
+    for change in report.change_effects:
         kinds = (
             ("violation_rate", change.violation_rate),
             ("close", change.close),

@@ -168,7 +168,7 @@ def print_all(project: Path) -> None:
         "\nusual ranges on the last page:",
         json.dumps({k: last["trend"][k] for k in ("usual_violation_rate", "usual_close")}),
     )
-    for change in last["redesigns"]:
+    for change in last["change_effects"]:
         print(change["text"], *(f"{k}: {said(change[k])}" for k in ("burden", "running", "net")), sep=" | ")
 
 

@@ -37,10 +37,10 @@ from report import sample_weeks as sample
 from vsd_analytics.figures import before_after
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.week import areas as report_areas
-from vsd_analytics.figures.week import redesigns
+from vsd_analytics.figures.week import change_effects
 from vsd_analytics.figures.week.change_outcome import WORKS_E, outcome
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.model_sections import Redesign
+from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
 from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.report.model.assemble import floor_level
 from vsd_analytics.report.model.site_changes import log_lines
@@ -158,7 +158,9 @@ def entries(rng: np.random.Generator) -> list[dict[str, str]]:
     return found
 
 
-def week_of(warehouse: Warehouse, week: int, log: list[dict[str, str]]) -> tuple[WeekData, tuple[Redesign, ...]]:
+def week_of(
+    warehouse: Warehouse, week: int, log: list[dict[str, str]]
+) -> tuple[WeekData, tuple[LoggedChangeEffect, ...]]:
     """Return a week and the logged changes on its page, as known at its end."""
     first = monday(week)
     warehouse.first, warehouse.last = monday(max(0, week - 25)), first + timedelta(days=6)
@@ -169,10 +171,10 @@ def week_of(warehouse: Warehouse, week: int, log: list[dict[str, str]]) -> tuple
     shown = [
         number
         for number, entry in enumerate(known, 1)
-        if (warehouse.last - date.fromisoformat(entry["at"][:10])).days < redesigns.SHOWN_DAYS
+        if (warehouse.last - date.fromisoformat(entry["at"][:10])).days < change_effects.SHOWN_DAYS
     ]
     found = [before_after.before_after(warehouse, number) for number in shown]
-    return data, redesigns.redesigns(data, found)
+    return data, change_effects.change_effects(data, found)
 
 
 def report_of(warehouse: Warehouse, week: int, log: list[dict[str, str]]) -> WeekReport:
@@ -191,11 +193,11 @@ def report_of(warehouse: Warehouse, week: int, log: list[dict[str, str]]) -> Wee
         areas=areas.rows,
         busiest_spot=report_areas.busiest_spot(data, areas.rows),
         log=log_lines(data, coverage, is_compared=True),
-        redesigns=changes,
+        change_effects=changes,
     )
 
 
-def said_of_changes(changes: Sequence[Redesign]) -> str | None:
+def said_of_changes(changes: Sequence[LoggedChangeEffect]) -> str | None:
     """Return what is said of logged changes: "works", "moved", "fell", or None. All parts of a page ask `outcome`."""
     said = {outcome(change) for change in changes}
     return next((name for name in ("works", "moved", "fell") if name in said), None)
@@ -203,7 +205,7 @@ def said_of_changes(changes: Sequence[Redesign]) -> str | None:
 
 def said_of(report: WeekReport) -> str | None:
     """Return what the page says worked: "works", "moved", "fell", "fell since"; None if it says no such thing."""
-    if said := said_of_changes(report.redesigns):
+    if said := said_of_changes(report.change_effects):
         return said
     titles = {thing.title for thing in story_of(report).things if thing.kind == "worked"}
     falls = {say("things.fell_since", area=line.area_name) for line in report.log if line.area_name}
@@ -262,7 +264,7 @@ def running_alone(world: World, n_sites: int, *, seed: int, least_e: float) -> t
     Of all weeks that the change is on the page; without the other conditions of `outcome`, and as if changes of a year
     were independent: so not below what a page says.
     """
-    weeks = redesigns.SHOWN_DAYS // 7 - 1
+    weeks = change_effects.SHOWN_DAYS // 7 - 1
     drawn = draw(replace(world, weeks_after=weeks), n_sites, seed)
     hours = drawn.violation_h.reshape(*drawn.violation_h.shape[:2], -1, 7).sum(axis=3)
     y = np.log(hours[:, 0]) - np.log(hours[:, 1:].sum(axis=1))

@@ -19,7 +19,7 @@ import numpy as np
 from sceptic_worlds import CAMERAS, FIRST, N_AREAS, Truth, camera_of
 
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import LedgerLine, Redesign, Usual
+from vsd_analytics.figures.week.model_sections import LoggedChangeEffect, LoggedChangeResult, Usual
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.wording import format as fmt
 
@@ -53,8 +53,8 @@ class Said:
     report: WeekReport
     values: Mapping[str, Any] = field(default_factory=dict)
     estimate: Estimate | None = None
-    change: Redesign | None = None
-    line: LedgerLine | None = None
+    change: LoggedChangeEffect | None = None
+    line: LoggedChangeResult | None = None
     area: int | None = None
     keys: frozenset[str] = frozenset()
 
@@ -321,13 +321,13 @@ def not_compared(said: Said, truth: Truth) -> bool | None:
 
 def nothing_shows(said: Said, truth: Truth) -> bool | None:
     """Judge that something was logged, and that the same page shows no clear fall since."""
-    falls = [c for c in said.report.redesigns if c.running is not None and c.running.verdict == "clear_fall"]
+    falls = [c for c in said.report.change_effects if c.running is not None and c.running.verdict == "clear_fall"]
     return bool(truth.tale.entries) and not falls
 
 
 def small_fall(said: Said, truth: Truth) -> bool | None:
     """Judge that some area of the log fell beside the others."""
-    falls = [c for c in said.report.redesigns if c.running is not None and c.running.verdict == "clear_fall"]
+    falls = [c for c in said.report.change_effects if c.running is not None and c.running.verdict == "clear_fall"]
     true = [beside_others(int(c.area_name.rsplit("-", 1)[1]), truth) for c in falls]
     return any(allows("clear_fall", ratio) for ratio in true)
 
@@ -667,9 +667,9 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "trend.label_*": "explains a chart",
     "trend.without": "says what is not compared",
     "trend.*": "a table's words",
-    "planner.log.running": "names a row that is judged as `redesign.running`",
-    "planner.log.close": "names a row that is judged as `redesign.close`",
-    "planner.log.net": "names a row that is judged as `redesign.net`",
+    "planner.log.running": "names a row that is judged as `change_effect.running`",
+    "planner.log.close": "names a row that is judged as `change_effect.close`",
+    "planner.log.net": "names a row that is judged as `change_effect.net`",
     "planner.log.people": "names a row",
     "planner.log.beside": "says what is compared",
     "planner.log.all_hours": "says what is shown",

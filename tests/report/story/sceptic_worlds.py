@@ -23,9 +23,9 @@ from planted_changes import area
 from planted_marts import plant
 
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.findings import Findings
+from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.report.model import assemble, site_changes
-from vsd_analytics.report.model.sections import with_more
+from vsd_analytics.report.model.sections import add_week_sections
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.story import finish
 from vsd_analytics.settings import Settings
@@ -279,7 +279,7 @@ def page_model(warehouse: Warehouse, truth: Truth) -> WeekReport:
     for name, rows in _marts(truth).items():
         plant(warehouse, name, pa.Table.from_pylist(rows))
     data = WeekData(warehouse, floor=warehouse.site.floors[0], monday=truth.monday)
-    found = Findings(data)
+    found = LazyAnswers(data)
     since = truth.tale.engine_since
 
     def engines(site: Site, first: date, last: date) -> tuple[str, ...]:
@@ -289,7 +289,7 @@ def page_model(warehouse: Warehouse, truth: Truth) -> WeekReport:
 
     with mock.patch.object(assemble, "engines", engines), mock.patch.object(site_changes, "engines", engines):
         report = assemble._report(data, data.floor, found, None)
-        report = finish(with_more(report, data, found))
+        report = finish(add_week_sections(report, data, found))
     return replace(report, maps=())
 
 

@@ -13,10 +13,10 @@ from report import sample_weeks as weeks
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.week.change_outcome import outcome
-from vsd_analytics.figures.week.model_sections import LedgerLine
+from vsd_analytics.figures.week.model_sections import LoggedChangeResult
 from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import PlannerChange
-from vsd_analytics.report.pages.logged_changes import came_of, ledger_words, log_rows
+from vsd_analytics.report.pages.logged_changes import came_of, log_rows, result_words
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.site.model import Area
 
@@ -33,17 +33,17 @@ UNKNOWN = floor(-0.3, 0.2, "cannot_tell")
 """What became of the whole floor, of which the area's fall is 20 %."""
 
 
-def change(verdict: str, lo: float, hi: float, **more: Any) -> m.Redesign:
+def change(verdict: str, lo: float, hi: float, **more: Any) -> m.LoggedChangeEffect:
     middle = (lo + hi) / 2
     effect = m.Estimate(value=None, change=middle, change_lo=lo, change_hi=hi, verdict=verdict)  # type: ignore[arg-type]
     said: dict[str, Any] = {"running": effect, "net": GONE, "moved_elsewhere": 0.1, "compared_with": ("Pharmacy",)}
     said |= {"design": "beside", "is_credible": True, "e_value": 400.0, "contribution": -0.2}
-    return m.Redesign(number=3, at=AT, text="Moved", area_name="Door", **(said | more))
+    return m.LoggedChangeEffect(number=3, at=AT, text="Moved", area_name="Door", **(said | more))
 
 
-def line(**more: Any) -> LedgerLine:
+def line(**more: Any) -> LoggedChangeResult:
     said: dict[str, Any] = {"number": 3, "at": AT, "text": "Moved", "area_id": "door", "area_name": "Door"}
-    return LedgerLine(**(said | more))
+    return LoggedChangeResult(**(said | more))
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def line(**more: Any) -> LedgerLine:
     ],
 )
 def test_what_came_of_a_change_never_claims_more_than_its_running_verdict(
-    made: m.Redesign, said: str, begins: str
+    made: m.LoggedChangeEffect, said: str, begins: str
 ) -> None:
     assert outcome(made) == said
     assert came_of(made).startswith(begins)
@@ -97,14 +97,14 @@ def test_what_came_of_a_change_never_claims_more_than_its_running_verdict(
         ),
     ],
 )
-def test_the_planner_says_of_a_change_what_the_page_says(made: m.Redesign, begins: str) -> None:
+def test_the_planner_says_of_a_change_what_the_page_says(made: m.LoggedChangeEffect, begins: str) -> None:
     door = Area("door", "Door", "ground", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
     logged = PlannerChange(number=3, at=AT, text="Moved", area=door, result=made, before=None, after=None, hidden={})
     assert change_words(logged).verdict.startswith(begins)
 
 
 def test_a_change_that_works_says_what_it_avoids_a_week_with_its_range() -> None:
-    words = ledger_words(
+    words = result_words(
         line(
             outcome="works", usual_min=1868.3, avoided_min=1701.0, avoided_lo=1638.0, avoided_hi=1746.0,
             compared_with=("Pharmacy",), floor_verdict="cannot_tell", floor_avoided_min=-317.0,
@@ -118,7 +118,7 @@ def test_a_change_that_works_says_what_it_avoids_a_week_with_its_range() -> None
 
 
 def test_a_change_that_cannot_be_told_says_what_is_possible_and_how_long_it_is_watched() -> None:
-    words = ledger_words(
+    words = result_words(
         line(
             outcome="cannot_tell", usual_min=669.0, avoided_min=35.0, avoided_lo=-360.0, avoided_hi=279.0,
             watched_until=date(2027, 5, 4),
@@ -136,22 +136,22 @@ def test_a_change_that_cannot_be_told_speaks_of_the_floor_only_where_that_is_cle
         "avoided_hi": 279.0,
     }
     floor = {"floor_avoided_min": 300.0, "floor_avoided_lo": 100.0, "floor_avoided_hi": 500.0}
-    assert "Whole floor: fewer" in ledger_words(line(**said, **floor, floor_verdict="clear_fall"))
+    assert "Whole floor: fewer" in result_words(line(**said, **floor, floor_verdict="clear_fall"))
     for vague in ("about_same", "cannot_tell"):
-        assert "Whole floor" not in ledger_words(line(**said, **floor, floor_verdict=vague))
+        assert "Whole floor" not in result_words(line(**said, **floor, floor_verdict=vague))
 
 
 def test_a_change_of_the_whole_site_claims_nothing() -> None:
-    assert ledger_words(line(outcome="site_wide", area_id=None)) == ""
+    assert result_words(line(outcome="site_wide", area_id=None)) == ""
 
 
 def test_the_list_of_changes_carries_what_each_avoided() -> None:
     report = weeks.normal()
     logged = next(one for one in report.log if one.area_id is not None)
     own = line(at=logged.at, text=logged.text, outcome="too_early")
-    (row,) = [r for r in log_rows(replace(report, ledger=(own,)), with_weeks=False) if r.result]
+    (row,) = [r for r in log_rows(replace(report, logged_changes=(own,)), with_weeks=False) if r.result]
     assert row.result == "Cannot tell yet."
-    page = render_html(replace(report, ledger=(own,)))
+    page = render_html(replace(report, logged_changes=(own,)))
     assert "what they avoided" in page
     assert "what they avoided" not in render_html(report)
 
@@ -168,6 +168,6 @@ def test_of_the_log_the_page_folds_only_what_has_no_result_and_says_nothing_of_t
         "long ago, with a result": replace(long_ago, text="Rope set"),
         "a gap that the page shows with the data": replace(logged, at=outage.start, text="No data", kind="detected"),
     }
-    rows = log_rows(replace(report, log=tuple(entries.values()), ledger=results, trend=None), with_weeks=False)
+    rows = log_rows(replace(report, log=tuple(entries.values()), logged_changes=results, trend=None), with_weeks=False)
     news = {row.text.rstrip("."): row.is_news for row in rows}
     assert news == {logged.text.rstrip("."): True, "Wall painted": False, "Rope set": True, "No data": False}

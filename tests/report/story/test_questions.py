@@ -139,11 +139,11 @@ def test_the_page_opens_with_the_answer_and_says_what_came_of_it() -> None:
     assert line.answer == "Tried on Wed 4 Nov by Anna. Rope moved."
     assert line.result == "Cannot tell yet."
     running = m.Estimate(value=None, change=-0.1, change_lo=-0.3, change_hi=0.5, verdict="cannot_tell")
-    change = m.Redesign(
+    change = m.LoggedChangeEffect(
         number=7, at=weeks.normal().log[0].at, text="Rope moved", area_name="Queue", design="beside", is_credible=True,
         running=running,
     )  # fmt: skip
-    report = replace(report, redesigns=(change,))
+    report = replace(report, change_effects=(change,))
     assert asked_lines(report)[0].result.startswith("Cannot tell yet: anything between 30% less and 50% more")
     page = render_html(report)
     assert "Tried on Wed 4 Nov by Anna." in page

@@ -11,12 +11,12 @@ from typing import get_args
 import pytest
 from forbidden_words import forbidden_in
 from report import sample_weeks as weeks
-from report.sample_sections import redesigns, trend
+from report.sample_sections import change_effects, trend
 from report.story.golden_cases import CASES, CLOSE, OFTEN, after_a_gap, beside_usual, silent, unusual_hour
 
 from vsd_analytics.answer import Verdict
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import Redesign, Usual
+from vsd_analytics.figures.week.model_sections import LoggedChangeEffect, Usual
 from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.model.week_agenda import Agenda
 from vsd_analytics.report.pages import figure_titles
@@ -201,13 +201,13 @@ def test_an_outage_nobody_logged_is_no_change_at_the_site_that_does_not_show() -
     report = replace(report, areas=areas)
     outage = replace(report.log[1], kind="detected", area_id=None, area_name=None, since=None)
     agenda = Agenda(places=(), asked=(), busiest_before=())
-    quiet = things(replace(report, log=(outage,), redesigns=(), agenda=agenda))
+    quiet = things(replace(report, log=(outage,), change_effects=(), agenda=agenda))
     assert quiet[0].text == "Nothing was logged at the site in these weeks."
-    logged = things(replace(report, log=(replace(report.log[1], since=None),), redesigns=(), agenda=agenda))
+    logged = things(replace(report, log=(replace(report.log[1], since=None),), change_effects=(), agenda=agenda))
     assert logged[0].text.startswith("Changes at the site do not show")
     moved = replace(report.log[1], area_id=areas[0].area_id, area_name=areas[0].name, since=None)
     dark = (replace(areas[0], recorded_share=0.0), *areas[1:])
-    unseen = things(replace(report, areas=dark, log=(moved,), redesigns=(), agenda=agenda))
+    unseen = things(replace(report, areas=dark, log=(moved,), change_effects=(), agenda=agenda))
     assert unseen[0].text == f"What the change at {areas[0].name} did is not known: nothing was recorded there."
 
 
@@ -290,11 +290,11 @@ def test_a_headline_without_a_change_to_name_says_where_the_difference_lies(shar
     assert story_of(replace(report, areas=areas)).headline == f"Violations fell by about a seventh{said}"
 
 
-def planted_redesign(**other: object) -> Redesign:
+def planted_redesign(**other: object) -> LoggedChangeEffect:
     """A change that its running verdict, seen beside other areas, shows to work."""
     effect = Estimate(value=None, change=-0.48, change_lo=-0.6, change_hi=-0.33, verdict="clear_fall")
     return replace(
-        redesigns()[0],
+        change_effects()[0],
         is_credible=True,
         doubts=(),
         running=effect,
@@ -308,7 +308,7 @@ def planted_redesign(**other: object) -> Redesign:
 
 def test_only_a_controlled_comparison_may_say_that_a_change_works() -> None:
     report = weeks.normal()
-    worked = story_of(replace(report, redesigns=(planted_redesign(),))).things[0]
+    worked = story_of(replace(report, change_effects=(planted_redesign(),))).things[0]
     assert worked.title == "The change at Checkout queue works so far"
     assert "48% less time too close in the 6 weeks since Wed 7 Oct (likely" in worked.text
     assert "compared with End of aisle 2 and Pharmacy counter" in worked.text
@@ -329,13 +329,13 @@ def test_only_a_controlled_comparison_may_say_that_a_change_works() -> None:
         ),
         replace(planted_redesign(), moved_elsewhere=0.6),
     ):
-        titles = [t.title for t in story_of(replace(report, redesigns=(doubtful,))).things]
+        titles = [t.title for t in story_of(replace(report, change_effects=(doubtful,))).things]
         assert not any("work" in title for title in titles), doubtful
 
 
 def test_a_fall_that_may_have_moved_elsewhere_is_no_success() -> None:
     unknown = Estimate(value=None, change=-0.05, change_lo=-0.2, change_hi=0.1, verdict="cannot_tell")
-    report = replace(weeks.normal(), redesigns=(replace(planted_redesign(), net=unknown),))
+    report = replace(weeks.normal(), change_effects=(replace(planted_redesign(), net=unknown),))
     fell = story_of(report).things[0]
     assert fell.title == "Less time too close at Checkout queue since the change"
     assert fell.text.endswith("Whether it moved elsewhere is not known yet.")
@@ -345,7 +345,7 @@ def test_a_fall_that_something_else_may_have_made_is_not_hidden() -> None:
     report = weeks.normal()
     areas = tuple(replace(a, violation_rate=replace(a.violation_rate, verdict="cannot_tell")) for a in report.areas)
     doubtful = replace(planted_redesign(), is_credible=False)
-    told = story_of(replace(report, areas=areas, log=(), redesigns=(doubtful,))).things[0]
+    told = story_of(replace(report, areas=areas, log=(), change_effects=(doubtful,))).things[0]
     assert (
         told.text
         == "At Checkout queue there is less time too close since Wed 7 Oct, but something else may have done it."
@@ -355,7 +355,7 @@ def test_a_fall_that_something_else_may_have_made_is_not_hidden() -> None:
 def test_a_fall_that_moved_elsewhere_is_called_a_move() -> None:
     net = Estimate(value=None, change=0.02, change_lo=-0.01, change_hi=0.05, verdict="about_same")
     moved = replace(planted_redesign(), moved_elsewhere=1.2, net=net)
-    first = story_of(replace(weeks.normal(), redesigns=(moved,))).things[0]
+    first = story_of(replace(weeks.normal(), change_effects=(moved,))).things[0]
     assert first.title == "Less time too close at Checkout queue, more elsewhere"
     assert "the rest of the floor took up 100% of what fell there" in first.text
 
@@ -373,7 +373,7 @@ def test_a_fall_in_a_small_area_is_not_said_to_be_invisible() -> None:
         for a in report.areas
     )
     small = replace(planted_redesign(), is_credible=False, contribution=-0.01)
-    told = story_of(replace(report, areas=areas, log=(), redesigns=(small,))).things[0]
+    told = story_of(replace(report, areas=areas, log=(), change_effects=(small,))).things[0]
     assert told.text == "What was changed at the site shows in small parts of the floor only."
 
 

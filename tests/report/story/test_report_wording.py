@@ -256,7 +256,7 @@ def more_names(report: Any) -> set[str]:
         if report.trend
         else set()
     )
-    for r in report.redesigns:
+    for r in report.change_effects:
         found |= {
             r.text,
             r.area_name,

@@ -114,7 +114,7 @@ def test_a_false_fall_is_seen_in_headline_lead_areas_and_titles(tmp_path: Path) 
 def test_a_false_success_is_seen_wherever_it_is_said(tmp_path: Path) -> None:
     tale = Tale(name="an entry", world=of(OFFICE), entries=(3,), weeks=(2,))
     truth, report = week_of(tale, tmp_path)
-    (change,) = report.redesigns
+    (change,) = report.change_effects
     assert change.running is not None
     running = replace(change.running, change=-0.4, change_lo=-0.5, change_hi=-0.3, verdict="clear_fall")
     net = m.Estimate(value=None, change=-0.2, change_lo=-0.3, change_hi=-0.1, verdict="clear_fall")
@@ -128,8 +128,10 @@ def test_a_false_success_is_seen_wherever_it_is_said(tmp_path: Path) -> None:
         design="beside",
         moved_elsewhere=0.0,
     )
-    line = replace(report.ledger[0], outcome="works", avoided_min=10.0, avoided_lo=5.0, avoided_hi=15.0, usual_min=50.0)
-    wrong = read(replace(report, redesigns=(made,), ledger=(line,)), truth)
+    line = replace(
+        report.logged_changes[0], outcome="works", avoided_min=10.0, avoided_lo=5.0, avoided_hi=15.0, usual_min=50.0
+    )
+    wrong = read(replace(report, change_effects=(made,), logged_changes=(line,)), truth)
     assert {
         "things.works",
         "came_of.works",

@@ -29,7 +29,7 @@ def test_only_a_change_that_had_an_effect_is_said_to_work(tmp_path: Path, effect
     with planted(site, drawn.n[0], drawn.violation_h[0], drawn.exposure_h[0]) as warehouse:
         report = report_of(warehouse, REFERENCE + WATCHED - 1, log)
     assert said_of(report) == said
-    assert [change.number for change in report.redesigns] == [1]
+    assert [change.number for change in report.change_effects] == [1]
 
 
 def test_a_week_knows_no_entry_of_a_later_day(tmp_path: Path) -> None:
@@ -39,8 +39,8 @@ def test_a_week_knows_no_entry_of_a_later_day(tmp_path: Path) -> None:
     ]
     with planted(site_of(tmp_path, areas=AREAS), drawn.n[0], drawn.violation_h[0], drawn.exposure_h[0]) as warehouse:
         early, late = (report_of(warehouse, REFERENCE + k, log) for k in (1, 3))
-    assert [change.number for change in early.redesigns] == [1]
-    assert [change.number for change in late.redesigns] == [1, 2]
+    assert [change.number for change in early.change_effects] == [1]
+    assert [change.number for change in late.change_effects] == [1, 2]
     assert early.level.violation_rate.value != late.level.violation_rate.value
 
 

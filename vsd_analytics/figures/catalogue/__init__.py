@@ -17,7 +17,10 @@ from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from typing import Final
 
-from vsd_analytics.figures.catalogue.form import MAKERS, FigureInputs
+from vsd_analytics.answer import Answers
+from vsd_analytics.figures.catalogue.form import ANSWER_MAKERS, MAKERS, FigureInputs
+from vsd_analytics.figures.catalogue.view import figure_of
+from vsd_analytics.figures.share import share
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.results import Figure
 
@@ -32,7 +35,7 @@ OF_CAPACITIES: Final = frozenset({"M41"})
 
 OF_SPACE: Final = OF_VISITS | OF_QUEUES | OF_CAPACITIES
 """Figures of how a space is used, which places of the floor ask for."""
-FILES_OF_SPACE: Final = frozenset({"visit_figures", "flow_figures", "queue_figures"})
+FILES_OF_SPACE: Final = frozenset({"space_answers"})
 """The files of this folder that make these."""
 
 
@@ -44,18 +47,31 @@ def _import(names: AbstractSet[str]) -> None:
 _import({file.name for file in pkgutil.iter_modules(__path__)} - FILES_OF_SPACE)
 
 
-def figures(inputs: FigureInputs) -> Mapping[str, Figure]:
+def figures(inputs: FigureInputs, shared: Answers) -> Mapping[str, Figure]:
     """Return all figures of a week by catalogue id, in its order; of other days, those that need no weeks.
 
     Figures of visits, queues and capacities are absent where no place of the floor asks for them.
+
+    Args:
+        inputs: The week.
+        shared: What `shared_answers` returned for it.
     """
     left_out = set[str]() if inputs.data.is_week else set(OF_WEEKS)
-    return _made(inputs, (MAKERS.keys() | OF_SPACE) - left_out)
+    return _made(inputs, (MAKERS.keys() | OF_SPACE) - left_out, shared)
 
 
-def space_figures(inputs: FigureInputs) -> Mapping[str, Figure]:
+def space_figures(inputs: FigureInputs, shared: Answers) -> Mapping[str, Figure]:
     """Return the figures of how the space is used, as `figures` has them; empty where no place of the floor asks."""
-    return _made(inputs, OF_SPACE)
+    return _made(inputs, OF_SPACE, shared)
+
+
+def shared_answers(inputs: FigureInputs) -> Answers:
+    """Return the answers of a week as they may leave the operator's hands, all of them together."""
+    asked = asks_for(inputs.data)
+    if asked:
+        _import(FILES_OF_SPACE)
+    makers = dict.fromkeys(maker for metric, maker in ANSWER_MAKERS.items() if metric not in OF_SPACE - asked)
+    return share((answer for maker in makers for answer in maker(inputs)), below=inputs.below)
 
 
 def asks_for(data: WeekData) -> frozenset[str]:
@@ -71,10 +87,18 @@ def asks_for(data: WeekData) -> frozenset[str]:
     return found
 
 
-def _made(inputs: FigureInputs, metrics: AbstractSet[str]) -> Mapping[str, Figure]:
+def _made(inputs: FigureInputs, metrics: AbstractSet[str], shared: Answers) -> Mapping[str, Figure]:
     asked = asks_for(inputs.data)
     if asked:
         _import(FILES_OF_SPACE)
     wanted = metrics - (OF_SPACE - asked)
-    ordered = sorted(wanted, key=lambda metric: int(metric[1:]))
-    return {metric: MAKERS[metric](replace(inputs, metric=metric)) for metric in ordered}
+    return {metric: _figure(replace(inputs, metric=metric), shared) for metric in sorted(wanted, key=_number)}
+
+
+def _figure(inputs: FigureInputs, shared: Answers) -> Figure:
+    maker = MAKERS.get(inputs.metric)
+    return figure_of(inputs.metric, shared, unit=inputs.unit) if maker is None else maker(inputs)
+
+
+def _number(metric: str) -> int:
+    return int(metric[1:])

@@ -8,7 +8,7 @@ from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, row
 from vsd_analytics.figures.gatherings import FloorGatherings
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import too_few
-from vsd_analytics.figures.week.redesigns import is_held_back
+from vsd_analytics.figures.week.change_effects import is_held_back
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
 
@@ -105,9 +105,9 @@ def _factors(found: Mixing, change: MixingChange | None) -> list[Row]:
 
 
 @figure("M27")
-def redesigns(inputs: FigureInputs) -> Figure:
+def change_effects(inputs: FigureInputs) -> Figure:
     """Return what each logged change of the floor did to its area."""
-    found = inputs.found.redesigns
+    found = inputs.found.change_effects
     if not found:
         return inputs.missing("not_enough_data", Reason("redesign.none"))
     rows = [_redesign(inputs, one) for one in found]

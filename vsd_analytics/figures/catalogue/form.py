@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from datetime import date, datetime
 from typing import Any, Final
 
-from vsd_analytics.answer import Reason, State
+from vsd_analytics.answer import Answer, Reason, State
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import is_small, too_few
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.findings import Findings
+from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.figures.week.model_estimate import Estimate, same_fields
 from vsd_analytics.figures.week.model_recording import Coverage
-from vsd_analytics.figures.week.results import AreaRow, Figure, Level, When
+from vsd_analytics.figures.week.results import AreaRow, Figure, Level, Timetable
 from vsd_analytics.stats.estimates import RateEstimate
 
 Plain = str | float | int | bool | Reason | None
@@ -40,11 +40,11 @@ class FigureInputs:
     """
 
     data: WeekData
-    found: Findings
+    found: LazyAnswers
     coverage: Coverage
     level: Level
     areas: Sequence[AreaRow]
-    when: When
+    when: Timetable
     is_ranked: bool
     metric: str = ""
 
@@ -149,6 +149,31 @@ def figure(metric: str) -> Callable[[Maker], Maker]:
         if metric in MAKERS:
             raise ValueError(f"{metric} is made by {MAKERS[metric].__module__} already")
         MAKERS[metric] = maker
+        return maker
+
+    return added
+
+
+AnswerMaker = Callable[[FigureInputs], tuple[Answer, ...]]
+ANSWER_MAKERS: Final[dict[str, AnswerMaker]] = {}
+"""The functions that make the answers in which a figure is, by catalogue id: what `answers` was put before."""
+
+
+def answers(*metrics: str) -> Callable[[AnswerMaker], AnswerMaker]:
+    """Return a decorator that puts a function into the catalogue as the one that makes the answers of some figures.
+
+    Args:
+        metrics: Ids of the figures, those of their SQL headers.
+
+    Raises:
+        ValueError: Another function makes one of these figures already.
+    """
+
+    def added(maker: AnswerMaker) -> AnswerMaker:
+        for metric in metrics:
+            if metric in MAKERS or metric in ANSWER_MAKERS:
+                raise ValueError(f"{metric} is made by {(MAKERS | ANSWER_MAKERS)[metric].__module__} already")
+            ANSWER_MAKERS[metric] = maker
         return maker
 
     return added

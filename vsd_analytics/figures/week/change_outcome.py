@@ -1,10 +1,10 @@
-"""What may be said of a logged change: one rule for the page, its ledger, its answers and the planner."""
+"""What may be said of a logged change: one rule for the page, its log, its answers and the planner."""
 
 from __future__ import annotations
 
 from typing import Final
 
-from vsd_analytics.figures.week.model_sections import Outcome, Redesign
+from vsd_analytics.figures.week.model_sections import LoggedChangeEffect, Outcome
 
 WORKS_E: Final = 40.0
 """Evidence (e-value) from which a page says that a change works: twice that of a clear verdict. A site that logs a
@@ -16,7 +16,7 @@ MOSTLY_MOVED: Final = 0.5
 """A fall of which the rest of the floor took up this part has moved rather than gone."""
 
 
-def outcome(change: Redesign) -> Outcome:
+def outcome(change: LoggedChangeEffect) -> Outcome:
     """Return what may be said of a logged change of an area.
 
     "works", "moved" and "fell" need a running verdict beside areas that were left alone: a clear fall with evidence of
@@ -41,7 +41,7 @@ def outcome(change: Redesign) -> Outcome:
             return "cannot_tell"
 
 
-def _of_a_fall(change: Redesign) -> Outcome:
+def _of_a_fall(change: LoggedChangeEffect) -> Outcome:
     net, own = change.net, change.contribution or 0.0
     is_shown = change.is_credible and not change.doubts and (change.e_value or 0.0) >= WORKS_E
     if not is_shown or net is None or net.verdict == "clear_rise":

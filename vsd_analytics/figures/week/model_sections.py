@@ -1,4 +1,4 @@
-"""Sections of the weekly report beyond the week and its map: spots, weeks, readings, redesigns, causes, outlook."""
+"""Sections of the report beyond the week and its map: spots, weeks, readings, logged changes, causes, outlook."""
 # ruff: noqa: RUF009  (`_f` only wraps dataclasses.field)
 
 from __future__ import annotations
@@ -200,7 +200,7 @@ class Readings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Redesign:
+class LoggedChangeEffect:
     """What a logged change did to its area (M27)."""
 
     number: int = _f("Its place in the log, from 1.")
@@ -246,7 +246,7 @@ class Redesign:
     cautions: tuple[Reason, ...] = _f("What the data could not rule out.", default=())
     compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
     doubts: tuple[Reason, ...] = _f("What speaks against the comparison.", default=())
-    assumptions: tuple[Reason, ...] = _f("What must hold for the change to be the redesign's.", default=())
+    assumptions: tuple[Reason, ...] = _f("What must hold for the change to be the logged change's.", default=())
     state: State = _f("Whether a change can be given.", default="ok")
     reason: Reason | None = _o("In words, why not.")
 
@@ -257,7 +257,7 @@ Outcome = Literal[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LedgerLine:
+class LoggedChangeResult:
     """One logged change, and what became of the time too close."""
 
     number: int = _f("Its place in the log, from 1.")

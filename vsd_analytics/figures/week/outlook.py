@@ -10,7 +10,7 @@ from vsd_analytics.figures import forecast
 from vsd_analytics.figures.unusual import UnusualWeek
 from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.model_sections import Outlook, OutlookHour, OutlookScore, UnusualHour, UnusualHours
-from vsd_analytics.figures.week.results import HourCell, When
+from vsd_analytics.figures.week.results import HourCell, Timetable
 from vsd_analytics.stats.forecast import ForecastScore
 
 HIGHEST: Final = 3
@@ -34,7 +34,7 @@ def outlook(found: forecast.FloorForecast) -> Outlook:
     )
 
 
-def unusual(found: UnusualWeek, *, when: When) -> UnusualHours:
+def unusual(found: UnusualWeek, *, when: Timetable) -> UnusualHours:
     """Return the hours far from usual; a count the timetable holds back is held back here, too."""
     cells = {(c.day, c.hour): c for c in when.cells if c.fold == 0}
     rows = (

@@ -282,7 +282,7 @@ class HourMean:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class When:
+class Timetable:
     """The timetable."""
 
     cells: tuple[HourCell, ...] = _f(

@@ -13,11 +13,11 @@ from vsd_analytics.figures.close_time import close_time_share_by_hour
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.hidden_counts import timetable_hours
 from vsd_analytics.figures.week.model_estimate import same_fields
-from vsd_analytics.figures.week.results import BusiestHour, DayMean, HourCell, HourMean, When
+from vsd_analytics.figures.week.results import BusiestHour, DayMean, HourCell, HourMean, Timetable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Timetable:
+class WeekTimetable:
     """The hours of a week, ready to print.
 
     Attributes:
@@ -25,11 +25,11 @@ class Timetable:
         busiest: The full hour with most violations, of those that may be printed; None without a full hour.
     """
 
-    when: When
+    when: Timetable
     busiest: BusiestHour | None
 
 
-def timetable(data: WeekData) -> Timetable:
+def timetable(data: WeekData) -> WeekTimetable:
     """Return the hours of the week in which the site opens on any day, with their states and counts.
 
     A count from 1 to under `mask_below` is held back. Averages are made of what is printed, with the middle of 1 to
@@ -41,13 +41,13 @@ def timetable(data: WeekData) -> Timetable:
     by_day = [_mean([n for c, n in known if c.day == day]) for day in data.week_days]
     open_hours = sorted({c.hour for c in cells})
     by_hour = [_mean([n for c, n in known if c.hour == hour]) for hour in open_hours]
-    when = When(
+    when = Timetable(
         cells=cells,
         day_means=tuple(DayMean(day=d, value=v, hours=n) for d, (v, n) in zip(data.week_days, by_day, strict=True)),
         hour_means=tuple(HourMean(hour=h, value=v, hours=n) for h, (v, n) in zip(open_hours, by_hour, strict=True)),
         busiest_day=busiest_day({(c.day, c.hour): n for c, n in known if not c.fold}),
     )
-    return Timetable(when=when, busiest=_busiest(known))
+    return WeekTimetable(when=when, busiest=_busiest(known))
 
 
 def busiest_day(known: Mapping[tuple[date, int], float]) -> date | None:

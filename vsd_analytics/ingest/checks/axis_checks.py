@@ -118,9 +118,9 @@ def _turned(case: Case) -> Iterator[SourceWarning]:
         by_doors = doors_then is not None and doors_then >= DOORS_MIN and (at_doors or 0) <= DOORS_SHARE * doors_then
         is_denied = doors_then is not None and at_doors is not None and doors_then < at_doors - 0.1
         if (by_fixtures and not is_denied) or (by_doors and inside_then <= inside + WORSE):
-            found = (inside_then - inside, doors_then or 0.0, name, fix)
-            is_better = best is None or inside_then - inside < best[0] - NEARLY or found[1] > best[1] + NEARLY
-            best = found if is_better else best
+            better_turn = (inside_then - inside, doors_then or 0.0, name, fix)
+            is_better = best is None or inside_then - inside < best[0] - NEARLY or better_turn[1] > best[1] + NEARLY
+            best = better_turn if is_better else best
     if best is None:
         return
     less, doors, name, fix = best

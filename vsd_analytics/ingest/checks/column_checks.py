@@ -58,10 +58,10 @@ def _cameras_of_files(case: Case) -> Iterator[SourceWarning]:
     if is_named or not case.sample.n or camera is None or case.options.camera_from_name is not None:
         return
     if not case.options.is_only_camera:
-        own, meant = (cameras_in([name]) for name in (case.file.rpartition("/")[2], camera))
-        if own and meant and not own & meant:
+        named, meant = (cameras_in([name]) for name in (case.file.rpartition("/")[2], camera))
+        if named and meant and not named & meant:
             yield SourceWarning(
-                f"the name of the file tells of {', '.join(sorted(own))}, and all rows go to {camera}, as you say",
+                f"the name of the file tells of {', '.join(sorted(named))}, and all rows go to {camera}, as you say",
                 "people of another place would be counted there",
                 "--camera says which camera it is; a [[source]] with camera_from_name reads it from such names",
                 is_note=True,
@@ -74,10 +74,10 @@ def _cameras_of_files(case: Case) -> Iterator[SourceWarning]:
         yield _merged_cameras(case, f"the names of these files tell of {n} cameras", case.differing_cameras, fix)
         return
     known = cameras_in(name for c in case.site.cameras for name in (c.camera_id, c.name, *c.engine_ids))
-    own = cameras_in(name.rpartition("/")[2] for name in [case.file])
-    if known and own and not own & known:
+    named = cameras_in(name.rpartition("/")[2] for name in [case.file])
+    if known and named and not named & known:
         yield SourceWarning(
-            f"the name of the file tells of {', '.join(sorted(own))}, and all rows go to {camera}",
+            f"the name of the file tells of {', '.join(sorted(named))}, and all rows go to {camera}",
             "people of another place would be counted there",
             "--camera says which camera it is; engine_ids in vsd.toml hold its other names",
             is_note=True,
@@ -87,9 +87,9 @@ def _cameras_of_files(case: Case) -> Iterator[SourceWarning]:
 def _cameras(case: Case) -> Iterator[SourceWarning]:
     if "camera_id" in case.columns.plan.theirs:
         return
-    if len(found := cameras_in(case.sample.track.names)) > 1:
+    if len(cameras := cameras_in(case.sample.track.names)) > 1:
         yield _merged_cameras(
-            case, f"the ids of people name {len(found)} cameras", found, "export the camera in a column of its own"
+            case, f"the ids of people name {len(cameras)} cameras", cameras, "export the camera in a column of its own"
         )
     if len(parts := cameras_in(case.columns.parts)) > 1:
         yield _merged_cameras(
@@ -99,9 +99,9 @@ def _cameras(case: Case) -> Iterator[SourceWarning]:
             "a [[source]] with camera_from_name, or name them one by one, each with --camera",
         )
     for column in named_like(case.columns.values, "file"):
-        if len(found := cameras_in(case.columns.values[column])) > 1 and not case.is_settled_by_where(column):
-            what = f"{column[:80]!r} names {len(found)} cameras"
-            yield _merged_cameras(case, what, found, f"--map camera_id={column}")
+        if len(cameras := cameras_in(case.columns.values[column])) > 1 and not case.is_settled_by_where(column):
+            what = f"{column[:80]!r} names {len(cameras)} cameras"
+            yield _merged_cameras(case, what, cameras, f"--map camera_id={column}")
         elif letters(column) in _TOPICS and 1 < len(topics := case.columns.values[column]) <= TOPICS_MAX:
             yield SourceWarning(
                 f"{column[:80]!r} has {len(topics)} values ({', '.join(v[:40] for v, _ in topics.most_common(3))}), "
@@ -146,8 +146,8 @@ def _heights(case: Case) -> Iterator[SourceWarning]:
     metres = METRES[case.columns.plan.units.get("x_m", "m")]
     for column in named_like(case.columns.ignored, "third axis"):
         values = case.columns.values[column].items() if column in case.columns.values else ()
-        found = [(float(v) * metres, n) for v, n in values if is_number(v)]
-        heights = np.sort(np.repeat(*map(np.asarray, zip(*found, strict=True)))) if found else np.empty(0)
+        heights_m = [(float(v) * metres, n) for v, n in values if is_number(v)]
+        heights = np.sort(np.repeat(*map(np.asarray, zip(*heights_m, strict=True)))) if heights_m else np.empty(0)
         inner = heights[int(0.05 * len(heights)) : len(heights) - int(0.05 * len(heights))]
         if len(inner) < ROWS_MIN or (gap := np.diff(inner)).max() < STOREY_MIN_M or case.is_settled_by_where(column):
             continue
@@ -164,9 +164,9 @@ def _plain(name: str) -> str:
     return re.sub(r"[ _=-]", "", name.strip().lower())
 
 
-def _merged_cameras(case: Case, what: str, found: AbstractSet[str], fix: str) -> SourceWarning:
+def _merged_cameras(case: Case, what: str, cameras: AbstractSet[str], fix: str) -> SourceWarning:
     return SourceWarning(
-        f"{what} ({', '.join(sorted(found)[:4])}), and all rows go to {case.options.camera}",
+        f"{what} ({', '.join(sorted(cameras)[:4])}), and all rows go to {case.options.camera}",
         "people of several places would be counted as if they stood together",
         f"{fix}; engine_ids in vsd.toml say which camera is meant",
         is_sure=True,
@@ -238,16 +238,16 @@ def _unit_column(case: Case) -> Iterator[SourceWarning]:
     if not any(ours in LENGTHS for ours in case.columns.plan.names):
         return
     for column in named_like(case.columns.values, "unit"):
-        found = {_UNITS.get(letters(value), unit_in_name(f"x_{value}")) for value in case.columns.values[column]}
+        units = {_UNITS.get(letters(value), unit_in_name(f"x_{value}")) for value in case.columns.values[column]}
         read = {case.columns.plan.units.get(ours, "m") for ours in case.columns.plan.names if ours in LENGTHS}
-        if None in found or found == read:
+        if None in units or units == read:
             continue
-        wanted = next(iter(found - read), "m")
+        wanted = next(iter(units - read), "m")
         yield SourceWarning(
             f"{column[:80]!r} says {', '.join(v[:20] for v in list(case.columns.values[column])[:3])}, and positions "
             f"are read as {', '.join(sorted(read))}",
             "distances would be too large or too small",
-            f"--unit {wanted}" if len(found) == 1 else f'--where "{quoted(column)} = ..." with --unit, once for each',
+            f"--unit {wanted}" if len(units) == 1 else f'--where "{quoted(column)} = ..." with --unit, once for each',
             is_sure=True,
         )
 
@@ -295,12 +295,12 @@ def _scores(case: Case) -> Iterator[SourceWarning]:
 
 def _weak(case: Case) -> Iterator[SourceWarning]:
     for column in named_like(case.columns.values, "confidence"):
-        found = {float(v): n for v, n in case.columns.values[column].items() if is_number(v)}
+        n_of_confidence = {float(v): n for v, n in case.columns.values[column].items() if is_number(v)}
         full = full_score(case.columns.values[column])
-        if full is None or sum(found.values()) < 5 * ROWS_MIN:
+        if full is None or sum(n_of_confidence.values()) < 5 * ROWS_MIN:
             continue
         limit = WEAK * full
-        share = sum(n for value, n in found.items() if value < limit) / sum(found.values())
+        share = sum(n for value, n in n_of_confidence.items() if value < limit) / sum(n_of_confidence.values())
         if share > WEAK_SHARE and not case.is_settled_by_where(column):
             yield SourceWarning(
                 f"{column[:80]!r} is below {limit:g} in {share:.0%} of the rows",
@@ -314,13 +314,14 @@ def _confidences(case: Case) -> Iterator[SourceWarning]:
         column = compared.column
         if not is_named_like(column, "confidence") or not isinstance(compared.value, float):
             continue
-        found = [float(v) for v in case.columns.filtered.get(column, ()) if is_number(v)]
-        if found and 0 < compared.value <= 1 and np.median(found) > 1.5:
-            are_percents = max(found) <= 100
+        confidences = [float(v) for v in case.columns.filtered.get(column, ()) if is_number(v)]
+        if confidences and 0 < compared.value <= 1 and np.median(confidences) > 1.5:
+            are_percents = max(confidences) <= 100
             yield SourceWarning(
-                f"--where compares {column[:80]!r} with {compared.value:g}, and it is {min(found):g} to {max(found):g}",
+                f"--where compares {column[:80]!r} with {compared.value:g}, and it is "
+                f"{min(confidences):g} to {max(confidences):g}",
                 f"it holds {'percents' if are_percents else 'no shares'}, so the filter leaves out hardly any row",
-                f"compare it with {compared.value * (100 if are_percents else max(found)):.3g}",
+                f"compare it with {compared.value * (100 if are_percents else max(confidences)):.3g}",
                 is_sure=True,
             )
 
@@ -329,9 +330,9 @@ def _nobody(case: Case) -> Iterator[SourceWarning]:
     n_other, n_unknown = (case.sample.n_dropped[reason] for reason in (NOT_A_PERSON, NO_CLASS))
     if case.sample.n or case.sample.n_rejected or n_other + n_unknown < ROWS_MIN:
         return
-    found = [f"{n_other:,} of another class"] * bool(n_other) + [f"{n_unknown:,} without a class"] * bool(n_unknown)
+    objects = [f"{n_other:,} of another class"] * bool(n_other) + [f"{n_unknown:,} without a class"] * bool(n_unknown)
     yield SourceWarning(
-        f"{n_other + n_unknown:,} objects were in view, {' and '.join(found)}, and none is a person",
+        f"{n_other + n_unknown:,} objects were in view, {' and '.join(objects)}, and none is a person",
         "its hours would count as recorded, with nobody in view",
         "if people were there: let the camera or engine classify persons, not only moving objects or faces",
         is_note=not n_unknown,

@@ -102,7 +102,7 @@ def _handed_on(case: Case) -> Iterator[SourceWarning]:
 
 def _is_followed(ways: Ways, ends: Ints, begun: Ints, near: float, *, within_ms: int) -> Bools:
     """Return for each end of a life whether another one begins near it, and soon behind it."""
-    found = np.zeros(len(ends), dtype=bool)
+    is_followed = np.zeros(len(ends), dtype=bool)
     for camera in np.unique(ways.camera_no[ends]):
         of_end, first = np.flatnonzero(ways.camera_no[ends] == camera), begun[ways.camera_no[begun] == camera]
         first = first[np.argsort(ways.ts_ms[first])]
@@ -111,9 +111,9 @@ def _is_followed(ways: Ways, ends: Ints, begun: Ints, near: float, *, within_ms:
         while len(of_end):  # the next first record of each end that has one left
             has_one = from_ < to
             of_end, from_, to = of_end[has_one], from_[has_one], to[has_one]
-            found[of_end] |= np.hypot(*(ways.places[first[from_]] - ways.places[ends[of_end]]).T) <= near
+            is_followed[of_end] |= np.hypot(*(ways.places[first[from_]] - ways.places[ends[of_end]]).T) <= near
             from_ = from_ + 1
-    return found
+    return is_followed
 
 
 def _reach(sample: Sample) -> float:

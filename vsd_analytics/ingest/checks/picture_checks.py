@@ -30,9 +30,9 @@ def _names_centre(name: str) -> bool:
 
 def _square_side(places: Floats) -> int | None:
     """Return the side of the square that places fill to 85 % or more in one direction, of those that detectors use."""
-    found = next((side for side in SQUARES if 0.85 * side <= float(places.max()) <= side), None)
+    square_side = next((side for side in SQUARES if 0.85 * side <= float(places.max()) <= side), None)
     is_whole = bool((places * 2 % 1 == 0).all())  # the middle of two whole sides
-    return found if found != SHARES or is_whole else None
+    return square_side if square_side != SHARES or is_whole else None
 
 
 def _pixels(case: Case) -> Iterator[SourceWarning]:

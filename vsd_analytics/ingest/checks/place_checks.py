@@ -263,8 +263,8 @@ def _jumped_to(sample: Sample, ways: Ways) -> list[tuple[float, float]]:
     if is_there_and_back.sum() < ROWS_MIN:
         return []
     (x, y), track_no = ways.places[is_there_and_back].T, ways.track_no[is_there_and_back]
-    found = pd.Series(track_no).groupby([x, y]).agg(["size", "nunique"])
-    return list(found.index[(found["size"] >= ROWS_MIN) & (found["nunique"] > 2)])
+    places = pd.Series(track_no).groupby([x, y]).agg(["size", "nunique"])
+    return list(places.index[(places["size"] >= ROWS_MIN) & (places["nunique"] > 2)])
 
 
 UNIT_CHECK: Final = SourceCheck("W220", is_on_floor, _units, "positions that are not metres")

@@ -199,9 +199,9 @@ class Sample:
     @cached_property
     def frame_no(self) -> Ints:
         """Return the number of each record's frame: the frames are counted by camera and time."""
-        found = np.empty(self.n, dtype=np.int64)
-        found[self.by_frame] = np.cumsum(is_new(self.camera.no[self.by_frame], self.ts_ms[self.by_frame])) - 1
-        return found
+        frame_no = np.empty(self.n, dtype=np.int64)
+        frame_no[self.by_frame] = np.cumsum(is_new(self.camera.no[self.by_frame], self.ts_ms[self.by_frame])) - 1
+        return frame_no
 
     @cached_property
     def tracked(self) -> Ways:
@@ -271,9 +271,9 @@ def _speeds_m_s(ways: Ways, *, step_min_s: float) -> Floats:
 
 def is_new(*columns: NDArray[Any]) -> Bools:
     """Return which rows of some columns differ from the row before; the first one does."""
-    found = np.ones(len(columns[0]), dtype=bool)
-    found[1:] = np.logical_or.reduce([column[1:] != column[:-1] for column in columns])
-    return found
+    is_first = np.ones(len(columns[0]), dtype=bool)
+    is_first[1:] = np.logical_or.reduce([column[1:] != column[:-1] for column in columns])
+    return is_first
 
 
 def is_last(is_first: Bools) -> Bools:

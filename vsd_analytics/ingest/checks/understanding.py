@@ -142,10 +142,10 @@ def table_head(source: Source, reader: Adapter, options: IngestOptions) -> Table
     if look is None:
         return None
     try:
-        found: TableHead | None = look(source, options)
+        head: TableHead | None = look(source, options)
     except VsdError:  # reading the source reports it
         return None
-    return found
+    return head
 
 
 @np.errstate(over="ignore", invalid="ignore")  # absurd numbers are quarantined later
@@ -216,12 +216,12 @@ def _zone(case: Case) -> tuple[str | None, str | None]:
 
 
 def _rows(sample: Sample, head: TableHead | None) -> tuple[Mapping[str, Any], ...]:
-    found = []
+    rows = []
     for row in range(min(SHOWN_ROWS, sample.n)):
         numbers = (sample.distance_m[row], *sample.floor_m[row], *sample.picture_px[row])
         ours: dict[str, str | float | None]
         ours = {"camera": sample.camera.at(row), "ts_ms": int(sample.ts_ms[row]), "track": sample.track.at(row)}
         ours |= {name: None if np.isnan(v) else float(v) for name, v in zip(_NUMBERS, numbers, strict=True)}
         line = int(sample.line[row])
-        found.append({"line": line, "theirs": {} if head is None else dict(head.rows.get(line, {})), "ours": ours})
-    return tuple(found)
+        rows.append({"line": line, "theirs": {} if head is None else dict(head.rows.get(line, {})), "ours": ours})
+    return tuple(rows)

@@ -45,8 +45,8 @@ GENERAL = {
 @cache
 def plug_ins() -> dict[str, EntryPoint]:
     """Return the entry points of installed plug-ins by format; ours cannot be replaced."""
-    found = sorted(entry_points(group=GROUP), key=lambda point: (point.name, point.value))
-    return {point.name: point for point in found if point.name not in {**SPECIFIC, **GENERAL}}
+    points = sorted(entry_points(group=GROUP), key=lambda point: (point.name, point.value))
+    return {point.name: point for point in points if point.name not in {**SPECIFIC, **GENERAL}}
 
 
 def formats() -> tuple[str, ...]:
@@ -63,8 +63,8 @@ def adapter(name: str) -> Adapter:
     ours = {**SPECIFIC, **GENERAL}
     if name in ours:
         module, _, attribute = ours[name].partition(":")
-        made: Adapter = getattr(importlib.import_module(module), attribute)()
-        return made
+        reader: Adapter = getattr(importlib.import_module(module), attribute)()
+        return reader
     if name not in plug_ins():
         near = difflib.get_close_matches(name, formats(), n=1)
         raise UsageError(
@@ -78,8 +78,8 @@ def adapter(name: str) -> Adapter:
 def _load(point: EntryPoint) -> Adapter:
     distribution = point.dist.name if point.dist is not None else point.value
     try:
-        made: Adapter = point.load()()
-        lacking = [part for part in ("name", "coordinates", "detects", "read") if not hasattr(made, part)]
+        reader: Adapter = point.load()()
+        lacking = [part for part in ("name", "coordinates", "detects", "read") if not hasattr(reader, part)]
         if lacking:
             raise TypeError(f"{point.value} has no {', '.join(lacking)}")
     except Exception as error:  # a plug-in is foreign code: whatever it raises must name it
@@ -89,4 +89,4 @@ def _load(point: EntryPoint) -> Adapter:
             why=f"{type(error).__name__}: {error}",
             fix=f"upgrade it, or remove it: pip uninstall {distribution}",
         ) from error
-    return made
+    return reader

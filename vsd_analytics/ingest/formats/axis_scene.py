@@ -50,21 +50,21 @@ class AxisScene(JsonMessages):
         view = [f"topic {topic}"] * (topic is not None) + [f"channel {channel}"] * (channel is not None)
         frames.check_view(" and ".join(view) or None)
         seen, others = [], {NOT_A_PERSON: 0, NO_CLASS: 0}
-        for found in [*listed(frame, "observations"), *listed(frame, "detections")]:
-            if not isinstance(found, dict):
-                raise BadRowError("bad-message", f"an observation is {str(found)[:40]!r}")
-            track = id_of(found.get("object_track_id", found.get("track_id")))
-            kind = frames.kind_of(track, _kind(found))
+        for observation in [*listed(frame, "observations"), *listed(frame, "detections")]:
+            if not isinstance(observation, dict):
+                raise BadRowError("bad-message", f"an observation is {str(observation)[:40]!r}")
+            track = id_of(observation.get("object_track_id", observation.get("track_id")))
+            kind = frames.kind_of(track, _kind(observation))
             if kind == "human":
-                seen.append(frames.person(partial(_person, track, found, options)))
+                seen.append(frames.person(partial(_person, track, observation, options)))
             else:
                 others[NOT_A_PERSON if kind else NO_CLASS] += 1
         frames.add(None, at, seen, line=number)
         frames.dropped.update(others)
 
 
-def _person(track: str | None, found: Mapping[str, Any], options: IngestOptions) -> SeenPerson:
-    box = inner(found, "bounding_box")
+def _person(track: str | None, observation: Mapping[str, Any], options: IngestOptions) -> SeenPerson:
+    box = inner(observation, "bounding_box")
     left, right, bottom = (_share(box.get(side)) for side in ("left", "right", "bottom"))
     width, height = size_of(options, None)
     return SeenPerson(track, None, ((left + right) / 2 * width, bottom * height))
@@ -76,15 +76,15 @@ def _is_empty_frame(source: Source) -> bool:
     if not first.startswith(b"{"):
         return False
     try:
-        found = json.loads(first)
+        message = json.loads(first)
     except (ValueError, RecursionError):
         return False
-    return {"channel_id", "timestamp"} <= set(found) <= _EMPTY
+    return {"channel_id", "timestamp"} <= set(message) <= _EMPTY
 
 
-def _kind(found: Mapping[str, Any]) -> str:
+def _kind(observation: Mapping[str, Any]) -> str:
     """Return the class of an object in lower case; "" = not given. Of several the most certain counts."""
-    given = found.get("class", found.get("classes"))
+    given = observation.get("class", observation.get("classes"))
     each = given if isinstance(given, list) else [given]
     known = [c for c in each if isinstance(c, dict) and isinstance(c.get("type"), str)]
     best = max(known, key=lambda c: finite(c.get("score", 0)), default={"type": ""})

@@ -62,17 +62,19 @@ class AzureSpatialAnalysis(JsonMessages):
             "Complete",
             "Calibrated",
         )
-        found = listed(message, "detections")
-        if "metadataType" in message or any(isinstance(d, dict) and "metadataType" in d for d in found):
-            frames.dropped[CROSSINGS] += len(found)
+        detections = listed(message, "detections")
+        if "metadataType" in message or any(isinstance(d, dict) and "metadataType" in d for d in detections):
+            frames.dropped[CROSSINGS] += len(detections)
             return
         if any(isinstance(e, dict) and "metadataType" in e for e in listed(message, "events")):
-            found, n_unplaced = _of_preview(message)
+            detections, n_unplaced = _of_preview(message)
             frames.dropped[UNPLACED] += n_unplaced
-        own = tuple(n for n in (source.get("width"), source.get("height")) if isinstance(n, int) and 0 < n < 100_000)
-        size = (own[0], own[1]) if len(own) == 2 else None
+        message_px = tuple(
+            n for n in (source.get("width"), source.get("height")) if isinstance(n, int) and 0 < n < 100_000
+        )
+        size = (message_px[0], message_px[1]) if len(message_px) == 2 else None
         seen, n_others = [], 0
-        for detection in found:
+        for detection in detections:
             if not isinstance(detection, dict):
                 raise BadRowError("bad-message", f"a detection is {str(detection)[:40]!r}")
             if not _is_person(detection):
@@ -92,7 +94,7 @@ def _is_person(detection: Mapping[str, Any]) -> bool:
 
 def _of_preview(message: Mapping[str, Any]) -> tuple[list[Any], int]:
     """Return the persons of the first preview's events, each once, and how many are counted without a place."""
-    found: dict[str, Any] = {}
+    detection: dict[str, Any] = {}
     n_unplaced = 0
     for event in (e for e in listed(message, "events") if isinstance(e, dict)):
         about = inner(event, "metadata")
@@ -101,8 +103,8 @@ def _of_preview(message: Mapping[str, Any]) -> tuple[list[Any], int]:
         n_unplaced = max(n_unplaced, (n_stated if isinstance(n_stated, int) else 0) - len(people))
         for person in people:
             name = person.get("id") if isinstance(person, dict) else None
-            found.setdefault(str(name or person), person)
-    return list(found.values()), n_unplaced
+            detection.setdefault(str(name or person), person)
+    return list(detection.values()), n_unplaced
 
 
 def _take_inferences(message: Mapping[str, Any], frames: FrameRows, options: IngestOptions, number: int) -> None:
@@ -116,9 +118,9 @@ def _take_inferences(message: Mapping[str, Any], frames: FrameRows, options: Ing
             frames.dropped[NOT_A_PERSON] += 1
             continue
         point = {"x": more.get("centerGroundPointX"), "y": more.get("centerGroundPointY")}
-        found = {"centerGroundPoint": point, "rectangle": inner(entity, "box")}
+        detection = {"centerGroundPoint": point, "rectangle": inner(entity, "box")}
         is_floor = options.coordinates != "image"
-        seen.append(frames.person(partial(_person, found, is_floor, None, options, options.camera)))
+        seen.append(frames.person(partial(_person, detection, is_floor, None, options, options.camera)))
     frames.add(options.camera, _EPOCH + timedelta(seconds=ticks / _TICKS_HZ), seen, line=number)
 
 
@@ -131,15 +133,15 @@ def _entities(message: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], dict
 
 
 def _person(
-    found: Mapping[str, Any], is_floor: bool, own: Size | None, options: IngestOptions, camera: str | None
+    detection: Mapping[str, Any], is_floor: bool, message_px: Size | None, options: IngestOptions, camera: str | None
 ) -> SeenPerson:
-    floor = _ground(found) if is_floor else None
-    return SeenPerson(None, floor, _foot(found, own, options, camera) if floor is None else None)
+    floor = _ground(detection) if is_floor else None
+    return SeenPerson(None, floor, _foot(detection, message_px, options, camera) if floor is None else None)
 
 
-def _ground(found: Mapping[str, Any]) -> tuple[float, float] | None:
+def _ground(detection: Mapping[str, Any]) -> tuple[float, float] | None:
     """Return the point on the ground in metres; None where the service had none, which it writes as 0, 0."""
-    point = inner(found, "centerGroundPoint") or inner(inner(found, "metadata"), "centerGroundPoint")
+    point = inner(detection, "centerGroundPoint") or inner(inner(detection, "metadata"), "centerGroundPoint")
     if point.get("x") is None or point.get("y") is None:
         return None
     x, y = finite(point["x"]), finite(point["y"])
@@ -147,19 +149,19 @@ def _ground(found: Mapping[str, Any]) -> tuple[float, float] | None:
 
 
 def _foot(
-    found: Mapping[str, Any], own: Size | None, options: IngestOptions, camera: str | None
+    detection: Mapping[str, Any], message_px: Size | None, options: IngestOptions, camera: str | None
 ) -> tuple[float, float]:
     """Return the bottom centre of the region in pixels."""
-    box = inner(found, "rectangle") or inner(found, "bbox")
+    box = inner(detection, "rectangle") or inner(detection, "bbox")
     if box:
         left, top, width, height = (
             finite(box.get(side, box.get(side[0]))) for side in ("left", "top", "width", "height")
         )
         xs, ys = [left, left + width], [top, top + height]
     else:
-        points = listed(inner(found, "region"), "points")
+        points = listed(inner(detection, "region"), "points")
         if not points or not all(isinstance(p, dict) for p in points):
             raise BadRowError("no-position", "the detection has neither a point on the ground nor a region")
         xs, ys = ([finite(p.get(axis)) for p in points] for axis in "xy")
-    width_px, height_px = size_of(options, camera, own=own)
+    width_px, height_px = size_of(options, camera, message_px=message_px)
     return (min(xs) + max(xs)) / 2 * width_px, max(ys) * height_px

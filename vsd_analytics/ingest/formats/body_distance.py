@@ -120,9 +120,9 @@ def agreeing(frames: Sequence[LoggedFrame], pairs: Pairs, *, is_close: NDArray[n
     counts = np.bincount(pairs.frame[is_close], minlength=len(frames))
     agrees = np.asarray(counts == np.array([f.n_violations for f in frames], dtype=np.int64))
     # a person of a frame as one number, frame * span + index, so that all frames are compared in one pass
-    found = np.concatenate([(pairs.frame * span + side)[is_close] for side in (pairs.a, pairs.b)])
+    close = np.concatenate([(pairs.frame * span + side)[is_close] for side in (pairs.a, pairs.b)])
     logged = [i * span + v for i, f in enumerate(frames) for v in f.violators or ()]
-    differing = np.setxor1d(found, np.array(logged, dtype=np.intp)) // span
+    differing = np.setxor1d(close, np.array(logged, dtype=np.intp)) // span
     is_logged = np.array([f.violators is not None for f in frames], dtype=np.bool_)
     agrees[differing[is_logged[differing]]] = False
     return agrees

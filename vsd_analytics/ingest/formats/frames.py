@@ -163,7 +163,7 @@ def _bounded(first: int, text: bytes | None) -> Iterator[tuple[int, bytes | None
 def _batches(options: IngestOptions, block: tuple[int, bytes | None, int]) -> list[RawBatch]:
     """Return the records of some whole lines, of which one that is too long is None; see `text_blocks`."""
     first, text, done_bytes = block
-    found: list[RawBatch] = []
+    batches: list[RawBatch] = []
     builder = MessageRows(options)
     for number, line in enumerate(lines_of(text, max_bytes=options.line_max_bytes), first):
         if line is None:
@@ -172,10 +172,10 @@ def _batches(options: IngestOptions, block: tuple[int, bytes | None, int]) -> li
         elif line:
             builder.add(number, line)
         if builder.n_rows >= BATCH_ROWS:
-            found.append(builder.batch(done_bytes))
+            batches.append(builder.batch(done_bytes))
     if builder.n_rows:
-        found.append(builder.batch(done_bytes))
-    return found
+        batches.append(builder.batch(done_bytes))
+    return batches
 
 
 def _is_own(line: bytes) -> bool:
@@ -232,18 +232,18 @@ class MessageRows:
             if self._n_held >= _HELD_ROWS:
                 self._take_columns()
 
-    def _reject_crowd(self, number: int, found: str, most: int, line: bytes) -> None:
+    def _reject_crowd(self, number: int, shown: str, most: int, line: bytes) -> None:
         """Put a message with more persons or pairs than a camera sees into quarantine as a whole."""
-        self.reject(number, TOO_MANY, f"{found} in one frame; at most {most:,} are read", line)
+        self.reject(number, TOO_MANY, f"{shown} in one frame; at most {most:,} are read", line)
 
     def _second_look(self, number: int, line: bytes) -> FrameMessage | None:
         """Decode a message that is wrong, has something around it, or has unknown fields, and count these."""
         if not line.strip():
             return None
-        own = bare(line)
+        bare_line = bare(line)
         try:
-            message = _typed.decode(own)
-            loose: dict[str, Any] = _loose.decode(own)
+            message = _typed.decode(bare_line)
+            loose: dict[str, Any] = _loose.decode(bare_line)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
             reason = "bad-message" if isinstance(error, msgspec.ValidationError) else "bad-json"
             self.reject(number, reason, f"not a VSD frame message: {error}", line)

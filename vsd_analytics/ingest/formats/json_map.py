@@ -59,12 +59,12 @@ class JsonMap(JsonMessages):
         paths = message_paths(options)
         camera = id_of(paths.of(message, "camera_id"))
         at = _instant(paths.of(message, "ts"), options.time_format)
-        found = _persons(message, paths.persons)
-        chosen = [(key, person) for key, person in found if all(_holds(c, person) for c in paths.where)]
+        persons = _persons(message, paths.persons)
+        chosen = [(key, person) for key, person in persons if all(_holds(c, person) for c in paths.where)]
         seen = [frames.person(partial(_seen, paths, key, person, options, camera)) for key, person in chosen]
         frames.add(camera, at, seen, line=number)
-        if len(found) > len(chosen):
-            frames.dropped[LEFT_OUT] += len(found) - len(chosen)
+        if len(persons) > len(chosen):
+            frames.dropped[LEFT_OUT] += len(persons) - len(chosen)
 
     def head(self, source: Source, options: IngestOptions) -> TableHead:
         """Return how the paths are read, and what the values that nobody mapped hold in the first messages."""
@@ -155,13 +155,13 @@ def _persons(message: Mapping[str, Any], path: str | None) -> list[tuple[str | N
     """
     if path is None:
         return [(None, message)]
-    found = value_at(message, path)
-    if isinstance(found, dict):
-        people: list[tuple[str | None, Any]] = list(found.items())
-    elif isinstance(found, list):
-        people = [(None, person) for person in found]
+    persons = value_at(message, path)
+    if isinstance(persons, dict):
+        people: list[tuple[str | None, Any]] = list(persons.items())
+    elif isinstance(persons, list):
+        people = [(None, person) for person in persons]
     else:
-        raise BadRowError("bad-message", _no_list(message, path, found))
+        raise BadRowError("bad-message", _no_list(message, path, persons))
     if any(not isinstance(person, dict | list) for _, person in people):
         raise BadRowError("bad-message", f"a person at {path[:80]!r} is neither an object nor a list")
     return people
@@ -172,12 +172,12 @@ def _passed_over(message: Mapping[str, Any], path: str) -> Iterator[str]:
     names = path.split(".")
     for i, name in enumerate(names):
         if name.isdecimal():
-            found = value_at(message, ".".join(names[:i])) if i else None
-            if isinstance(found, list) and len(found) > 1:
+            entries = value_at(message, ".".join(names[:i])) if i else None
+            if isinstance(entries, list) and len(entries) > 1:
                 yield ".".join(names[: i + 1])
 
 
-def _no_list(message: Mapping[str, Any], path: str, found: Any) -> str:
+def _no_list(message: Mapping[str, Any], path: str, value: Any) -> str:
     """Return what is at the path of the persons, or which keys there are where it ends."""
     thing: Any = message
     front, rest = "", path
@@ -188,7 +188,7 @@ def _no_list(message: Mapping[str, Any], path: str, found: Any) -> str:
             there = f"its keys: {', '.join(keys)}" if keys else "it is empty"
             return f"{_shown(front) or 'the message'} has no key {rest[:80]!r}; {there}"
         thing, front, rest = thing[name], f"{front}.{name}".lstrip("."), after
-    what = "null" if found is None else repr(str(found)[:40])
+    what = "null" if value is None else repr(str(value)[:40])
     return f"there is no list of persons at {path[:80]!r}, but {what}"
 
 

@@ -50,9 +50,9 @@ def sequences(source: Source, options: IngestOptions) -> Iterator[list[Sequence]
     if kind is None:
         yield [_single(source, options)]
         return
-    with members(source, wanted=SEQUENCE_FILES) as found:
+    with members(source, wanted=SEQUENCE_FILES) as members_here:
         folders: dict[PurePosixPath, dict[str, Member]] = {}
-        for member in found:
+        for member in members_here:
             path = PurePosixPath(member.name)
             folder = path.parent if path.name == "seqinfo.ini" else path.parent.parent
             folders.setdefault(folder, {})[path.name] = member
@@ -64,18 +64,18 @@ def sequences(source: Source, options: IngestOptions) -> Iterator[list[Sequence]
         yield _chosen(source, whole, options)
 
 
-def _chosen(source: Source, found: list[Sequence], options: IngestOptions) -> list[Sequence]:
-    cameras = [s.camera for s in found]
-    if not found:
+def _chosen(source: Source, every: list[Sequence], options: IngestOptions) -> list[Sequence]:
+    cameras = [s.camera for s in every]
+    if not every:
         raise _no_sequences(source)
     if options.camera is None and len(set(cameras)) == len(cameras):
-        return found
+        return every
     if options.camera is not None:
-        matching = [s for s in found if options.camera in (s.camera, s.title)] or (found if len(found) == 1 else [])
+        matching = [s for s in every if options.camera in (s.camera, s.title)] or (every if len(every) == 1 else [])
         if len(matching) == 1:
             return [dataclasses.replace(matching[0], camera=options.camera)]
     raise UsageError(
-        f"{source.file_name} holds {len(found)} sequences and it is not clear which are meant",
+        f"{source.file_name} holds {len(every)} sequences and it is not clear which are meant",
         where=Where(source.name),
         why=f"--camera is {options.camera or 'not given'}; the sequences are {', '.join(str(c) for c in cameras[:20])}",
         fix="give --camera the name of one of them, or unpack the archive and name one folder",

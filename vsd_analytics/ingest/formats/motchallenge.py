@@ -85,8 +85,8 @@ class MotChallenge:
         if archive_kind(source) != "zip":
             return False
         try:
-            with members(source, wanted=SEQUENCE_FILES) as found:
-                return any(m.name.endswith(".txt") for m in found)
+            with members(source, wanted=SEQUENCE_FILES) as files:
+                return any(m.name.endswith(".txt") for m in files)
         except InputError:
             return False
 
@@ -104,21 +104,21 @@ class MotChallenge:
         """
         lowest = 0 if options.first_frame is not None and options.first_frame < 1 else 1
         is_floor, size = options.coordinates == "floor", source.size_bytes
-        with sequences(source, options) as found:
+        with sequences(source, options) as sequences_here:
             usable = []
             notes = []
-            for sequence in found:
+            for sequence in sequences_here:
                 if not is_floor or _has_floor(sequence, source.settings):
                     usable.append(sequence)
-                elif len(found) == 1:
+                elif len(sequences_here) == 1:
                     raise _no_floor(source, sequence)
                 else:
                     notes.append(f"W208: {sequence.title} has no floor metres in columns 8 and 9 and was left out")
             if not usable:
-                raise _no_floor(source, found[0])
+                raise _no_floor(source, sequences_here[0])
             clocks, damage = [_clock(source, s, options) for s in usable], None
             for number, (sequence, clock) in enumerate(zip(usable, clocks, strict=True), 1):
-                prefix = f"{sequence.title}: " if len(found) > 1 else ""
+                prefix = f"{sequence.title}: " if len(sequences_here) > 1 else ""
                 done = (size * (number - 1) // len(usable), size * number // len(usable))
                 try:
                     yield from _read(

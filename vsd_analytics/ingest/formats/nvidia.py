@@ -48,8 +48,8 @@ class Nvidia(JsonMessages):
         camera = (text(inner(message, "sensor"), "id") if is_full else text(message, "sensorId")) or options.camera
         at = instant_of(message.get("timestamp", message.get("@timestamp")))
         seen, n_others = [], 0
-        for found in [message["object"]] if is_full else listed(message, "objects"):
-            kind, person = _minimal(found) if isinstance(found, str) else _whole(found, options)
+        for entry in [message["object"]] if is_full else listed(message, "objects"):
+            kind, person = _minimal(entry) if isinstance(entry, str) else _whole(entry, options)
             if kind.lower() in PERSON:
                 seen.append(frames.person(person))
             else:
@@ -60,21 +60,21 @@ class Nvidia(JsonMessages):
         frames.dropped[CLUSTERS] += len(clusters)
 
 
-def _whole(found: Any, options: IngestOptions) -> tuple[str, Any]:
+def _whole(entry: Any, options: IngestOptions) -> tuple[str, Any]:
     """Return the class of an object, and a function that returns it as a person."""
-    if not isinstance(found, dict):
-        raise BadRowError("bad-message", f"an object is {str(found)[:40]!r}")
+    if not isinstance(entry, dict):
+        raise BadRowError("bad-message", f"an object is {str(entry)[:40]!r}")
 
     def person() -> SeenPerson:
-        info = inner(found, "info")
+        info = inner(entry, "info")
         floor, picture = None, None
         if options.coordinates != "image":
-            floor = _of_text(info.get("footLocation3D")) or _of_floor(inner(found, "coordinate"))
+            floor = _of_text(info.get("footLocation3D")) or _of_floor(inner(entry, "coordinate"))
         if floor is None:
-            picture = _of_text(info.get("footLocation2D")) or _foot(inner(found, "bbox"))
-        return SeenPerson(id_of(found.get("id")), floor, picture)
+            picture = _of_text(info.get("footLocation2D")) or _foot(inner(entry, "bbox"))
+        return SeenPerson(id_of(entry.get("id")), floor, picture)
 
-    kind = text(found, "type") or next((key for key in _CLASS_KEYS if isinstance(found.get(key), dict)), "")
+    kind = text(entry, "type") or next((key for key in _CLASS_KEYS if isinstance(entry.get(key), dict)), "")
     return "person" if kind == "pose" else kind, person
 
 

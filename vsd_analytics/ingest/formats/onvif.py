@@ -269,8 +269,10 @@ class _Reader:
             raise BadRowError("no-position", "the object has no box")
         (move_x, move_y), (scale_x, scale_y) = self._translate, self._scale
         is_transformed = (scale_x, scale_y) != (1.0, 1.0)
-        own = (round(2 / abs(scale_x)), round(2 / abs(scale_y))) if is_transformed and scale_x and scale_y else None
-        width, height = size_of(self._options, self._camera, own=own)
+        frame_px = (
+            (round(2 / abs(scale_x)), round(2 / abs(scale_y))) if is_transformed and scale_x and scale_y else None
+        )
+        width, height = size_of(self._options, self._camera, message_px=frame_px)
         left, top, right, bottom = _numbers(each.box, *_SIDES)
         x = (left + right) / 2 * scale_x + move_x
         y = min(top * scale_y + move_y, bottom * scale_y + move_y)  # vendors differ in which way y goes

@@ -197,8 +197,8 @@ def _logs(source: Source) -> Iterator[Any]:
     if archive_kind(source) is None:
         yield [Member(source.file_name, source.open)]
     else:
-        with members(source, wanted=_LOGS_HERE if _is_log_folder(source) else _LOGS) as found:
-            yield found
+        with members(source, wanted=_LOGS_HERE if _is_log_folder(source) else _LOGS) as files:
+            yield files
 
 
 def _camera(source: Source, log: Member) -> str | None:

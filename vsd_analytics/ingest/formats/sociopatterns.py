@@ -49,20 +49,20 @@ class SocioPatterns:
         with source.open() as stream:
             for number, line in bounded_lines(stream, max_bytes=options.line_max_bytes):
                 try:
-                    found = _contact(line)
-                    if found is not None:
-                        start_ms = _start_ms(found[0], source, options) if start_ms is None else start_ms
-                        found = _placed(found, start_ms)
+                    contact = _contact(line)
+                    if contact is not None:
+                        start_ms = _start_ms(contact[0], source, options) if start_ms is None else start_ms
+                        contact = _placed(contact, start_ms)
                 except BadRowError as error:
                     bad.append(rejected(number, reason=error.args[0], detail=error.args[1], record=line or b""))
                     continue
-                if found is None:
+                if contact is None:
                     continue
-                for name, value in zip(columns, (*found, number), strict=True):
+                for name, value in zip(columns, (*contact, number), strict=True):
                     columns[name].append(value)
-                frames[found[0]] = frames.get(found[0], 0) + 1
+                frames[contact[0]] = frames.get(contact[0], 0) + 1
                 if len(frames) + len(columns["line"]) + 10 * len(bad) >= BATCH_ROWS:
-                    last = found[0]
+                    last = contact[0]
                     yield _batch(
                         columns, {t: n for t, n in frames.items() if t != last}, bad, options, bytes_read(stream)
                     )
@@ -104,9 +104,9 @@ def _start_ms(t_s: int, source: Source, options: IngestOptions) -> int:
     )
 
 
-def _placed(found: tuple[int, str, str], start_ms: int) -> tuple[int, str, str]:
+def _placed(contact: tuple[int, str, str], start_ms: int) -> tuple[int, str, str]:
     """Return a contact with UTC milliseconds; a time that counts from another start than the first is none."""
-    t_s, one, other = found
+    t_s, one, other = contact
     if (t_s >= EPOCH_LEAST_S) != (start_ms == 0):
         raise BadRowError("not-a-time", f"{t_s} seconds count from another start than the first time of the file")
     return start_ms + t_s * 1000, one, other

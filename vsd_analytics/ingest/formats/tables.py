@@ -22,7 +22,7 @@ from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch, Reject
 from vsd_analytics.ingest.reading.archive import archive_kind
 from vsd_analytics.ingest.reading.cell_values import trimmed
 from vsd_analytics.ingest.reading.column_hints import are_columns
-from vsd_analytics.ingest.reading.columns import ColumnPlan, beside, plan_columns
+from vsd_analytics.ingest.reading.columns import ColumnPlan, other_column_key, plan_columns
 from vsd_analytics.ingest.reading.json_table import JsonTable
 from vsd_analytics.ingest.reading.named_camera import part_with_camera
 from vsd_analytics.ingest.reading.parquet import ParquetTable
@@ -97,7 +97,7 @@ class Tables:
             plan = plan.only_where()
         with file.readable():
             beside_ours = {} if self._is_only_where else watched_columns(file, plan, LASTING)
-            wanted = {**{beside(name): i for name, i in beside_ours.items()}, **plan.wanted}
+            wanted = {**{other_column_key(name): i for name, i in beside_ours.items()}, **plan.wanted}
             for chunk in file.chunks(wanted):
                 batch = raw_batch(plan, chunk.columns, chunk.lines, options, decimal_comma=file.has_decimal_comma)
                 bad: list[Rejected] = list(batch.rejected)
@@ -108,7 +108,7 @@ class Tables:
                     rejected=[*chunk.rejected, *bad],
                     done_bytes=chunk.done_bytes,
                     first_line=file.first_line,
-                    values={name: values_of(trimmed(chunk.columns[beside(name)])) for name in beside_ours},
+                    values={name: values_of(trimmed(chunk.columns[other_column_key(name)])) for name in beside_ours},
                 )
 
     def head(self, source: Source, options: IngestOptions) -> TableHead:
@@ -123,8 +123,8 @@ class Tables:
             heads = [head_of(*self._planned(part.source, options, part)) for part in parts[:_HEADS]]
             values: dict[str, Counter[str]] = {}
             for head in heads:
-                for name, found in head.values.items():
-                    values.setdefault(name, Counter()).update(found)
+                for name, counts in head.values.items():
+                    values.setdefault(name, Counter()).update(counts)
             return replace(heads[0], values=values, parts=[p.name for p in parts], unread=unread_of(source))
 
     def _planned(

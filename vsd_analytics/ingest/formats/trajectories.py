@@ -39,9 +39,9 @@ class Trajectories:
         head = source.head(_HEADER_BYTES)
         if not head.startswith((b"#", b"\xef\xbb\xbf#")) or _FPS.search(head) is None:
             return False
-        found = [line.split() for line in head.split(b"\n") if line.strip() and not line.startswith(b"#")][:_LOOKED_AT]
-        n_fitting = sum(4 <= len(cells) <= 9 and all(map(_NUMBER.fullmatch, cells[:4])) for cells in found)
-        return n_fitting > len(found) / 2
+        rows = [line.split() for line in head.split(b"\n") if line.strip() and not line.startswith(b"#")][:_LOOKED_AT]
+        n_fitting = sum(4 <= len(cells) <= 9 and all(map(_NUMBER.fullmatch, cells[:4])) for cells in rows)
+        return n_fitting > len(rows) / 2
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream the positions, then a frame for every number from the first to the last.

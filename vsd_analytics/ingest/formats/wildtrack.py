@@ -85,8 +85,8 @@ class Wildtrack:
             return any(_TAR_ENTRY.search(head[at : at + 101]) for at in range(0, len(head), 512))
         if kind == "zip":
             try:
-                with members(source, wanted=re.compile(r"(?:^|/)annotations_positions/\d{1,9}\.json$")) as found:
-                    return any(True for _ in found)
+                with members(source, wanted=re.compile(r"(?:^|/)annotations_positions/\d{1,9}\.json$")) as members_here:
+                    return any(True for _ in members_here)
             except InputError:
                 return False
         return False
@@ -119,9 +119,9 @@ class Wildtrack:
             )
         camera, n_files, damage = options.camera or "wildtrack", 0, None
         rows = _WildtrackRows(options.per_camera)
-        with members(source, wanted=_FILES) as found:
+        with members(source, wanted=_FILES) as files:
             try:
-                for n_files, member in enumerate(found, 1):
+                for n_files, member in enumerate(files, 1):
                     number = _FILES.search(member.name)
                     frame = int(number[1]) if number else 0
                     try:

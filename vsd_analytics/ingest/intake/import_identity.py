@@ -85,9 +85,9 @@ def warning_of_earlier_reading(site: Site, source: Source, reading: str, sketch:
     content = content_id(content_of(source.path)) if other else ""
     other = [line for line in other if line.content == content]
     alike = [] if other else [line for line in earlier if is_same_recording(sketch, line.sketch)]
-    found = other or alike
-    held = holdings(Store(site.root / "store", site_id=site.site_id)) if found else {}
-    stored: ImportLine | None = next((line for line in reversed(found) if line.id in held), None)
+    stored_import = other or alike
+    held = holdings(Store(site.root / "store", site_id=site.site_id)) if stored_import else {}
+    stored: ImportLine | None = next((line for line in reversed(stored_import) if line.id in held), None)
     if stored is None:
         return None
     n_records = sum(held[stored.id].n_records.values())
@@ -123,10 +123,10 @@ MOST = 1_000
 def known_shapes(root: Path) -> list[str]:
     """Return the shapes (`SourceProfile.shape`) imported into a project, the oldest first; [] = unreadable."""
     try:
-        found = json.loads((root / FILE).read_text(encoding="utf-8"))
+        shapes = json.loads((root / FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return []
-    return [shape for shape in found if isinstance(shape, str)] if isinstance(found, list) else []
+    return [shape for shape in shapes if isinstance(shape, str)] if isinstance(shapes, list) else []
 
 
 def note_shape(root: Path, shape: str) -> None:

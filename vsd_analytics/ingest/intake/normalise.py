@@ -270,10 +270,10 @@ def _good(
         mask = pc.fill_null(is_bad(rows), False)
         if not pc.any(mask).as_py():
             continue
-        found = rows.filter(mask)
-        n_single = found.num_rows if n_whole is None else min(found.num_rows, max(0, n_whole - len(bad)))
-        n_more = found.num_rows - n_single  # these become one record with a count, shown by the first of them
-        for i, row in enumerate(found.slice(0, n_single + (n_more > 0)).to_pylist()):
+        good = rows.filter(mask)
+        n_single = good.num_rows if n_whole is None else min(good.num_rows, max(0, n_whole - len(bad)))
+        n_more = good.num_rows - n_single  # these become one record with a count, shown by the first of them
+        for i, row in enumerate(good.slice(0, n_single + (n_more > 0)).to_pylist()):
             as_json = row_json({c: row[c] for c in shown if row[c] is not None})
             row["ts_ms"] = _readable(row["ts_ms"])
             text = ", ".join(f"{c}={row[c]}" for c in shown if row[c] is not None and c != "zone")

@@ -256,9 +256,9 @@ class _Ingest:
         if self.is_dry_run:
             return ""
         content = content_of(self.source.path)
-        found = import_id(self.site, self.options, content, kind=result.format)
+        new_id = import_id(self.site, self.options, content, kind=result.format)
         line = ImportLine(
-            id=found,
+            id=new_id,
             at=self.now.astimezone(UTC),
             run=self.run_number,
             source=self.source.name.encode("utf-8", "backslashreplace").decode(),
@@ -269,8 +269,8 @@ class _Ingest:
         )
         for folder in dict.fromkeys((self.site.root / "store", self.site.acknowledged)):
             note_import(folder, line)
-        result.import_id = found
-        return found
+        result.import_id = new_id
+        return new_id
 
     def batches(self, result: SourceResult) -> Iterator[RawBatch]:
         """Read the source with its adapter, but nothing of it where its head is almost surely understood wrongly.
@@ -332,24 +332,24 @@ def _left_out(result: SourceResult) -> str:
     """Return which values the columns of `--where` have, where it left out every row."""
     if not result.n_dropped.get(LEFT_OUT) or result.card is None:
         return ""
-    found = result.card.filtered.items()
-    held = "; ".join(f"{name[:40]!r} holds {', '.join(v[:20] for v in values)}" for name, values in found)
+    filtered = result.card.filtered.items()
+    held = "; ".join(f"{name[:40]!r} holds {', '.join(v[:20] for v in values)}" for name, values in filtered)
     return f": --where leaves out all {result.n_dropped[LEFT_OUT]:,} rows; {held}"
 
 
 def _head(batches: Iterator[RawBatch]) -> tuple[list[RawBatch], VsdError | None]:
     """Return the first batches, of at least `SAMPLE_ROWS` records if there are so many, and what ended them early."""
-    found: list[RawBatch] = []
+    head: list[RawBatch] = []
     n_found = 0
     try:
         for batch in batches:
-            found.append(batch)
+            head.append(batch)
             n_found += n_rows(batch.tables.values())
             if n_found >= SAMPLE_ROWS:
                 break
     except VsdError as error:  # the batches before it count
-        return found, error
-    return found, None
+        return head, error
+    return head, None
 
 
 def options_for(site: Site, source: Source, options: IngestOptions) -> IngestOptions:

@@ -62,7 +62,7 @@ def quarantined_in_scope(site: Site, which: RecordScope) -> QuarantinedLines:
     known: dict[str | None, str | None] = {which.camera_id: which.camera_id}  # vsd.toml may not know it any more
     known |= {name: c.camera_id for c in site.cameras for name in (c.camera_id, *c.engine_ids)}
     reread = Rereader(site)
-    found: dict[bytes, bool] = {}
+    is_in_scope: dict[bytes, bool] = {}
     for path in files(site.root / FOLDER):
         read = list(entries(path))
         places = dict(_places(reread, [entry for _, entry in read]))
@@ -74,8 +74,8 @@ def quarantined_in_scope(site: Site, which: RecordScope) -> QuarantinedLines:
             each = [(known.get(camera), ms) for camera, ms in places.get(number, [(None, None)])]
             of_it = [place for place in each if _is_of(place, which, may_be_of_it)]
             if of_it:
-                found[line] = not any(_is_known(p, which) for p in of_it)
-    return QuarantinedLines(tuple(found), sum(found.values()))
+                is_in_scope[line] = not any(_is_known(p, which) for p in of_it)
+    return QuarantinedLines(tuple(is_in_scope), sum(is_in_scope.values()))
 
 
 def _is_of(place: _Place, which: RecordScope, is_when_unknown: bool) -> bool:
@@ -97,17 +97,17 @@ def _places(reread: Rereader, read: Sequence[QuarantineEntry | None]) -> Iterato
             groups.setdefault(how_read(entry), []).append(i)
     for numbers in groups.values():
         group = [_bare(e) for i in numbers if (e := read[i]) is not None]
-        found: dict[int, list[_Place]] = {}
+        places: dict[int, list[_Place]] = {}
         try:
             reading = reread.reading(group[0])
             reader = Tables(is_only_where=True) if group[0].row is None and group[0].format in _TABLES else None
             for batch in reread.batches(group, reading, reader=reader):
                 for rows in reread.on_clocks(batch).tables.values():
                     for at, camera, ms in zip(*(rows[c].to_pylist() for c in ("line", "camera", "ts_ms")), strict=True):
-                        found.setdefault(numbers[at], []).append((camera, ms))
+                        places.setdefault(numbers[at], []).append((camera, ms))
         except VsdError:
             continue
-        yield from found.items()
+        yield from places.items()
 
 
 def _bare(entry: QuarantineEntry) -> QuarantineEntry:

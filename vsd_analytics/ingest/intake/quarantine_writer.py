@@ -247,12 +247,12 @@ def summarise(
         source: Sources whose name contains this only.
         n_examples: Entries shown of each reason.
     """
-    found: dict[str, ReasonSummary] = {}
+    summaries: dict[str, ReasonSummary] = {}
     for path in files(folder):
         for _, entry in entries(path):
             if entry is None or not matches(entry, reason=reason, source=source):
                 continue
-            summary = found.setdefault(entry.reason, ReasonSummary(entry.reason))
+            summary = summaries.setdefault(entry.reason, ReasonSummary(entry.reason))
             summary.sources[entry.source] += entry.n_not_kept or 1
             summary.n_not_kept += entry.n_not_kept
             if not entry.n_not_kept:
@@ -261,7 +261,7 @@ def summarise(
                 summary.n_replayable += entry.can_be_replayed
                 if len(summary.examples) < n_examples:
                     summary.examples.append(entry)
-    return sorted(found.values(), key=lambda s: (-s.n_stored - s.n_not_kept, s.reason))
+    return sorted(summaries.values(), key=lambda s: (-s.n_stored - s.n_not_kept, s.reason))
 
 
 def matches(entry: QuarantineEntry, *, reason: str | None, source: str | None) -> bool:

@@ -154,14 +154,14 @@ class _Attempt:
         normaliser = Normaliser(self.site, now=self.now or first.at, keys=self.keys)
         if first.is_live:
             normaliser.live_at(self.now or first.at)
-        found: list[list[Rejected]] = [[] for _ in group]
+        rejects: list[list[Rejected]] = [[] for _ in group]
         try:
             reading = self.reread.reading(first)
             for batch in self.reread.batches(group, reading):
                 clean = normaliser.normalise(self.reread.on_clocks(batch))
                 self.result.n_dropped.update(clean.n_dropped)
                 for bad in clean.rejected:
-                    found[bad.line].append(bad)
+                    rejects[bad.line].append(bad)
                 for name in reversed(TABLES):
                     rows = clean.tables.get(name)
                     if rows is not None and rows.num_rows:
@@ -175,7 +175,7 @@ class _Attempt:
                 self.result.errors.append(error)
             self.result.n_bad.update(e.reason for e in group)
             return [[e] for e in group]
-        left = [[_renewed(entry, bad, reading) for bad in bads] for entry, bads in zip(group, found, strict=True)]
+        left = [[_renewed(entry, bad, reading) for bad in bads] for entry, bads in zip(group, rejects, strict=True)]
         self.result.n_solved += sum(not x for x in left)
         self.result.n_bad.update(x[0].reason for x in left if x)
         return left

@@ -71,7 +71,7 @@ class ClosedTimes:
 def _changed(path: Path) -> tuple[int, int] | None:
     """Return a value that differs after a change of a file or folder."""
     try:
-        found = path.stat()
+        stat = path.stat()
     except OSError:
         return None
-    return found.st_mtime_ns, found.st_ino
+    return stat.st_mtime_ns, stat.st_ino

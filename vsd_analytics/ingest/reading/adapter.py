@@ -84,8 +84,8 @@ class RawBatch:
 
     def table(self, name: TableName) -> pa.Table:
         """Return the raw table `name`, empty if the batch has none."""
-        found = self.tables.get(name)
-        return RAW_SCHEMAS[name].empty_table() if found is None else found
+        rows = self.tables.get(name)
+        return RAW_SCHEMAS[name].empty_table() if rows is None else rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,11 +221,11 @@ class Source:
         """
         if self.path.is_dir():
             return b""
-        found = b""
+        head = b""
         with self.open() as f, contextlib.suppress(InputError):
-            while len(found) < n_bytes and (more := f.read1(n_bytes - len(found))):  # type: ignore[attr-defined]
-                found += more
-        return found
+            while len(head) < n_bytes and (more := f.read1(n_bytes - len(head))):  # type: ignore[attr-defined]
+                head += more
+        return head
 
 
 def not_a_file(source: Source) -> InputError:

@@ -96,14 +96,14 @@ def members(source: Source, *, wanted: re.Pattern[str]) -> Iterator[Iterable[Mem
 
 
 def _folder_members(source: Source, wanted: re.Pattern[str]) -> list[Member]:
-    root, found = source.path, []
+    root, paths = source.path, []
     for folder, _, files in os.walk(root):
         for file in files:
             path = Path(folder, file)
             name = path.relative_to(root).as_posix()
             if wanted.search(name):
-                found.append(Member(name, Source(path, settings=source.settings).open))
-    return sorted(found, key=lambda m: m.name)
+                paths.append(Member(name, Source(path, settings=source.settings).open))
+    return sorted(paths, key=lambda m: m.name)
 
 
 def _zip_members(source: Source, archive: zipfile.ZipFile, wanted: re.Pattern[str]) -> list[Member]:
@@ -115,12 +115,12 @@ def _zip_members(source: Source, archive: zipfile.ZipFile, wanted: re.Pattern[st
 
         return opened
 
-    found = sorted((i for i in archive.infolist() if wanted.search(i.filename)), key=lambda i: i.filename)
+    infos = sorted((i for i in archive.infolist() if wanted.search(i.filename)), key=lambda i: i.filename)
     # members may share bytes of the archive, so their sum is compared with its size
-    n_packed, n_unpacked = source.size_bytes, sum(info.file_size for info in found)
+    n_packed, n_unpacked = source.size_bytes, sum(info.file_size for info in infos)
     if n_unpacked > unpacked_max(n_packed, source.settings):
-        raise unpacks_too_far(source.name, n_bytes=n_packed, settings=source.settings, found=n_unpacked)
-    return [Member(i.filename, opener(i)) for i in found]
+        raise unpacks_too_far(source.name, n_bytes=n_packed, settings=source.settings, unpacked_bytes=n_unpacked)
+    return [Member(i.filename, opener(i)) for i in infos]
 
 
 def _tar_members(source: Source, packed: IO[bytes], wanted: re.Pattern[str]) -> Iterator[Member]:

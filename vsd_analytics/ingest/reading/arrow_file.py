@@ -115,7 +115,7 @@ class ArrowTable:
             raise too_many_records(self._source, n_rows)
         if n_bytes > unpacked_max(size, self._source.settings):
             settings = self._source.settings
-            raise unpacks_too_far(self._source.name, n_bytes=size, settings=settings, found=n_bytes)
+            raise unpacks_too_far(self._source.name, n_bytes=size, settings=settings, unpacked_bytes=n_bytes)
 
 
 class _Flat:

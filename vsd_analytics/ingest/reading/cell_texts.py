@@ -46,18 +46,18 @@ class CellTable(ABC):
         rows = self.rows()
         while True:
             try:
-                found = next(rows, None)
+                following = next(rows, None)
             except Exception as error:  # raised again below, once the rows before it are handed on
-                found, damage = None, error
-            if found is None or len(numbers) + len(bad) >= ROWS:
+                following, damage = None, error
+            if following is None or len(numbers) + len(bad) >= ROWS:
                 columns = {ours: pa.array([row[i] for row in cells], pa.string()) for i, ours in enumerate(wanted)}
                 yield Chunk(columns, np.array(numbers, dtype=np.int64), bad, done)
                 numbers, cells, bad = [], [], []
             if damage is not None:
                 raise damage
-            if found is None:
+            if following is None:
                 return
-            number, values, done = found
+            number, values, done = following
             texts = [cell_text(values[i]) if i < len(values) else None for i in wanted.values()]
             if any(text is not None and len(text) > self._cell_max for text in texts):
                 detail = f"a cell is longer than {self._cell_max:,} bytes (cell_max_bytes)"

@@ -50,10 +50,10 @@ def numbers(values: pa.Array, *, decimal_comma: bool = False) -> tuple[np.ndarra
         except pa.ArrowInvalid:
             written = pd.Series([None if t is None else _plain_number(t) for t in texts.to_pylist()], dtype="object")
             floats = pa.array(pd.to_numeric(written, errors="coerce"), pa.float64())
-    found = np.array(floats.to_numpy(zero_copy_only=False), dtype=np.float64)
-    is_wrong = is_known & ~np.isfinite(found)
-    found[is_wrong] = np.nan
-    return found, is_wrong
+    values_f = np.array(floats.to_numpy(zero_copy_only=False), dtype=np.float64)
+    is_wrong = is_known & ~np.isfinite(values_f)
+    values_f[is_wrong] = np.nan
+    return values_f, is_wrong
 
 
 def _plain_number(text: str) -> str:
@@ -68,9 +68,9 @@ def floats_or_null(values: np.ndarray) -> pa.Array:
 
 def tracks(values: pa.Array | None, *, length: int) -> pa.Array:
     """Return a column of track ids as strings, as `ids` does it; a value that means "no id" is missing."""
-    found = ids(values, default=None, length=length)
-    is_none = pc.is_in(pc.utf8_lower(found), pa.array(sorted(NO_ID)))
-    return pc.if_else(pc.fill_null(is_none, True), pa.scalar(None, pa.string()), found)
+    track = ids(values, default=None, length=length)
+    is_none = pc.is_in(pc.utf8_lower(track), pa.array(sorted(NO_ID)))
+    return pc.if_else(pc.fill_null(is_none, True), pa.scalar(None, pa.string()), track)
 
 
 def ids(values: pa.Array | None, *, default: str | None, length: int) -> pa.Array:
@@ -87,8 +87,8 @@ def ids(values: pa.Array | None, *, default: str | None, length: int) -> pa.Arra
     is_number = pa.types.is_integer(values.type) or pa.types.is_floating(values.type)
     coded = (values if is_number else trimmed(values)).dictionary_encode()
     names = pa.array([_plain_id(v) or default for v in coded.dictionary.to_pylist()], pa.string())
-    found = names.take(coded.indices)
-    return found if default is None else pc.fill_null(found, default)
+    texts = names.take(coded.indices)
+    return texts if default is None else pc.fill_null(texts, default)
 
 
 def trimmed(values: pa.Array) -> pa.Array:
@@ -110,8 +110,8 @@ def is_number(text: str) -> bool:
 
 def full_score(cells: Iterable[str]) -> float | None:
     """Return the full score of cells that hold shares (1) or percents (100); None where they hold something else."""
-    found = [float(cell) for cell in cells if is_number(cell)]
-    return None if not found or min(found) < 0 or max(found) > 100 else 100.0 if max(found) > 1.5 else 1.0
+    scores = [float(cell) for cell in cells if is_number(cell)]
+    return None if not scores or min(scores) < 0 or max(scores) > 100 else 100.0 if max(scores) > 1.5 else 1.0
 
 
 def _is_text(kind: pa.DataType) -> bool:

@@ -28,33 +28,33 @@ _THEIR_NAME: Final = "THEIR_NAME"
 _TIME_OF_INFLUX: Final = "_time"
 
 
-def proposed_columns(header: Header, found: Mapping[str, int], *, kind: TableName) -> dict[str, str]:
+def proposed_columns(header: Header, known: Mapping[str, int], *, kind: TableName) -> dict[str, str]:
     """Return the renames that the names of a table's columns suggest, of our columns that it lacks: ours = theirs.
 
     Both axes of a place are named together, and a box as a box, never as metres.
 
     Args:
         header: The table's columns; for one without names of its own, nothing is proposed.
-        found: Number of the column of each of our names that is there.
+        known: Number of the column of each of our names that is there.
         kind: What a row is: pairs have neither place nor track of one person.
     """
     if header.line is None and header.text is not None:
         return {}
-    taken = {header.names[i] for i in found.values()}
+    taken = {header.names[i] for i in known.values()}
     free = [n for n in header.names if n not in taken and n.lower() not in FILE_COLUMNS and _can_be_mapped(n)]
     renames: dict[str, str] = {}
-    if "ts" not in found and "frame" not in found and (time := _time(free)) is not None:
+    if "ts" not in known and "frame" not in known and (time := _time(free)) is not None:
         renames["ts"] = time
-    if "camera_id" not in found and (cameras := named_like(free, "camera")):
+    if "camera_id" not in known and (cameras := named_like(free, "camera")):
         renames["camera_id"] = cameras[0]
     if kind == "pairs":
         return renames
-    place = {} if any(set(p) <= set(found) for p in PLACES) else place_like(header.names)
-    place = {o: name for o, name in place.items() if o not in found or header.names[found[o]] != name}
+    place = {} if any(set(p) <= set(known) for p in PLACES) else place_like(header.names)
+    place = {o: name for o, name in place.items() if o not in known or header.names[known[o]] != name}
     if not all(map(_can_be_mapped, place.values())):
         place = {}
     used = {*renames.values(), *place.values()}
-    if "track_id" not in found and (ids := [name for name in ids_like(free) if name not in used]):
+    if "track_id" not in known and (ids := [name for name in ids_like(free) if name not in used]):
         renames["track_id"] = ids[0]
     return renames | place
 

@@ -204,12 +204,12 @@ def is_named_like(name: str, role: Role) -> bool:
     last = name.strip(" .").rpartition(".")[2]
     if role == "scores":
         return scored_class(last) is not None
-    said = {letters(name), letters(last), last.strip().lower()}
+    spellings = {letters(name), letters(last), last.strip().lower()}
     if role == "confidence" and letters(last) not in PERSON and scored_class(last) in PERSON:
         return True
     if role == "id":
-        said |= {_NUMBER_ENDS.sub("", word) for word in said}
-    return not _NAMES[role].isdisjoint(said)
+        spellings |= {_NUMBER_ENDS.sub("", word) for word in spellings}
+    return not _NAMES[role].isdisjoint(spellings)
 
 
 def named_like(names: Iterable[str], role: Role) -> list[str]:
@@ -324,7 +324,7 @@ def is_address(text: str) -> bool:
 
 def differing_cameras(texts: Iterable[str]) -> frozenset[str]:
     """Return the cameras that some of these texts name, and not all of those that name any."""
-    named = [found for text in texts if (found := cameras_in([text]))]
+    named = [cameras for text in texts if (cameras := cameras_in([text]))]
     return frozenset().union(*named).difference(named[0].intersection(*named) if named else ())
 
 

@@ -58,7 +58,7 @@ class ColumnPlan:
     @property
     def wanted(self) -> dict[str, int]:
         """Return the columns to read: ours by our names, those of `where` by `beside` of theirs."""
-        return {**self.theirs, **{beside(name): i for name, i in self.compared.items()}}
+        return {**self.theirs, **{other_column_key(name): i for name, i in self.compared.items()}}
 
     @property
     def box(self) -> str:
@@ -71,7 +71,7 @@ class ColumnPlan:
         return ColumnPlan("observations", theirs, self.names, time_format=self.time_format)
 
 
-def beside(name: str) -> str:
+def other_column_key(name: str) -> str:
     """Return the key of a column that is read beside ours, which no column of ours has."""
     return f"beside {name}"
 
@@ -90,35 +90,35 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
             column whose name states another unit than `--unit`; E207 frame numbers without a rate.
         UsageError: E101, `--where` is not understood.
     """
-    found = _found(source, options, header)
+    positions = _found(source, options, header)
     place: tuple[str, ...] = _PAIR
     if kind is None:
-        kind = "pairs" if "track_a" in found or "distance_m" in found else "observations"
-    proposed = proposed_columns(header, found, kind=kind)
-    has_place = any(set(columns) <= set(found) for columns in PLACES)
+        kind = "pairs" if "track_a" in positions or "distance_m" in positions else "observations"
+    proposed = proposed_columns(header, positions, kind=kind)
+    has_place = any(set(columns) <= set(positions) for columns in PLACES)
     pair = {} if kind == "pairs" or has_place else proposed_pairs(header)
     if pair:
         proposed = {ours: theirs for ours, theirs in proposed.items() if ours in ("ts", "camera_id")} | pair
-    if "ts" not in found and "frame" not in found:
+    if "ts" not in positions and "frame" not in positions:
         raise _missing(source, "ts", header, "without a time nothing can be counted by hour", proposed)
     if kind == "pairs":
-        if "distance_m" not in found and not {"x_a_m", "y_a_m", "x_b_m", "y_b_m"} <= set(found):
+        if "distance_m" not in positions and not {"x_a_m", "y_a_m", "x_b_m", "y_b_m"} <= set(positions):
             raise _missing(source, "distance_m", header, "a pair needs a distance or both positions", proposed)
         for column in ("track_a", "track_b"):
-            if column not in found:
+            if column not in positions:
                 raise _missing(source, column, header, "without it pairs cannot be distinguished", proposed)
     else:
-        place = max(PLACES, key=lambda columns: len(set(columns) & set(found)) / len(columns))
-        lacking = [c for c in place if c not in found]
+        place = max(PLACES, key=lambda columns: len(set(columns) & set(positions)) / len(columns))
+        lacking = [c for c in place if c not in positions]
         if lacking and pair:
             raise _missing(source, lacking[0], header, "a row seems to be two people", proposed)
         if lacking and (other := _not_a_place_a_row(source, header)) is not None:
             raise other
         if lacking:
-            why, taken = "without a position no distance can be measured", [header.names[i] for i in found.values()]
+            why, taken = "without a position no distance can be measured", [header.names[i] for i in positions.values()]
             raise _missing(source, lacking[0], header, why, proposed, taken=taken)
         place = ("track_id", *place, *(_PIXELS if place == _FLOOR else ()))
-    if "ts" not in found and (options.fps is None or options.start is None):
+    if "ts" not in positions and (options.fps is None or options.start is None):
         if (time := time_like(header.names)) is not None:
             why = "frame numbers need --fps and --start, and the file seems to have times"
             raise _missing(source, "ts", header, why, {"ts": time, **proposed})
@@ -129,12 +129,14 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
             why="a frame number becomes a time only with the frame rate and the time of the first frame",
             fix="add --fps 25 --start 2026-11-09T08:00:00+01:00",
         )
-    if "camera_id" not in found and options.camera is None:
+    if "camera_id" not in positions and options.camera is None:
         why = "the site has several cameras, and nothing says which one saw this"
-        said = camera_named(source.file_name, options.clocks)  # these have all names of cameras
-        raise _missing(source, "camera_id", header, why, proposed, named=None if said is None else said.camera)
-    wanted = {*(("ts", TIME_OF_DAY) if "ts" in found else ("frame",)), "camera_id", *place}
-    theirs = {ours: i for ours, i in found.items() if ours in wanted}
+        camera_name = camera_named(source.file_name, options.clocks)  # these have all names of cameras
+        raise _missing(
+            source, "camera_id", header, why, proposed, named=None if camera_name is None else camera_name.camera
+        )
+    wanted = {*(("ts", TIME_OF_DAY) if "ts" in positions else ("frame",)), "camera_id", *place}
+    theirs = {ours: i for ours, i in positions.items() if ours in wanted}
     names = {ours: header.names[i] for ours, i in theirs.items()}
     where = () if options.where is None else parse_where(options.where)
     compared = {c.column: _their_column(source, c.column, header) for c in where}
@@ -193,7 +195,7 @@ def _their_column(source: Source, name: str, header: Header) -> int:
 def _found(source: Source, options: IngestOptions, header: Header) -> dict[str, int]:
     exact = {n: i for i, n in enumerate(header.names)}
     loose = {n.strip().lower(): i for i, n in reversed(list(enumerate(header.names)))}
-    found = {}
+    positions = {}
     for ours in FILE_COLUMNS:
         wanted = (options.map[ours],) if ours in options.map else (options.site_map.get(ours, ours), ours)
         at = next(
@@ -201,12 +203,12 @@ def _found(source: Source, options: IngestOptions, header: Header) -> dict[str, 
         )
         if at is not None:
             _refuse_same_names(source, header, at)
-            found[ours] = at
+            positions[ours] = at
         elif ours == "ts" and (both := _date_and_time(wanted[0], exact, loose)) is not None:
-            found["ts"], found[TIME_OF_DAY] = both
+            positions["ts"], positions[TIME_OF_DAY] = both
         elif ours in options.map:
             raise _missing(source, wanted[0], header, f"--map says that it is our {ours}", ours=ours)
-    return found
+    return positions
 
 
 def _refuse_same_names(source: Source, header: Header, at: int) -> None:
@@ -256,7 +258,7 @@ def _missing(
 ) -> InputError:
     """Return the error of a table that lacks a column that is needed: E203, with the nearest of its own."""
     shown = [n for n in header.names if not n.startswith("_")]
-    found = f"found: {', '.join(n[:40] for n in shown[:20])}"
+    listed = f"found: {', '.join(n[:40] for n in shown[:20])}"
     if (other := _other_file(source, column, header, shown, why)) is not None:
         return other
     is_pair = proposed is not None and not {"x_a_m", "distance_m"}.isdisjoint(proposed)
@@ -272,7 +274,7 @@ def _missing(
             source,
             header,
             "has counts of people and no places",
-            why=f"{counts[0][:40]!r} says how many people, and distances need the place of each; {found}",
+            why=f"{counts[0][:40]!r} says how many people, and distances need the place of each; {listed}",
             fix="let the engine write a row for each person and frame: time, id, and metres or a box in pixels",
         )
     at = header.text.find(near) + 1 if header.text and near else 0
@@ -287,7 +289,7 @@ def _missing(
         f"{source.file_name} has no column {column!r}",
         code="E203",
         where=Where(source.name, header.line, header.text, at or None, "did you mean this column?" if at else None),
-        why=f"{why}; {found}",
+        why=f"{why}; {listed}",
         fix=fix,
     )
 

@@ -35,22 +35,22 @@ def as_object(line: bytes) -> dict[str, Any] | None:
     """
     before = text_before(line)
     try:
-        found = json.loads(line[len(before) :])
+        message = json.loads(line[len(before) :])
     except (ValueError, RecursionError):
         return None
-    if not isinstance(found, dict):
+    if not isinstance(message, dict):
         return None
     if before.strip():
-        return {"topic": before.strip().decode("utf-8", "replace"), "payload": found}
-    return with_body(found)
+        return {"topic": before.strip().decode("utf-8", "replace"), "payload": message}
+    return with_body(message)
 
 
 def text_before(line: bytes) -> bytes:
     """Return the text before the JSON object of a line; b"" where it begins with one, or has none."""
     if line[:1] == b"{":
         return b""
-    found = _BEFORE.match(line, 0, _BEFORE_MAX)
-    return b"" if found is None else found[0]
+    match = _BEFORE.match(line, 0, _BEFORE_MAX)
+    return b"" if match is None else match[0]
 
 
 def unwrapped(message: Mapping[str, Any]) -> tuple[str | None, Mapping[str, Any]]:
@@ -74,9 +74,9 @@ def bare(line: bytes) -> bytes:
     """Return the JSON of a message without what is around it; a line that has nothing around it as it is."""
     if line[:1] == b"{" and _BODY.search(line) is None:
         return line
-    found = as_object(line)
-    message = found if found is None else unwrapped(found)[1]
-    return line if message is None or message is found else json.dumps(message).encode()
+    envelope = as_object(line)
+    message = envelope if envelope is None else unwrapped(envelope)[1]
+    return line if message is None or message is envelope else json.dumps(message).encode()
 
 
 def with_body(message: dict[str, Any]) -> dict[str, Any]:

@@ -93,9 +93,11 @@ class FrameRows:
 
     def _wrong_persons(self) -> list[tuple[str, str]]:
         """Return reason and detail of the persons that could not be used since the last call, once for each reason."""
-        found = [(r, d[0] if len(d) == 1 else f"{d[0]}; {len(d)} persons of the frame") for r, d in self._wrong.items()]
+        details = [
+            (r, d[0] if len(d) == 1 else f"{d[0]}; {len(d)} persons of the frame") for r, d in self._wrong.items()
+        ]
         self._wrong = {}
-        return found
+        return details
 
     def add(self, camera: str | None, at: datetime, seen: Sequence[SeenPerson | None], *, line: int) -> None:
         """Add one frame, also one without people.
@@ -180,9 +182,9 @@ class FrameRows:
                 quality="metric",
             )
         engines = [self._engine]
-        found = RawBatch(tables, self._rejected, +self.dropped, notes, done_bytes, engines, first_line=first_line)
+        batch = RawBatch(tables, self._rejected, +self.dropped, notes, done_bytes, engines, first_line=first_line)
         self._clear()
-        return found
+        return batch
 
 
 def instant_of(text: object) -> datetime:
@@ -225,7 +227,9 @@ def id_of(value: object) -> str | None:
     return f"{value:.0f}" if isinstance(value, float) and value.is_integer() else str(value)
 
 
-def size_of(options: IngestOptions, camera: str | None, *, own: tuple[int, int] | None = None) -> tuple[int, int]:
+def size_of(
+    options: IngestOptions, camera: str | None, *, message_px: tuple[int, int] | None = None
+) -> tuple[int, int]:
     """Return width and height of a camera's picture in pixels.
 
     The user's `--size` comes first, then the size in vsd.toml, for which the calibration was made, then the message's.
@@ -233,13 +237,13 @@ def size_of(options: IngestOptions, camera: str | None, *, own: tuple[int, int] 
     Args:
         options: What the user says, completed from vsd.toml.
         camera: The camera as the engine calls it; None = the user's.
-        own: What the message itself says.
+        message_px: What the message itself says.
 
     Raises:
         BadRowError: Nobody says it.
     """
     name = options.camera if camera is None else camera
-    found = options.size_px or options.pictures.get(name or "") or own
-    if found is None:
+    size_px = options.size_px or options.pictures.get(name or "") or message_px
+    if size_px is None:
         raise BadRowError("no-size", "positions are shares of the picture, and nobody says how large it is")
-    return found
+    return size_px

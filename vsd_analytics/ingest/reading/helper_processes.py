@@ -148,10 +148,10 @@ class _Given(Generic[Part, Result]):
         if self.memory is None or self.lengths is None:
             return work(self.part) if self.own is None else self.own
         try:
-            found: Result = self.memory.take(self.lengths.result())
+            result: Result = self.memory.take(self.lengths.result())
         except BrokenProcessPool:
             return work(self.part)
-        return found
+        return result
 
 
 def _given(

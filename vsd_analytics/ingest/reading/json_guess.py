@@ -60,8 +60,8 @@ def paths_of(source: Source) -> str | None:
         return None
     if first is None:
         return None
-    found = [path for path, _ in _paths(first)]
-    return ", ".join([path[:60] for path in found[:_NAMES_MAX]] + ["..."] * (len(found) > _NAMES_MAX))
+    paths = [path for path, _ in _paths(first)]
+    return ", ".join([path[:60] for path in paths[:_NAMES_MAX]] + ["..."] * (len(paths) > _NAMES_MAX))
 
 
 def _paths(thing: Any, front: str = "", depth: int = 0) -> Iterator[tuple[str, Any]]:

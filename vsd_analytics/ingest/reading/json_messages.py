@@ -140,8 +140,8 @@ def _one_after_the_other(
     def damaged(number: int, text: str, error: Exception) -> InputError:
         return damaged_after(source, number, why=f"it is not JSON: {str(error)[:200]}", what="message", text=text)
 
-    for number, found, text, done in json_values(source, value_max_bytes=options.line_max_bytes, damaged=damaged):
-        if isinstance(found, dict):
-            yield number, with_body(found), json.dumps(found).encode(), done
+    for number, value, text, done in json_values(source, value_max_bytes=options.line_max_bytes, damaged=damaged):
+        if isinstance(value, dict):
+            yield number, with_body(value), json.dumps(value).encode(), done
         else:
             yield number, None, text.encode("utf-8", "replace"), done

@@ -33,9 +33,9 @@ class JsonTable(CellTable):
         self._source, self._max = source, options.line_max_bytes
         names: dict[str, None] = {}
         is_nested = False
-        for number, (found, _) in enumerate(self._objects(), start=1):
-            names.update(dict.fromkeys(str(key) for key in found))
-            is_nested = is_nested or any(isinstance(value, list | dict) for value in found.values())
+        for number, (entry, _) in enumerate(self._objects(), start=1):
+            names.update(dict.fromkeys(str(key) for key in entry))
+            is_nested = is_nested or any(isinstance(value, list | dict) for value in entry.values())
             if number >= HEADER_ROWS or len(names) > COLUMNS_MAX:
                 break
         if not names:
@@ -47,15 +47,15 @@ class JsonTable(CellTable):
 
     def rows(self) -> Iterator[tuple[int, Sequence[Any], int]]:
         """Yield the objects as rows; see `CellTable.rows`."""
-        for number, (found, done) in enumerate(self._objects(), start=1):
-            yield number, [found.get(key) for key in self._keys], done
+        for number, (value, done) in enumerate(self._objects(), start=1):
+            yield number, [value.get(key) for key in self._keys], done
 
     def _objects(self) -> Iterator[tuple[dict[str, Any], int]]:
         """Yield the objects, and how far the file has been read."""
-        for number, found, text, done in json_values(self._source, value_max_bytes=self._max, damaged=self._damaged):
-            if not isinstance(found, dict):
+        for number, value, text, done in json_values(self._source, value_max_bytes=self._max, damaged=self._damaged):
+            if not isinstance(value, dict):
                 raise self._no_object(number, text[-80:])
-            yield found, done
+            yield value, done
 
     def _damaged(self, number: int, text: str, error: Exception) -> InputError:
         why = str(error) if len(text) < self._max else f"an object is longer than {self._max:,} bytes (line_max_bytes)"

@@ -38,7 +38,7 @@ def json_values(
             try:
                 if at == len(text):
                     raise json.JSONDecodeError("nothing", text, at)
-                found, end = decode(text, at)
+                value, end = decode(text, at)
             except (ValueError, RecursionError) as error:
                 if is_end and at == len(text):
                     return
@@ -49,7 +49,7 @@ def json_values(
                 text, at = text[at:] + as_text.decode(more, final=is_end), 0
                 continue
             number += 1
-            yield number, found, text[at:end], bytes_read(stream)
+            yield number, value, text[at:end], bytes_read(stream)
             at = end
 
 

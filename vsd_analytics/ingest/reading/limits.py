@@ -30,20 +30,24 @@ def records_max(n_bytes: int, settings: Settings) -> int:
     return int(min(allowed, settings.records_max))
 
 
-def unpacks_too_far(name: str, *, n_bytes: int, settings: Settings, found: int | None = None) -> InputError:
+def unpacks_too_far(name: str, *, n_bytes: int, settings: Settings, unpacked_bytes: int | None = None) -> InputError:
     """Return the error of a source that unpacks to more than is allowed: E206.
 
     Args:
         name: What unpacks, as a path.
         n_bytes: Its size on disk.
         settings: The bounds.
-        found: Bytes it unpacks to, None where reading was stopped at the bound.
+        unpacked_bytes: Bytes it unpacks to, None where reading was stopped at the bound.
     """
     allowed = unpacked_max(n_bytes, settings)
     is_small = settings.unpack_ratio_max * n_bytes < settings.unpack_free_mb * MB
     setting = "unpack_free_mb" if is_small else "unpack_ratio_max"
     setting = "unpack_max_gb" if allowed >= int(settings.unpack_max_gb * GB) else setting
-    says = f"{found:,} bytes; at most {allowed:,} are read" if found is not None else f"more than {allowed:,} bytes"
+    says = (
+        f"{unpacked_bytes:,} bytes; at most {allowed:,} are read"
+        if unpacked_bytes is not None
+        else f"more than {allowed:,} bytes"
+    )
     return InputError(
         f"{name.rpartition('/')[2]}, {n_bytes:,} bytes, would unpack to {says}",
         code="E206",
@@ -54,18 +58,18 @@ def unpacks_too_far(name: str, *, n_bytes: int, settings: Settings, found: int |
     )
 
 
-def too_many(source: Source, found: str, setting: str, *, allowed: int, why: str) -> InputError:
+def too_many(source: Source, shown: str, setting: str, *, allowed: int, why: str) -> InputError:
     """Return the error of a source that goes beyond a bound: E209.
 
     Args:
         source: The source.
-        found: What it has, after "it has", such as "3 pages".
+        shown: What it has, after "it has", such as "3 pages".
         setting: The setting that bounds it.
         allowed: The bound that is in force.
         why: A sentence for people.
     """
     return InputError(
-        f"{source.file_name} has {found}; at most {allowed:,} are read",
+        f"{source.file_name} has {shown}; at most {allowed:,} are read",
         code="E209",
         where=Where(source.name),
         why=why,
@@ -102,6 +106,6 @@ def within_bounds(source: Source, batches: Iterable[RawBatch]) -> Iterator[RawBa
         if n_records > allowed:
             raise too_many_records(source, n_records)
         if n_unreadable > settings.unreadable_max:
-            found = f"{n_unreadable:,} records or more that cannot be read"
+            shown = f"{n_unreadable:,} records or more that cannot be read"
             why = "so many point to a wrong format, a wrong column or damage; those before stay, each counted once"
-            raise too_many(source, found, "unreadable_max", allowed=settings.unreadable_max, why=why)
+            raise too_many(source, shown, "unreadable_max", allowed=settings.unreadable_max, why=why)

@@ -24,14 +24,14 @@ def camera_of(source: Source, pattern: str, known: Mapping[str, str], *, rule_id
     Raises:
         InputError: E213, it says none of them, or several.
     """
-    found = cameras_in_name(source.name, pattern, known)
-    if len({known[name] for name in found}) == 1:
-        return found[0]
+    cameras = cameras_in_name(source.name, pattern, known)
+    if len({known[name] for name in cameras}) == 1:
+        return cameras[0]
     by = f'[[source]] {rule_id} reads it from camera_from_name = "{pattern}"'
     text = text_in_name(source.name, pattern)
     fix = f"rename the file, or --camera {next(iter(known), 'ID')}"
-    if len(found) > 1:
-        what = f"the name of {source.file_name} says several cameras: {', '.join(sorted(found)[:4])}"
+    if len(cameras) > 1:
+        what = f"the name of {source.file_name} says several cameras: {', '.join(sorted(cameras)[:4])}"
     elif text is None:
         what = f"the name of {source.file_name} says no camera"
     else:

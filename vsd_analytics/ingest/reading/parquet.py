@@ -176,7 +176,10 @@ class ParquetTable:
         self._unpacked += n_bytes
         if self._unpacked > self._allowed:
             raise unpacks_too_far(
-                self._source.name, n_bytes=self._source.size_bytes, settings=self._settings, found=self._unpacked
+                self._source.name,
+                n_bytes=self._source.size_bytes,
+                settings=self._settings,
+                unpacked_bytes=self._unpacked,
             )
 
     def _how(self, raw: IO[bytes], group: int, leaves: Mapping[str, int]) -> tuple[int, bool]:
@@ -185,7 +188,7 @@ class ParquetTable:
         Returns:
             How many rows take at most about `READ_BYTES` a column, and whether texts can be read as dictionaries.
         """
-        found: dict[str, list[ParquetPage]] = {}
+        pages_of_column: dict[str, list[ParquetPage]] = {}
         rows = READ_ROWS
         for name, leaf in leaves.items():
             column = self._metadata.row_group(group).column(leaf)
@@ -198,18 +201,18 @@ class ParquetTable:
                 self._count(page.unpacked_bytes)
                 read.append(page)
             if column.physical_type == "BYTE_ARRAY":
-                found[name] = read
+                pages_of_column[name] = read
             rows = min(rows, READ_BYTES // max(1, self._metadata.schema.column(leaf).length or VALUE_BYTES))
-        is_coded = all(page.can_be_dictionary for read in found.values() for page in read)
-        sizes = [p.text_bytes for read in found.values() for p in read if not (is_coded and p.is_dictionary)]
+        is_coded = all(page.can_be_dictionary for read in pages_of_column.values() for page in read)
+        sizes = [p.text_bytes for read in pages_of_column.values() for p in read if not (is_coded and p.is_dictionary)]
         return max(1, min(rows, int(READ_BYTES // max(1.0, *sizes)))) if sizes else max(1, rows), is_coded
 
     def _check_page(self, page: ParquetPage, name: str) -> None:
         allowed = min(int(self._settings.page_max_mb * MB), self._allowed)
         if page.unpacked_bytes > allowed:
-            found = f"a page of {page.unpacked_bytes:,} bytes in {name[:80]}"
+            shown = f"a page of {page.unpacked_bytes:,} bytes in {name[:80]}"
             why = "a page is unpacked whole; writers make pages of about 1 MB"
-            raise too_many(self._source, found, "page_max_mb", allowed=allowed, why=why)
+            raise too_many(self._source, shown, "page_max_mb", allowed=allowed, why=why)
 
     def _in_pieces(self, held: list[pa.RecordBatch], names: Mapping[str, str]) -> Iterator[Chunk]:
         """Leave out rows with a cell that is too long, count what texts take, and hand on the rest bit by bit."""

@@ -12,7 +12,7 @@ import pyarrow as pa
 from vsd_analytics.config.file_columns import FILE_COLUMNS
 from vsd_analytics.ingest.reading.cell_values import numbers, trimmed
 from vsd_analytics.ingest.reading.column_hints import Role, named_like
-from vsd_analytics.ingest.reading.columns import ColumnPlan, beside
+from vsd_analytics.ingest.reading.columns import ColumnPlan, other_column_key
 from vsd_analytics.ingest.reading.table_file import TableFile
 
 HEAD_ROWS = 50_000
@@ -83,7 +83,7 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
     free = [i for i in range(len(names)) if i not in read]
     ignored = [names[i] for i in free if names[i] != f"_{i}"]
     watched = {**_texts(file, plan), **watched_columns(file, plan, _ROLES)}
-    wanted = {**plan.theirs, **{beside(name): i for name, i in (*watched.items(), *plan.compared.items())}}
+    wanted = {**plan.theirs, **{other_column_key(name): i for name, i in (*watched.items(), *plan.compared.items())}}
     values: dict[str, Counter[str]] = {name: Counter() for name in (*watched, *plan.compared)}
     rows: dict[int, dict[str, str]] = {}
     n_rows = n_boxes = n_upside_down = n_wide = n_slim = n_like_corners = 0
@@ -94,7 +94,7 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
                 cells = {o: trimmed(chunk.columns[o].slice(at, 1))[0].as_py() for o in plan.theirs}
                 rows[line] = {plan.names[o]: str(cell)[:_CHARS] for o, cell in cells.items()}
             for name, counter in values.items():
-                _count(trimmed(chunk.columns[beside(name)].slice(0, HEAD_ROWS - n_rows)), counter)
+                _count(trimmed(chunk.columns[other_column_key(name)].slice(0, HEAD_ROWS - n_rows)), counter)
             sides = {
                 side: numbers(chunk.columns[side], decimal_comma=file.has_decimal_comma)[0]
                 for side in _SIDES
@@ -155,7 +155,7 @@ def values_of(texts: pa.Array) -> Counter[str]:
 
 
 def _count(texts: pa.Array, counter: Counter[str]) -> None:
-    for found in texts.value_counts().to_pylist():
-        text = found["values"][:_CHARS]
+    for value in texts.value_counts().to_pylist():
+        text = value["values"][:_CHARS]
         if text and (text in counter or len(counter) < VALUES_MAX):
-            counter[text] += found["counts"]
+            counter[text] += value["counts"]

@@ -51,8 +51,8 @@ def has_parts(source: Source) -> bool:
     if archive_kind(source) is None:
         return False
     try:
-        with members(source, wanted=PARTS) as found:
-            return any(True for _ in found)
+        with members(source, wanted=PARTS) as files:
+            return any(True for _ in files)
     except InputError:
         return False
 
@@ -62,8 +62,8 @@ def unread_of(source: Source) -> list[str]:
     kind = archive_kind(source)
     if kind not in ("folder", "zip"):
         return []
-    with members(source, wanted=_OTHER_DATA) as found:
-        return [m.name for m in found if not PARTS.search(m.name) and not _NOTES.search(m.name)]
+    with members(source, wanted=_OTHER_DATA) as files:
+        return [m.name for m in files if not PARTS.search(m.name) and not _NOTES.search(m.name)]
 
 
 @contextmanager
@@ -83,8 +83,8 @@ def parts_of(source: Source) -> Iterator[list[TablePart]]:
         return
     with tempfile.TemporaryDirectory(prefix="vsd-unpacked-") as folder:
         parts = []
-        with members(source, wanted=PARTS) as found:
-            for number, member in enumerate(found, start=1):
+        with members(source, wanted=PARTS) as files:
+            for number, member in enumerate(files, start=1):
                 _check_number(source, number)
                 path = Path(folder) / f"{number:06d}"
                 with member.open() as packed, path.open("wb") as unpacked:
@@ -96,8 +96,8 @@ def parts_of(source: Source) -> Iterator[list[TablePart]]:
 
 
 def _part(source: Source, name: str) -> TablePart:
-    found = (_FOLDER.fullmatch(folder) for folder in name.split("/")[:-1])
-    return TablePart(source, name, {match[1]: unquote(match[2]) for match in found if match is not None})
+    matches = (_FOLDER.fullmatch(folder) for folder in name.split("/")[:-1])
+    return TablePart(source, name, {match[1]: unquote(match[2]) for match in matches if match is not None})
 
 
 def _check_number(source: Source, n_parts: int) -> None:
@@ -123,9 +123,9 @@ class PartWithConstants:
     first_line: str | None = None  # a line alone would lack the columns
 
     def __init__(self, file: TableFile, constants: Mapping[str, str]) -> None:
-        own = {name.lower() for name in file.header.names}
+        file_names = {name.lower() for name in file.header.names}
         self._file = file
-        self._constants = {name: value for name, value in constants.items() if name.lower() not in own}
+        self._constants = {name: value for name, value in constants.items() if name.lower() not in file_names}
         self._n_own = len(file.header.names)
         self.header: Header = replace(file.header, names=[*file.header.names, *self._constants])
         self.has_decimal_comma = file.has_decimal_comma

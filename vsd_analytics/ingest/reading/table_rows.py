@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 from vsd_analytics.config.file_columns import FILE_BOX, FILE_NUMBERS, METRES
 from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch, Rejected
 from vsd_analytics.ingest.reading.cell_values import floats_or_null, ids, numbers, tracks, trimmed
-from vsd_analytics.ingest.reading.columns import TIME_OF_DAY, ColumnPlan, beside
+from vsd_analytics.ingest.reading.columns import TIME_OF_DAY, ColumnPlan, other_column_key
 from vsd_analytics.ingest.reading.instants import Instants, parse_instants
 from vsd_analytics.ingest.reading.raw import floored, raw_table, rejected
 from vsd_analytics.ingest.reading.where import rows_where
@@ -87,7 +87,7 @@ def _chosen(
     ours = {name: column for name, column in columns.items() if name in plan.theirs}
     if not plan.where:
         return ours, lines, {}
-    compared = {name: columns[beside(name)] for name in plan.compared}
+    compared = {name: columns[other_column_key(name)] for name in plan.compared}
     is_chosen = rows_where(plan.where, compared, decimal_comma=decimal_comma)
     n_out = int(len(lines) - is_chosen.sum())
     keep = pa.array(is_chosen)

@@ -82,17 +82,17 @@ def _pieces(stream: IO[bytes], n_bytes: int) -> Iterator[tuple[bytes, bool]]:
 
     A compressed stream hands out a little at a time. What comes before damage is yielded before the error is raised.
     """
-    found: list[bytes] = []
+    pieces: list[bytes] = []
     while True:
         try:
             data: bytes = stream.read1(n_bytes)  # type: ignore[attr-defined]
         except InputError:
-            if found:
-                yield b"".join(found), False
+            if pieces:
+                yield b"".join(pieces), False
             raise
-        found.append(data)
-        if not data or sum(map(len, found)) >= n_bytes:
-            yield b"".join(found), not data
-            found = []
+        pieces.append(data)
+        if not data or sum(map(len, pieces)) >= n_bytes:
+            yield b"".join(pieces), not data
+            pieces = []
         if not data:
             return

@@ -136,8 +136,8 @@ class TextTable:
         return numbers, rows, bad
 
     def _is_other_header(self, cells: list[str]) -> bool:
-        found = [cell.strip() for cell in cells]
-        return found != self._in_order and sorted(found) == self._names
+        names = [cell.strip() for cell in cells]
+        return names != self._in_order and sorted(names) == self._names
 
     def _other_header(self, number: int, text: str) -> InputError:
         return InputError(

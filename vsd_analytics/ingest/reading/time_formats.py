@@ -64,15 +64,15 @@ def time_format(source: Source, file: TableFile, plan: ColumnPlan, *, stated: st
     first = next(texts, None)
     if first is None or _ISO.fullmatch(first) or not (_YEAR_FIRST.fullmatch(first) or _YEAR_LAST.fullmatch(first)):
         return None
-    found = formats_of([first, *texts])
-    if len(found) < 2:
-        return found[0] if found else None
+    formats = formats_of([first, *texts])
+    if len(formats) < 2:
+        return formats[0] if formats else None
     raise InputError(
         f"the dates of {source.file_name} can be read in two ways, such as {first!r}",
         code="E210",
         where=Where(source.name),
         why=f"no date of the first {SAMPLE_ROWS:,} rows shows whether the day, the month or the year comes first",
-        fix="--time-format " + ", or ".join(f'"{form}" ({_FIRST[form[1]]} first)' for form in found),
+        fix="--time-format " + ", or ".join(f'"{form}" ({_FIRST[form[1]]} first)' for form in formats),
     )
 
 
@@ -84,18 +84,18 @@ def formats_of(texts: Iterable[str]) -> list[str]:
     shapes: set[tuple[str, ...]] = set()
     is_day_first = is_month_first = is_year_first = True
     for text in dict.fromkeys(texts):
-        found = _YEAR_FIRST.fullmatch(text)
-        if found is not None:
-            shapes.add((f"%Y{found['sign']}%m{found['sign']}%d", _clock(found)))
+        match = _YEAR_FIRST.fullmatch(text)
+        if match is not None:
+            shapes.add((f"%Y{match['sign']}%m{match['sign']}%d", _clock(match)))
             continue
-        found = _YEAR_LAST.fullmatch(text)
-        if found is None:
+        match = _YEAR_LAST.fullmatch(text)
+        if match is None:
             continue  # a cell that is no time goes to quarantine
-        sign, year = found["sign"], "%Y" if len(found["year"]) == 4 else "%y"
-        shapes.add((f"{{}}{sign}{{}}{sign}{year}", _clock(found)))
-        is_year_first &= len(found["year"]) == 2 and int(found["two"]) <= 12 and 0 < int(found["year"]) <= 31
-        is_day_first &= int(found["two"]) <= 12
-        is_month_first &= int(found["one"]) <= 12 and sign != "."
+        sign, year = match["sign"], "%Y" if len(match["year"]) == 4 else "%y"
+        shapes.add((f"{{}}{sign}{{}}{sign}{year}", _clock(match)))
+        is_year_first &= len(match["year"]) == 2 and int(match["two"]) <= 12 and 0 < int(match["year"]) <= 31
+        is_day_first &= int(match["two"]) <= 12
+        is_month_first &= int(match["one"]) <= 12 and sign != "."
     dates = {date for date, _ in shapes}
     clocks = sorted({clock for _, clock in shapes}, key=len)
     if len(dates) != 1 or len(clocks) > 2 or (len(clocks) == 2 and clocks[1] != f"{clocks[0]}.%f"):
@@ -111,11 +111,11 @@ def formats_of(texts: Iterable[str]) -> list[str]:
     return found_formats
 
 
-def _clock(found: re.Match[str]) -> str:
-    if found["hour"] is None:
+def _clock(match: re.Match[str]) -> str:
+    if match["hour"] is None:
         return ""
-    hour, half = ("%H", "") if found["half"] is None else ("%I", f"{found['half_gap']}%p")
-    return f"{found['gap']}{hour}:%M{':%S' if found['second'] else ''}{'.%f' if found['fraction'] else ''}{half}"
+    hour, half = ("%H", "") if match["half"] is None else ("%I", f"{match['half_gap']}%p")
+    return f"{match['gap']}{hour}:%M{':%S' if match['second'] else ''}{'.%f' if match['fraction'] else ''}{half}"
 
 
 def _times(file: TableFile, plan: ColumnPlan) -> Iterator[str]:

@@ -83,7 +83,7 @@ class Workbook(CellTable):
                 self._source.name,
                 n_bytes=self._source.size_bytes,
                 settings=self._source.settings,
-                found=n_unpacked,
+                unpacked_bytes=n_unpacked,
             )
 
     @contextmanager

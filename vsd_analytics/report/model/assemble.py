@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from datetime import date, datetime, timedelta
 from typing import Any
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.catalogue import figures
+from vsd_analytics.figures.catalogue import figures, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.suppression import GIVES_AWAY, in_week_before, is_small, too_few
 from vsd_analytics.figures.week import areas as report_areas
-from vsd_analytics.figures.week import estimates, findings, recording, timetable
+from vsd_analytics.figures.week import estimates, lazy_answers, recording, timetable
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.findings import Findings
 from vsd_analytics.figures.week.floor_maps import floor_maps
+from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.model_recording import Coverage
 from vsd_analytics.figures.week.results import (
@@ -33,7 +32,7 @@ from vsd_analytics.figures.week.results import (
 )
 from vsd_analytics.figures.week.stored_records import stored_records
 from vsd_analytics.report.model import site_changes
-from vsd_analytics.report.model.sections import with_more, with_more_maps, with_more_of_days
+from vsd_analytics.report.model.sections import add_days_sections, add_maps, add_week_sections
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.site.model import Floor, Site
 from vsd_analytics.version import VERSION
@@ -105,9 +104,9 @@ def _of_days(
     opened = open_warehouse(site, *loaded, on_plan=on_plan, on_hours=on_hours, threads=THREADS)
     with speaking(chosen() or site.language), opened as warehouse:
         data = WeekData(_made(warehouse), floor=floor, monday=first, last=last, clock=clock)
-        found = Findings(data)
-        add = with_more if data.is_week else with_more_of_days
-        return with_more_maps(add(_report(data, floor, found, now), data, found), data)
+        found = LazyAnswers(data)
+        add = add_week_sections if data.is_week else add_days_sections
+        return add_maps(add(_report(data, floor, found, now), data, found), data)
 
 
 def _made(warehouse: Warehouse) -> Warehouse:
@@ -121,14 +120,14 @@ def _made(warehouse: Warehouse) -> Warehouse:
 def _first_day(site: Site, monday: date) -> date:
     """Return the first day to load: the history that exists, and the week before in any case."""
     extent = stored_extent(site, near=monday)
-    earliest = findings.first_day(site, monday)
+    earliest = lazy_answers.first_day(site, monday)
     if extent is None:
         return earliest
     stored = extent.first_day - timedelta(days=extent.first_day.weekday())
     return max(earliest, min(stored, monday - WEEK))
 
 
-def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None) -> WeekReport:
+def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | None) -> WeekReport:
     site, settings = data.site, data.site.settings
     sent = engines(site, data.monday, data.sunday)
     coverage = recording.coverage(data)
@@ -146,6 +145,8 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
     level = floor_level(data, is_compared=is_compared, areas=areas)
     has_ranking = is_ranked and level.violation_rate.value != 0
     made_at = _made_at(data, now)
+    inputs = FigureInputs(data, found, coverage, level, areas.rows, hours.when, is_ranked)
+    shared = shared_answers(inputs)
     return WeekReport(
         site=SiteRef(
             site_id=site.site_id,
@@ -162,7 +163,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
             engines=sent,
             settings_id=settings.settings_id(),
             settings_non_default=tuple((k, _plain(v)) for k, v in settings.non_default().items()),
-            inputs_digest=_inputs(data.warehouse),
+            inputs_digest=data.warehouse.inputs_digest,
             language=language(),
             is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in sent),
             notes=tuple(run.warning(site) for run in data.warehouse.other_rules()),
@@ -180,7 +181,8 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         stored=stored_records(site, at=made_at.date()),
         settings_change=change if state == "settings_changed" else None,
         close_by_crowding=close_by_crowding(data.this, why_hidden=data.hidden.why_floor),
-        figures=with_row_texts(figures(FigureInputs(data, found, coverage, level, areas.rows, hours.when, is_ranked))),
+        answers=shared,
+        figures=with_row_texts(figures(inputs, shared)),
     )
 
 
@@ -264,10 +266,3 @@ def _made_at(data: WeekData, now: datetime | None) -> datetime:
 def _plain(value: object) -> str:
     """Return a setting as a person would write it: 0, 100, 200."""
     return ", ".join(f"{v:g}" for v in value) if isinstance(value, tuple) else str(value)
-
-
-def _inputs(warehouse: Warehouse) -> str:
-    h = hashlib.blake2b(digest_size=8)
-    for hour, fingerprint in sorted(warehouse.built.fingerprints.items()):
-        h.update(f"{hour}:{fingerprint};".encode())
-    return h.hexdigest()

@@ -14,6 +14,8 @@ RENAMED: Final = {
     **{old + end: new + end for old, new in RATES.items() for end in _ENDS},
     "usual_often": "usual_violation_rate",
     "target_often": "target_violation_rate",
+    "redesigns": "change_effects",
+    "ledger": "logged_changes",
 }
 """Names of fields in version 1, with those of today."""
 OLD_VERDICTS: Final = {"no_clear_change": "cannot_tell"}

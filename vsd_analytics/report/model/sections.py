@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from vsd_analytics.figures.week import outlook, readings, redesigns, self_check, spots, trend_weeks
+from vsd_analytics.figures.week import change_effects, outlook, readings, self_check, spots, trend_weeks
 from vsd_analytics.figures.week.change_maps import change_maps
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.findings import Findings
 from vsd_analytics.figures.week.footsteps_and_views import footsteps, views
+from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.report.draw.spot_pictures import spot_pictures
 from vsd_analytics.report.model.agenda import agenda
-from vsd_analytics.report.model.ledger import ledger
+from vsd_analytics.report.model.logged_changes import logged_changes
 from vsd_analytics.report.model.site_changes import same_engine_since
 from vsd_analytics.report.model.spot_names import with_words
 from vsd_analytics.report.model.week import WeekReport
 
 
-def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport:
-    """Return the report with its spots, readings, redesigns, causes, weeks, outlook, self-check and unusual hours.
+def add_week_sections(report: WeekReport, data: WeekData, found: LazyAnswers) -> WeekReport:
+    """Return the report with its spots, readings, logged changes, causes, weeks, outlook, self-check and unusual hours.
 
     What a week cannot tell stays None: nothing is ranked or judged in a week without data, too incomplete, or empty.
     """
@@ -31,13 +31,15 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
         selfcheck=self_check.section(found.self_check),
     )
     made = replace(made, agenda=agenda(made, data, None))
-    made = replace(made, ledger=ledger(data, found))
+    made = replace(made, logged_changes=logged_changes(data, found))
     if report.state in ("no_data", "too_incomplete") or report.level.violation_rate.state == "not_measurable":
         return made
     made = replace(
         made,
-        redesigns=redesigns.redesigns(data, found.redesigns),
-        causes=redesigns.causes(found.mixing, people_moved_by=redesigns.moved_people(data, found.redesigns))
+        change_effects=change_effects.change_effects(data, found.change_effects),
+        causes=change_effects.causes(
+            found.mixing, people_moved_by=change_effects.moved_people(data, found.change_effects)
+        )
         if report.state == "normal"
         else None,
         unusual=outlook.unusual(found.unusual, when=report.when),
@@ -62,18 +64,18 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
     )
 
 
-def with_more_of_days(report: WeekReport, data: WeekData, found: Findings) -> WeekReport:
+def add_days_sections(report: WeekReport, data: WeekData, found: LazyAnswers) -> WeekReport:
     """Return the report of days that are no week with what such days can tell: readings and causes."""
     if report.state in ("no_data", "too_incomplete") or not report.level.violation_rate.value:
         return report
     return replace(
         report,
-        causes=redesigns.causes(found.mixing, people_moved_by=()) if report.state == "normal" else None,
+        causes=change_effects.causes(found.mixing, people_moved_by=()) if report.state == "normal" else None,
         readings=readings.readings(data, found.groups, level=report.level, areas=report.areas),
     )
 
 
-def with_more_maps(report: WeekReport, data: WeekData) -> WeekReport:
+def add_maps(report: WeekReport, data: WeekData) -> WeekReport:
     """Return the report with every map that its own map, the floor's first, can carry.
 
     Args:

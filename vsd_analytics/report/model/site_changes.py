@@ -13,7 +13,7 @@ from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.changes import recorded_cameras, since_instant
 from vsd_analytics.figures.week.contributions import share_of_change, verdict_without
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.findings import Findings
+from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.figures.week.model_recording import Coverage, Outage
 from vsd_analytics.figures.week.results import LogLine, SettingsChange
 from vsd_analytics.site.model import LogEntry
@@ -99,7 +99,7 @@ def settings_change(data: WeekData, sent: tuple[str, ...], before: tuple[str, ..
     return None
 
 
-def same_engine_since(data: WeekData, found: Findings) -> date | None:
+def same_engine_since(data: WeekData, found: LazyAnswers) -> date | None:
     """Return the Monday of the first week of the trend that the engines of this week counted; None = all its weeks."""
     weeks = [week.monday for week in found.trend.weeks]
     now = engines(data.site, data.monday, data.sunday)

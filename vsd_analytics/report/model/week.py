@@ -16,16 +16,17 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final, Literal
 
+from vsd_analytics.answer import Answers
 from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.figures.week.model_estimate import optional as _o
 from vsd_analytics.figures.week.model_map import ChangeMaps, FloorMap, Footsteps, MapViews, SpotPicture
 from vsd_analytics.figures.week.model_recording import CameraRecord, Coverage
 from vsd_analytics.figures.week.model_sections import (
     Causes,
-    LedgerLine,
+    LoggedChangeEffect,
+    LoggedChangeResult,
     Outlook,
     Readings,
-    Redesign,
     SelfCheck,
     Spots,
     Trend,
@@ -43,9 +44,9 @@ from vsd_analytics.figures.week.results import (
     Rules,
     SettingsChange,
     SiteRef,
+    Timetable,
     WeekRef,
     WeekState,
-    When,
 )
 from vsd_analytics.figures.week.stored_records import StoredRecords
 from vsd_analytics.report.model.week_agenda import Agenda
@@ -106,7 +107,7 @@ class WeekReport:
     busiest_spot: BusiestSpot | None = _o("None when nothing is ranked.", metric="M15")
     busiest_hour: BusiestHour | None = _o("None when nothing is ranked or all counts are small.", metric="M14")
     areas: tuple[AreaRow, ...] = _f("Most violations first, the rest of the floor last.", metric="M15", default=())
-    when: When = _f("The timetable.", metric="M8")
+    when: Timetable = _f("The timetable.", metric="M8")
     maps: tuple[FloorMap, ...] = _f("One plan or floor, or one picture per camera.", metric="M17", default=())
     change_maps: ChangeMaps | None = _o("None when nothing is compared.", metric="M17")
     spot_pictures: tuple[SpotPicture, ...] = _f("What stands around the numbered spots.", default=())
@@ -117,8 +118,8 @@ class WeekReport:
     settings_change: SettingsChange | None = _o("Set when `state` is settings_changed.")
     spots: Spots | None = _o("The numbered spots; None when nothing is ranked.", metric="M20")
     readings: Readings | None = _o("All violations, and those between groups.", metric="M9")
-    redesigns: tuple[Redesign, ...] = _f("What logged changes did.", metric="M27", default=())
-    ledger: tuple[LedgerLine, ...] = _f(
+    change_effects: tuple[LoggedChangeEffect, ...] = _f("What logged changes did.", metric="M27", default=())
+    logged_changes: tuple[LoggedChangeResult, ...] = _f(
         "Every logged change from the first week looked at, and what it avoided.", metric="M27", default=()
     )
     causes: Causes | None = _o("What moved; None when nothing is compared.", metric="M23")
@@ -129,6 +130,7 @@ class WeekReport:
     close_by_crowding: CloseByCrowding | None = _o(
         "Time too close by crowding and day; None in files of older versions.", metric="M6"
     )
+    answers: Answers = _f("Tables of figures by name, as they may leave the operator's hands.", default=Answers())
     figures: Mapping[str, Figure] = _f(
         "Keyed by the catalogue, as M7; absent: not in this version, nobody asks for it, or it needs weeks."
     )

@@ -26,7 +26,7 @@ class FigureRow:
     reason: str = ""
 
 
-def more_figures(report: WeekReport) -> tuple[FigureRow, ...]:
+def further_figures(report: WeekReport) -> tuple[FigureRow, ...]:
     """Return figures of the catalogue that are nowhere else on the page, in its order; absent ones are left out."""
     named = [key for key in report.figures if has(f"more.{key}.name")]
     return tuple(row for key in sorted(named, key=lambda key: int(key[1:])) for row in _lines(report, key))

@@ -6,17 +6,19 @@ import csv
 import dataclasses
 import io
 import json
-import math
 from collections import ChainMap
 from typing import Any, Final
 
 import msgspec
 
-from vsd_analytics.answer import Reason
+from vsd_analytics.answer import Answers, Reason
 from vsd_analytics.figures.week import model_estimate, model_map, model_recording, model_sections, results
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import SpotCard
 from vsd_analytics.figures.week.results import AreaRow, HourCell
+from vsd_analytics.render.json_form import ANSWERS_SCHEMA, as_json, rounded_answers
+from vsd_analytics.render.json_form import from_json as answer_from_json
+from vsd_analytics.render.significant import rounded as rounded_json
 from vsd_analytics.report.model import week, week_agenda
 from vsd_analytics.report.model.older_files import brought_up_to_date
 from vsd_analytics.report.model.week import WeekReport
@@ -24,7 +26,6 @@ from vsd_analytics.report.pages.story import finish
 from vsd_analytics.store.spreadsheet import safe_cell
 from vsd_analytics.wording.reasons import decode_reason, reason_schema, reason_text
 
-DIGITS: Final = 6
 HOURS_COLUMNS: Final = ("site", "floor", "area", "start", "open", "recorded_minutes", "violations", "state")
 AREAS_COLUMNS: Final = (
     *("site", "floor", "week", "area", "name", "counted", "per_open_hour", "lo", "hi", "previous"),
@@ -62,19 +63,19 @@ HOTSPOTS_COLUMNS: Final = (
 
 def rounded(report: WeekReport) -> WeekReport:
     """Return the report with every float rounded to 6 significant digits, as the JSON file has them."""
-    reasons: list[Reason] = []
+    whole: list[Reason | Answers] = []
 
     def put(value: Any) -> Any:
-        if not isinstance(value, Reason):
+        if not isinstance(value, Reason | Answers):
             return _plain(value)
-        reasons.append(value)
-        return len(reasons) - 1
+        whole.append(rounded_answers(value) if isinstance(value, Answers) else value)
+        return len(whole) - 1
 
-    def take(_kind: type, index: int) -> Reason:
-        return reasons[index]
+    def take(_kind: type, index: int) -> Reason | Answers:
+        return whole[index]
 
-    # a reason stays itself, code and values: it goes round by its place in a list
-    plain = _round(msgspec.to_builtins(report, enc_hook=put))
+    # a reason stays itself, code and values, and so does an answer: they go round by their places in a list
+    plain = rounded_json(msgspec.to_builtins(report, enc_hook=put))
     return msgspec.convert(plain, WeekReport, dec_hook=take)
 
 
@@ -83,19 +84,19 @@ def to_json(report: WeekReport) -> bytes:
 
     A missing number is null beside a `state`, never 0. The sentences of the page are under `story`.
     """
-    data = _round(_builtins(finish(rounded(report))))
+    data = rounded_json(_builtins(finish(rounded(report))))
     return (json.dumps(data, sort_keys=True, ensure_ascii=False, allow_nan=False, indent=1) + "\n").encode()
 
 
 def from_json(data: bytes) -> WeekReport:
     """Return the report that a JSON text was made from, also one of version 1; rendering it gives the same page."""
     decoded = brought_up_to_date(msgspec.json.decode(data))
-    return msgspec.convert(decoded, WeekReport, dec_hook=decode_reason)
+    return msgspec.convert(decoded, WeekReport, dec_hook=_decode)
 
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (2020-12) of the JSON text; each property has its help, unit and catalogue id."""
-    schema = msgspec.json.schema(WeekReport, schema_hook=reason_schema)
+    schema = msgspec.json.schema(WeekReport, schema_hook=_schema_of)
     kinds = ChainMap(
         *(vars(m) for m in (week, week_agenda, results, model_estimate, model_map, model_recording, model_sections))
     )
@@ -216,34 +217,28 @@ def _csv(columns: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:
     return out.getvalue()
 
 
+def _decode(kind: type, value: Any) -> Any:
+    """Return what msgspec has no type for: answers, and reasons as their sentences."""
+    if kind is Answers:
+        return Answers(answer_from_json(answer) for answer in value.values())
+    return decode_reason(kind, value)
+
+
+def _schema_of(kind: type) -> dict[str, Any]:
+    return ANSWERS_SCHEMA if kind is Answers else reason_schema(kind)
+
+
 def _builtins(report: WeekReport) -> Any:
     """Return dicts, lists, numbers and ISO texts; numpy scalars and pandas instants become plain ones."""
     return msgspec.to_builtins(report, enc_hook=_plain)
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, Answers):
+        return {answer.name: as_json(answer) for answer in value}
     if isinstance(value, Reason):
         return reason_text(value)
     for convert in ("item", "to_pydatetime"):
         if hasattr(value, convert):
             return getattr(value, convert)()
     raise TypeError(f"a report cannot hold {type(value).__name__}")
-
-
-def _round(value: Any) -> Any:
-    match value:
-        case float():
-            return significant(value)
-        case dict():
-            return {str(k): _round(v) for k, v in value.items()}
-        case list() | tuple():
-            return [_round(v) for v in value]
-        case _:
-            return value
-
-
-def significant(value: float) -> float | None:
-    """Return `value` with 6 significant digits; None for what is not finite."""
-    if not math.isfinite(value):
-        return None
-    return float(f"{value:.{DIGITS}g}")

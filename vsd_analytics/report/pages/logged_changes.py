@@ -11,7 +11,7 @@ from typing import Final
 
 from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import LedgerLine, Redesign
+from vsd_analytics.figures.week.model_sections import LoggedChangeEffect, LoggedChangeResult
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.model.week_agenda import PastQuestion
 from vsd_analytics.wording import format as fmt
@@ -20,7 +20,7 @@ from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 
 
-def came_of(change: Redesign | None) -> str:
+def came_of(change: LoggedChangeEffect | None) -> str:
     """Return what became of the time too close in the area of a change; None = nothing is known of it."""
     if change is None:
         return say("came_of.nothing")
@@ -38,8 +38,8 @@ def came_of(change: Redesign | None) -> str:
             return say(f"came_of.{said}", likely=likely)
 
 
-def ledger_words(line: LedgerLine) -> str:
-    """Return what a line of the ledger says after the change itself; empty for a change of the whole site."""
+def result_words(line: LoggedChangeResult) -> str:
+    """Return what a line of the log says after the change itself; empty for a change of the whole site."""
     if line.outcome == "site_wide":
         return ""
     parts = [_in_area(line), _on_floor(line)]
@@ -48,7 +48,7 @@ def ledger_words(line: LedgerLine) -> str:
     return " ".join(part for part in parts if part)
 
 
-def _in_area(line: LedgerLine) -> str:
+def _in_area(line: LoggedChangeResult) -> str:
     if line.outcome == "alone":
         return say("came_of.alone")
     if line.avoided_min is None or line.avoided_lo is None or line.avoided_hi is None:
@@ -65,7 +65,7 @@ def _in_area(line: LedgerLine) -> str:
     )  # fmt: skip
 
 
-def _on_floor(line: LedgerLine) -> str:
+def _on_floor(line: LoggedChangeResult) -> str:
     if line.floor_avoided_lo is None or line.floor_avoided_hi is None:
         return ""
     is_clear = line.floor_verdict in ("clear_fall", "clear_rise")
@@ -139,7 +139,7 @@ def _is_news(past: PastQuestion, report: WeekReport) -> bool:
 
 
 def _line(past: PastQuestion, report: WeekReport) -> AskedLine:
-    change = next((r for r in report.redesigns if r.number == past.change), None)
+    change = next((r for r in report.change_effects if r.number == past.change), None)
     date = "" if past.answered_at is None else fmt.date_short(past.answered_at.date())
     kind = (past.answer or "later").replace("-", "_")
     by = say("asked.by", name=past.by) if past.by else ""
@@ -190,7 +190,7 @@ def log_rows(report: WeekReport, *, with_weeks: bool) -> tuple[LogRow, ...]:
     ]
     first = (report.previous or report.week).monday
     gaps = {(o.start, True) for o in report.coverage.outages}
-    results = {(line.at, line.text): ledger_words(line) for line in report.ledger}
+    results = {(line.at, line.text): result_words(line) for line in report.logged_changes}
     return tuple(
         LogRow(
             result=results.get((at, text), ""),

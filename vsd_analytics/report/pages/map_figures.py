@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from markupsafe import Markup
 
+from vsd_analytics.answer import Answers, Row, value_of
 from vsd_analytics.figures.week.model_map import FloorMap
-from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.report.draw import flow_maps, small_maps
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.contributions import contributions
@@ -67,7 +66,7 @@ class MapFigure:
     detail: str = ""
 
 
-Rows = Sequence[Mapping[str, Any]]
+Rows = Sequence[Row]
 
 
 def flow_figure(report: WeekReport, floor: FloorMap) -> MapFigure | None:
@@ -77,11 +76,11 @@ def flow_figure(report: WeekReport, floor: FloorMap) -> MapFigure | None:
         report: The report.
         floor: The floor's map.
     """
-    between, cells = (rows_of(report.figures, key) for key in ("M37", "M42"))
+    between, cells = (rows_of(report.answers, name) for name in ("flow", "walking_directions"))
     number, panels = report.week.number, []
     if cells:
         label = say("maps.flow_label_directions", floor=floor.title, number=number)
-        drawing = flow_maps.mini_directions(floor, arrows_of(cells), cell_m=cells[0]["cell_m"], name="wd", label=label)
+        drawing = flow_maps.mini_directions(floor, arrows_of(cells), cell_m=cell_side_m(cells), name="wd", label=label)
         panels.append(MapPanel(title=say("maps.flow_directions"), drawing=drawing))
     if lines := lines_of(between):
         label = say("maps.flow_label_lines", floor=floor.title, number=number)
@@ -99,52 +98,80 @@ def flow_figure(report: WeekReport, floor: FloorMap) -> MapFigure | None:
         region=say("maps.flow_region"),
         caption=say("maps.flow_caption", number=number),
         head=tuple(say(f"maps.flow_{key}") for key in ("from_to", "share", "per_hour")),
-        rows=tuple(_row(r) for r in between if r["value"] is not None),
+        rows=tuple(_row(r) for r in between if is_known(r)),
     )
 
 
 def arrows_of(cells: Rows) -> list[flow_maps.Arrow]:
-    """Return the rows of M42 as arrows."""
-    return [flow_maps.Arrow((c["x_m"], c["y_m"]), c["value"], c["ways"] == "both", c["n_people"]) for c in cells]
-
-
-def lines_of(between: Rows) -> list[flow_maps.DesireLine]:
-    """Return the rows of M37 as desire lines, without those of several areas together."""
+    """Return the rows of `walking_directions` as arrows."""
     return [
-        flow_maps.DesireLine(r["area"], r["to_areas"], r["per_open_h"])
-        for r in between
-        if r["value"] is not None and r["per_open_h"] is not None and " " not in r["to_areas"]
+        flow_maps.Arrow(
+            (number(c, "x_m"), number(c, "y_m")),
+            value_of(c, "direction_deg").value,
+            c["ways"] == "both",
+            round(value_of(c, "n_people").value or 0),
+        )
+        for c in cells
     ]
 
 
+def cell_side_m(cells: Rows) -> float:
+    """Return the side of the cells of walking directions."""
+    return number(cells[0], "cell_m")
+
+
+def number(row: Row, name: str) -> float:
+    """Return a fact of a row that is a number."""
+    return float(str(row[name]))
+
+
+def lines_of(between: Rows) -> list[flow_maps.DesireLine]:
+    """Return the rows of `flow` as desire lines, without those of several areas together."""
+    return [
+        flow_maps.DesireLine(str(r["area_id"]), str(r["to_area_ids"]), per_open_h)
+        for r in between
+        if is_known(r) and (per_open_h := value_of(r, "per_open_h").value) is not None and not is_pooled(r)
+    ]
+
+
+def is_known(row: Row) -> bool:
+    """Tell whether a row of `flow` has a share."""
+    return value_of(row, "next_area_share").value is not None
+
+
+def is_pooled(row: Row) -> bool:
+    """Tell whether a row of `flow` is of several areas, each entered by few people."""
+    return " " in str(row["to_area_ids"])
+
+
 def doubts(between: Rows) -> list[str]:
-    """Return sentences on what is not known of the rows of M37, or does not fit."""
+    """Return sentences on what is not known of the rows of `flow`, or does not fit."""
     said = []
-    if unknown := dict.fromkeys(r["place"] for r in between if r["value"] is None):
+    if unknown := dict.fromkeys(str(r["name"]) for r in between if not is_known(r)):
         said.append(say("maps.flow_unknown", places=terms.joined(unknown)))
     return said + _misfits(between) + _partial(between)
 
 
 def _misfits(between: Rows) -> list[str]:
-    off = dict.fromkeys(r["place"] for r in between if r["fits_arrivals"] is False)
+    off = dict.fromkeys(str(r["name"]) for r in between if r["fits_arrivals"] is False)
     return [say("maps.flow_disagrees", places=terms.joined(off))] if off else []
 
 
 def _partial(between: Rows) -> list[str]:
-    unseen = dict.fromkeys(r["place"] for r in between if r.get("in_view_only") and r["value"] is not None)
+    unseen = dict.fromkeys(str(r["name"]) for r in between if r["in_view_only"] and is_known(r))
     return [say("maps.flow_in_view", places=terms.joined(unseen))] if unseen else []
 
 
-def rows_of(figures: Mapping[str, Figure], metric: str) -> Rows:
-    """Return the rows of a figure; none where it is absent or not known."""
-    figure = figures.get(metric)
-    return () if figure is None or figure.rows is None else figure.rows
+def rows_of(answers: Answers, name: str) -> Rows:
+    """Return the rows of an answer; none where it is absent."""
+    answer = answers.get(name)
+    return () if answer is None else answer.rows
 
 
 def _said(between: Rows, cells: Rows) -> list[str]:
     """Return how to read the drawings, and what is not known or does not fit."""
     said = [say("maps.flow_read" if cells else "maps.flow_sub_lines")]
-    if unknown := dict.fromkeys(r["place"] for r in between if r["value"] is None):
+    if unknown := dict.fromkeys(str(r["name"]) for r in between if not is_known(r)):
         said.append(say("maps.flow_lost", places=terms.joined(unknown)))
     return said + _misfits(between)
 
@@ -153,18 +180,19 @@ def _detail(report: WeekReport, between: Rows, cells: Rows) -> list[str]:
     """Return what an arrow is, and of whom the shares of the table are."""
     said = []
     if cells:
-        cell = fmt.distance(cells[0]["cell_m"], report.rules.distance_unit)
+        cell = fmt.distance(cell_side_m(cells), report.rules.distance_unit)
         said.append(say("maps.flow_sub", cell=cell, people=report.rules.mask_below))
     return said + _partial(between)
 
 
-def _row(row: Mapping[str, Any]) -> tuple[str, ...]:
-    to = say("maps.flow_other") if " " in row["to_areas"] else row["to"]
-    share = fmt.percent(row["value"])
-    if row["lo"] is not None:
-        share = say("maps.flow_range", share=share, lo=fmt.percent(row["lo"]), hi=fmt.percent(row["hi"]))
-    per_hour = fmt.MISSING if row["per_open_h"] is None else fmt.number(row["per_open_h"])
-    return say("maps.flow_way", start=row["place"], end=to), share, per_hour
+def _row(row: Row) -> tuple[str, ...]:
+    to = say("maps.flow_other") if is_pooled(row) else str(row["to_name"])
+    value, per_open_h = value_of(row, "next_area_share"), value_of(row, "per_open_h").value
+    share = fmt.percent(value.value)
+    if value.lo is not None:
+        share = say("maps.flow_range", share=share, lo=fmt.percent(value.lo), hi=fmt.percent(value.hi))
+    per_hour = fmt.MISSING if per_open_h is None else fmt.number(per_open_h)
+    return say("maps.flow_way", start=row["name"], end=to), share, per_hour
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Sections beyond the week and its map, in words and drawings: weeks, causes, redesigns, outlook, unusual hours."""
+"""Sections beyond the week and its map, words and drawings: weeks, causes, logged changes, outlook, unusual hours."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import Causes, Redesign, Target, TrendWeek
+from vsd_analytics.figures.week.model_sections import Causes, LoggedChangeEffect, Target, TrendWeek
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, Measure, chart, known
 from vsd_analytics.report.model.week import WeekReport
@@ -198,9 +198,9 @@ def causes(report: WeekReport) -> BarTable | None:
     return BarTable(title=title, sub=sub, axis=svg.change_axis(limit), rows=rows, sentence=_cause(found, distance))
 
 
-def redesigns(report: WeekReport) -> BarTable | None:
+def change_effects(report: WeekReport) -> BarTable | None:
     """Return what logged changes did to their areas; None without any."""
-    found = report.redesigns
+    found = report.change_effects
     if not found:
         return None
     computed = [r for r in found if r.effect is not None and r.state == "ok"]
@@ -215,7 +215,7 @@ def redesigns(report: WeekReport) -> BarTable | None:
         title=say("redesign.title"),
         sub=say("redesign.sub", confidence=fmt.percent(report.rules.confidence)) if computed else "",
         axis=svg.change_axis(limit),
-        rows=tuple(row for r in computed for row in _redesign(r, limit)),
+        rows=tuple(row for r in computed for row in _change_effect(r, limit)),
         notes=(*assumed, *refused),
     )
 
@@ -373,13 +373,13 @@ def _cause(found: Causes, distance: str) -> str:
     return say("causes.sentence", change=fmt.less_more(close), distance=distance, largest=largest)
 
 
-def _measured(found: Redesign) -> list[tuple[str, Estimate]]:
+def _measured(found: LoggedChangeEffect) -> list[tuple[str, Estimate]]:
     """Return the figures that a change is judged by; encounters per person-hour (M7) rise where people stand less."""
     figures = (("often", found.violation_rate), ("close", found.close), ("running", found.running), ("net", found.net))
     return [(kind, e) for kind, e in figures if e is not None and (e.change is not None or kind != "running")]
 
 
-def _redesign(found: Redesign, limit: float) -> tuple[BarRow, ...]:
+def _change_effect(found: LoggedChangeEffect, limit: float) -> tuple[BarRow, ...]:
     """Return what a change did: people who stay away make an area no riskier, so both how often and time too close."""
     n = found.n_weeks or 0
     parts = [say(f"redesign.{found.design}", plural=n, n=n, areas=terms.joined(found.compared_with))]

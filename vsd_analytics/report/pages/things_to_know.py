@@ -9,7 +9,7 @@ from typing import Final
 from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_recording import CameraRecord
-from vsd_analytics.figures.week.model_sections import Redesign
+from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.model.week import Thing, WeekReport
 from vsd_analytics.report.pages.no_data import nothing
@@ -54,7 +54,7 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
     return (worked, _distrust(report)) if report.state == "empty" else (worked, _watch(report), _distrust(report))
 
 
-def _change_that_fell(change: Redesign, *, is_new: bool) -> Thing:
+def _change_that_fell(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
     """Return the thing to know of a change whose area fell: it works, or nobody can tell whether it moved elsewhere."""
     running, said = change.running, outcome(change)
     if running is None:
@@ -72,25 +72,25 @@ def _change_that_fell(change: Redesign, *, is_new: bool) -> Thing:
     return Thing(kind="worked", title=title, text=text, target="changed")
 
 
-def _change_that_moved(change: Redesign, *, is_new: bool) -> Thing:
+def _change_that_moved(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
     share = fmt.percent(min(1.0, change.moved_elsewhere or 0.0))
     text = say("things.moved_text" if is_new else "things.moved_short", share=share, area=change.area_name)
     return Thing(kind="worked", title=say("things.moved", area=change.area_name), text=text, target="changed")
 
 
-def _is_news(change: Redesign, report: WeekReport) -> bool:
+def _is_news(change: LoggedChangeEffect, report: WeekReport) -> bool:
     """Tell whether the result of a change is new to a reader of every week's page."""
     return report.agenda is None or (change.n_watched or 0) <= NEWS_WEEKS
 
 
 def _results(report: WeekReport, *, is_new: bool) -> list[Thing]:
     """Return the results of changes after which there is clearly less time too close, the latest first."""
-    found = (c for c in reversed(report.redesigns) if _is_news(c, report) == is_new and _is_material(c, report))
+    found = (c for c in reversed(report.change_effects) if _is_news(c, report) == is_new and _is_material(c, report))
     made = {"works": _change_that_fell, "fell": _change_that_fell, "moved": _change_that_moved}
     return [made[said](c, is_new=is_new) for c in found if (said := outcome(c)) in made]
 
 
-def _is_material(change: Redesign, report: WeekReport) -> bool:
+def _is_material(change: LoggedChangeEffect, report: WeekReport) -> bool:
     """Tell whether a change moved a material share of the floor's time too close, or its area still holds one."""
     row = next((a for a in report.areas if a.name == change.area_name), None)
     return abs(change.contribution or 0.0) >= report.rules.material_share or (row is not None and row.is_material)
@@ -128,12 +128,12 @@ def _worked(report: WeekReport) -> Thing:
     old = _results(report, is_new=False)
     if old:
         return old[0]
-    doubtful = [c for c in report.redesigns if outcome(c) == "doubtful" and _is_material(c, report)]
+    doubtful = [c for c in report.change_effects if outcome(c) == "doubtful" and _is_material(c, report)]
     if doubtful:
         change = doubtful[-1]
         text = say("things.none_fell_doubtful", area=change.area_name, at=fmt.date_short(change.at.date()))
         return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
-    if any(c.running is not None and c.running.verdict == "clear_fall" for c in report.redesigns):
+    if any(c.running is not None and c.running.verdict == "clear_fall" for c in report.change_effects):
         text = say("things.none_fell_small")
         return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
     unseen = {a.area_id: a.name for a in report.areas if a.area_id and a.recorded_share == 0}
@@ -142,7 +142,7 @@ def _worked(report: WeekReport) -> Thing:
         text = say("things.none_fell_unseen", area=lost)
         return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
     is_logged = any(line.kind == "logged" for line in report.log)
-    is_quiet = report.agenda is not None and not is_logged and not report.redesigns
+    is_quiet = report.agenda is not None and not is_logged and not report.change_effects
     text = say("things.none_fell_quiet") if is_quiet else say("things.none_fell_text", since=since)
     return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
 

@@ -20,7 +20,7 @@ from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages import figure_titles, sections, tables
 from vsd_analytics.report.pages.change_rows import ChangeRow, change_rows
 from vsd_analytics.report.pages.contributions import Contributions, contributions
-from vsd_analytics.report.pages.figure_list import FigureRow, more_figures
+from vsd_analytics.report.pages.figure_list import FigureRow, further_figures
 from vsd_analytics.report.pages.json_and_csv import rounded
 from vsd_analytics.report.pages.key_figures import Tile, tiles
 from vsd_analytics.report.pages.logged_changes import AskedLine, LogRow, asked_lines, log_rows
@@ -103,7 +103,7 @@ class Page:
         unusual: Hours far from usual.
         contributions: What each area adds to the floor's change.
         causes: What moved the time spent close.
-        redesigns: What logged changes did.
+        change_effects: What logged changes did.
         trend: The last weeks.
         outlook: The next week.
         waiting: Queues and capacities.
@@ -158,14 +158,14 @@ class Page:
     unusual: sections.Listed | None
     contributions: Contributions | None
     causes: sections.BarTable | None
-    redesigns: sections.BarTable | None
+    change_effects: sections.BarTable | None
     trend: sections.TrendView | None
     outlook: sections.Listed | None
     waiting: WaitingView | None
     log: tuple[LogRow, ...]
     log_section: str
     messages: str
-    more_figures: tuple[FigureRow, ...]
+    further_figures: tuple[FigureRow, ...]
     asked: tuple[AskedLine, ...]
     privacy: str
 
@@ -246,14 +246,14 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         unusual=sections.unusual(report),
         contributions=contributions(report),
         causes=sections.causes(report),
-        redesigns=sections.redesigns(report),
+        change_effects=sections.change_effects(report),
         trend=weeks,
         outlook=sections.outlook(report),
-        waiting=waiting(report.figures),
+        waiting=waiting(report.answers),
         log=log_rows(report, with_weeks=log_section == "trend"),
         log_section=log_section,
         messages=_messages(report),
-        more_figures=more_figures(report),
+        further_figures=further_figures(report),
         asked=asked_lines(report),
         privacy=privacy(report),
     )
@@ -272,7 +272,7 @@ def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> froz
     ):
         maps |= {"spots"}
     hours = set() if report.level.violation_rate.state == "not_measurable" else {"when"}
-    asked = {"waiting"} if report.figures.keys() & {"M39", "M41"} else set()
+    asked = {"waiting"} if "queues" in report.answers or "capacity" in report.answers else set()
     return frozenset({"changed"} | always | hours | maps | asked)
 
 

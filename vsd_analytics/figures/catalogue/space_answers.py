@@ -1,0 +1,34 @@
+"""Answers on how a space is used, of places that ask for it: M35 to M42."""
+
+from __future__ import annotations
+
+from vsd_analytics.answer import Answer
+from vsd_analytics.figures.capacities import capacity
+from vsd_analytics.figures.catalogue.form import FigureInputs, answers
+from vsd_analytics.figures.flow_answers import direction_answer, flow_answers
+from vsd_analytics.figures.queues import queues
+from vsd_analytics.figures.visits import visits
+
+
+@answers("M35", "M36")
+def visit_answers(inputs: FigureInputs) -> tuple[Answer, ...]:
+    """Return visits of each area per open hour, and how long they last."""
+    return (visits(inputs.data.this),)
+
+
+@answers("M37", "M38", "M42")
+def flow_between_areas(inputs: FigureInputs) -> tuple[Answer, ...]:
+    """Return where people go next from each area, routes from door to door, and walking directions by cell."""
+    return (*flow_answers(inputs.data.this), direction_answer(inputs.data.this))
+
+
+@answers("M39", "M40")
+def queue_answers(inputs: FigureInputs) -> tuple[Answer, ...]:
+    """Return how many people wait in each queue, how long, and how many leave: over the days, and by hour."""
+    return queues(inputs.data.this)
+
+
+@answers("M41")
+def capacity_answers(inputs: FigureInputs) -> tuple[Answer, ...]:
+    """Return for how much of the open time each place with a capacity was full, and by how many people too full."""
+    return (capacity(inputs.data.this),)

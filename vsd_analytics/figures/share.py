@@ -1,0 +1,95 @@
+"""The mask: what of some answers may leave the operator's hands, together. No other module hides a number.
+
+A count of 1 to `mask_below` - 1 is not shared, nor is any value of its row that would tell it (`Column.tells`). Of a
+declared sum, all parts stay hidden where one is: a single hidden part is its total less the others. Columns of the
+operator (`Column.audience`) are left out; where they are small they hide what tells them all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from vsd_analytics.answer import Answer, Answers, Cell, Reason, Row, Sum, Value, value_of
+from vsd_analytics.site.model import Site
+
+Place = tuple[str, int, str]
+"""A cell: answer, number of the row, column."""
+
+
+def is_small(n: float | None, *, below: int) -> bool:
+    """Tell whether a count may not be shared: 1 to `below` - 1."""
+    return n is not None and 0 < n < below
+
+
+def share(answers: Iterable[Answer], *, below: int) -> Answers:
+    """Return what may leave the operator's hands of answers that leave together.
+
+    Args:
+        answers: Everything that leaves together; sums are looked for among all of them.
+        below: Counts from 1 to `below` - 1 are small.
+
+    Returns:
+        The same answers without the operator's columns; hidden values have the state "not_enough_data" and a reason.
+    """
+    every = list(answers)
+    by_name = {answer.name: answer for answer in every}
+    small = {
+        (answer.name, k, c.name)
+        for answer in every
+        for c in answer.columns
+        if c.kind == "count"
+        for k, row in enumerate(answer.rows)
+        if is_small(value_of(row, c.name).value, below=below)
+    }
+    hidden = set(small)
+    size = -1
+    while size != len(hidden):
+        size = len(hidden)
+        for answer in every:
+            for declared in answer.sums:
+                hidden |= _parts_to_hide(answer, declared, by_name, hidden)
+    return Answers(_shared(answer, small, hidden, below) for answer in every)
+
+
+def audience_answers(answers: Iterable[Answer], site: Site, *, is_exact: bool) -> Answers:
+    """Return answers for whoever asks: exact ones for the operator, by name; else what may be shared."""
+    return Answers(answers) if is_exact else share(answers, below=int(site.settings.mask_below))
+
+
+def _parts_to_hide(answer: Answer, declared: Sum, by_name: Mapping[str, Answer], hidden: set[Place]) -> set[Place]:
+    """Return the parts of a sum that are not zero, where one of them or the total is hidden."""
+    more: set[Place] = set()
+    for k, row in enumerate(answer.rows):
+        parts = [place for part in declared.parts for place in _places(answer, k, row, part, by_name)]
+        if (answer.name, k, declared.total) in hidden or any(place in hidden for place in parts):
+            more |= {p for p in parts if (n := value_of(by_name[p[0]].rows[p[1]], p[2]).value) is not None and n > 0}
+    return more
+
+
+def _places(answer: Answer, k: int, row: Row, part: str, by_name: Mapping[str, Answer]) -> list[Place]:
+    name, _, column = part.rpartition(".")
+    if not name:
+        return [(answer.name, k, column)]
+    if name not in by_name:
+        return []
+    other = by_name[name]
+    keys = [key for key in answer.keys if key in other.keys]
+    return [(name, i, column) for i, r in enumerate(other.rows) if all(r[key] == row[key] for key in keys)]
+
+
+def _shared(answer: Answer, small: set[Place], hidden: set[Place], below: int) -> Answer:
+    columns = tuple(c for c in answer.columns if c.audience == "anybody")
+
+    def cell(k: int, row: Row, name: str, tells: Sequence[str]) -> Cell:
+        value = row[name]
+        if not isinstance(value, Value) or value.value is None:
+            return value
+        told = [(answer.name, k, column) for column in (name, *tells)]
+        if any(place in small for place in told):
+            return Value.missing(Reason("hidden.few_counted", least=below))
+        return Value.missing(Reason("hidden.gives_away")) if any(place in hidden for place in told) else value
+
+    rows = tuple({c.name: cell(k, row, c.name, c.tells) for c in columns} for k, row in enumerate(answer.rows))
+    names = {c.name for c in columns}
+    sums = tuple(s for s in answer.sums if s.total in names and all("." in p or p in names for p in s.parts))
+    return Answer(answer.name, columns, rows, answer.holds_for, sums, answer.notes, answer.nothing)

@@ -1,0 +1,133 @@
+"""What logged changes did to their areas (M27), and what moved the time people spend close (M23)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from vsd_analytics.figures.before_after import BeforeAfterFigure
+from vsd_analytics.figures.suppression import GIVES_AWAY, is_small, too_few
+from vsd_analytics.figures.week import page_estimates
+from vsd_analytics.figures.week.data import WeekData
+from vsd_analytics.figures.week.model_estimate import Estimate, same_fields
+from vsd_analytics.figures.week.model_sections import Causes, LoggedChangeEffect
+from vsd_analytics.stats.before_after import BeforeAfter
+from vsd_analytics.stats.decomposition import MixingChange
+from vsd_analytics.stats.estimates import ChangeEstimate
+from vsd_analytics.stats.running_verdict import RunningVerdict
+
+SHOWN_DAYS: Final = 63
+"""A change is on the page for nine weeks: four after it are compared, and washout and holidays may move these."""
+NEW_DAYS: Final = 14
+"""A change of the week or the one before lies between the two weeks that M23 compares."""
+
+
+def change_effects(
+    data: WeekData, found: Sequence[BeforeAfterFigure], *, shown_days: int = SHOWN_DAYS
+) -> tuple[LoggedChangeEffect, ...]:
+    """Return the logged changes whose weeks before and after reach into the report's week or are still to come.
+
+    A change is reported as long as its weeks after include a day of this week, or it lies in the last nine weeks. In
+    the second case the report says what is still missing.
+
+    Args:
+        data: The week.
+        found: What the changes did.
+        shown_days: Days back from the week's end from which changes are given.
+    """
+    return tuple(
+        change_effect(data, f)
+        for f in found
+        if (data.sunday - f.at.astimezone(data.site.zone).date()).days < shown_days
+    )
+
+
+def causes(found: MixingChange, *, people_moved_by: tuple[int, ...] = ()) -> Causes:
+    """Return crowding, layout and behaviour as relative changes, whose product is the whole, and parts, whose sum is.
+
+    Args:
+        found: The change from the week before.
+        people_moved_by: The logged changes whose doing the part of people is: `moved_people`.
+    """
+    behaviour = found.behaviour
+    if found.state != "ok" or found.close is None or behaviour is None or behaviour.value is None:
+        state = found.state if found.state != "ok" else "not_enough_data"
+        return Causes(state=state, reason=found.reason)
+    return Causes(
+        close=found.close - 1,
+        people=None if found.crowding is None else found.crowding - 1,
+        layout=None if found.layout is None else found.layout - 1,
+        behaviour=behaviour.value - 1,
+        behaviour_lo=behaviour.change_lo,
+        behaviour_hi=behaviour.change_hi,
+        people_part=found.crowding_part,
+        layout_part=found.layout_part,
+        behaviour_part=found.behaviour_part,
+        people_moved_by=people_moved_by,
+    )
+
+
+def moved_people(data: WeekData, found: Sequence[BeforeAfterFigure]) -> tuple[int, ...]:
+    """Return the numbers of the changes of the last two weeks that clearly left fewer people in their areas."""
+    new = [f for f in found if 0 <= (data.sunday - f.at.astimezone(data.site.zone).date()).days < NEW_DAYS]
+    fewer = [f for f in new if f.people is not None and f.people.verdict == "clear_fall"]
+    return tuple(f.number for f in fewer if f.state == "ok" and f.is_credible and not is_held_back(data, f))
+
+
+def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffect:
+    """Return what a logged change did, without what would tell a small count."""
+    names, windows = {a.area_id: a.name for a in data.areas}, found.windows
+    measured: dict[str, Any] = dict.fromkeys(("effect", "violation_rate", "people", "burden", "close", "running"))
+    if found.state == "ok":
+        measured |= {"effect": _change(found.effect or found.alone), "people": _change(found.people)}
+        if is_held_back(data, found):
+            below = int(data.site.settings.mask_below)
+            why = too_few(below) if _is_few(found, below=below) else GIVES_AWAY
+            hidden = Estimate(value=None, verdict="too_little_data", state="not_enough_data", reason=why)
+            measured |= {"effect": hidden}
+        else:
+            is_known = found.violation_rate is not None and found.violation_rate.value is not None
+            measured |= {"violation_rate": _change(found.violation_rate) if is_known else None, **_over_weeks(found)}
+    return same_fields(
+        LoggedChangeEffect,
+        found,
+        at=found.at.astimezone(data.site.zone),
+        is_credible=found.is_credible and found.state == "ok",
+        n_weeks=None if windows is None else windows.n_weeks,
+        before=None if windows is None else windows.before,
+        after=None if windows is None else windows.after,
+        compared_with=tuple(names.get(a, a) for a in found.comparison_areas),
+        **measured,
+    )
+
+
+def _change(found: ChangeEstimate | BeforeAfter | RunningVerdict | None) -> Estimate | None:
+    return None if found is None else page_estimates.change(found)
+
+
+def _over_weeks(found: BeforeAfterFigure) -> dict[str, Any]:
+    """Return what is known of the time too close: in the area, over all weeks watched, and on the whole floor."""
+    known: dict[str, Any] = {name: _change(getattr(found, name)) for name in ("burden", "close", "running")}
+    if found.running is not None:
+        known |= {"e_value": found.running.e_value, "n_watched": found.running.n_weeks}
+    if found.routes is not None:
+        known |= {"through_people": found.routes.people, "through_closeness": found.routes.closeness}
+    if found.floor is not None and found.floor.net.value is not None:
+        known["net"] = page_estimates.change(found.floor.net)
+        known["contribution"] = found.floor.net.contributions[found.floor.places.index(found.area_id)]
+        known["moved_elsewhere"] = found.floor.moved_elsewhere
+    return known
+
+
+def is_held_back(data: WeekData, found: BeforeAfterFigure) -> bool:
+    """Tell whether a change would tell a small count: its own, or one of the area in any of its weeks."""
+    if _is_few(found, below=int(data.site.settings.mask_below)):
+        return True
+    spans = () if found.windows is None else (found.windows.before, found.windows.after)
+    return any(data.is_held_back(found.area_id, *span) for span in spans)
+
+
+def _is_few(found: BeforeAfterFigure, *, below: int) -> bool:
+    counts = [] if found.alone is None else [found.alone.n_a, found.alone.n_b]
+    counts += [] if found.effect is None else [found.effect.n_before, found.effect.n_after]
+    return any(is_small(n or 0, below=below) for n in counts)

@@ -1,0 +1,158 @@
+"""`instants` and `located`: processed frames, and person records with their places."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsd_analytics.warehouse.accelerated.columns import distinct, ends_of, order_by, picked, rounded, starts_of, take
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
+from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
+
+HOUR_MS = 3_600_000
+_AFTER_ALL = 2**62
+
+
+def instants(held: Held, site: SiteTables) -> Columns:
+    """Return `staging/instants`, in order of camera and instant; `_key` finds a row by camera and instant."""
+    tables = [held[f"stored_{t}"] for t in ("frames", "observations", "pairs") if f"stored_{t}" in held]
+    low = min((int(t["ts_ms"].min()) for t in tables if len(t["ts_ms"])), default=0)
+    span = max((int(t["ts_ms"].max()) for t in tables if len(t["ts_ms"])), default=low) - low + 1
+    keys = (t["camera_id"] * np.int64(span) + (t["ts_ms"] - low) for t in tables)
+    key = distinct(np.concatenate([k[starts_of(k)] for k in keys]))  # records of a frame follow each other
+    camera, ts = key // span, key % span + low
+    n = len(key)
+    to_next = np.full(n, _AFTER_ALL, dtype=np.int64)
+    is_last = np.ones(n, dtype=np.bool_)
+    is_last[:-1] = camera[1:] != camera[:-1]
+    to_next[:-1] = ts[1:] - ts[:-1]
+    to_next[is_last] = _AFTER_ALL
+    interval, has_heartbeat = site.days.interval_ms(camera, ts), site.days.has_heartbeat(camera, ts)
+    is_in_time = to_next <= int(site.params["next_half_intervals"]) * interval // 2
+    weight = np.where(is_in_time, to_next, interval)
+    is_silent = ~has_heartbeat & (to_next <= site.params["coverage_gap_ms"])
+    found = {
+        "hour": ts // HOUR_MS,
+        "camera_id": camera,
+        "ts_ms": ts,
+        "weight_ms": weight,
+        "covered_ms": np.where(is_in_time | is_silent, to_next, interval),
+        "interval_ms": interval,
+        "has_heartbeat": has_heartbeat,
+        "_key": key,
+    }
+    rows = take(found, interval != NULL)
+    return {**rows, "_low": np.array([low]), "_span": np.array([span])}
+
+
+def frame_of(instants: Columns, camera: Ints, ts_ms: Ints) -> Ints:
+    """Return the row of `instants` of each camera and instant, -1 for none."""
+    low, span, keys = int(instants["_low"][0]), int(instants["_span"][0]), instants["_key"]
+    if not len(keys):
+        return np.full(len(camera), -1, dtype=np.int64)
+    wanted = camera * np.int64(span) + (ts_ms - low)
+    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    return np.where((keys[at] == wanted) & (ts_ms >= low) & (ts_ms < low + span), at, -1)
+
+
+def located(held: Held, site: SiteTables) -> Columns | None:
+    """Return `staging/located`, in order of camera, instant and member.
+
+    `_frame` is the row of `instants`, `_key` one number in order of frame and track, those without one last.
+    None where a record has one floor coordinate without the other: only the query says what that means.
+    """
+    stored, frames = held["stored_observations"], held["instants"]
+    if np.any((stored["x_mm"] == NULL) != (stored["y_mm"] == NULL)):
+        return None
+    camera, ts = stored["camera_id"], stored["ts_ms"]
+    frame = frames_in_order(frames, camera, ts)
+    x, y = stored["x_mm"], stored["y_mm"]
+    projected = np.flatnonzero((x == NULL) & ~np.isnan(stored["u_px"]))
+    if len(projected):
+        x, y = x.copy(), y.copy()
+        x[projected], y[projected] = _projected(held["calibrations"], take(stored, projected), site)
+    track = stored["track_id"]
+    key = frame * (site.n_tracks + 1)
+    key += np.where(track < 0, site.n_tracks, track)  # nulls last
+    rows = order_by(key)
+    ordered = picked(key, rows)
+    if np.any(ordered[1:] == ordered[:-1]):  # people without ids are numbered by place
+        places = (np.where(v == NULL, _AFTER_ALL, v) for v in (x, y))
+        pixels = (np.where(np.isnan(v), np.inf, v) for v in (stored["u_px"], stored["v_px"]))
+        rows = np.lexsort((key, *places, *pixels, stored["person"])[::-1])
+    n_unknown = int(np.searchsorted(ordered, 0))  # records of cameras that vsd.toml does not name
+    rows, ordered = rows[n_unknown:], ordered[n_unknown:]
+    frame, camera, ts, x, y = (picked(of, rows) for of in (frame, camera, ts, x, y))
+    starts = starts_of(frame)
+    first = np.repeat(starts, np.diff(starts, append=len(frame)))
+    return {
+        "camera_id": camera,
+        "ts_ms": ts,
+        "member": np.arange(1, len(frame) + 1) - first,
+        "track_id": picked(track, rows),
+        "x_mm": x,
+        "y_mm": y,
+        "weight_ms": picked(frames["weight_ms"], frame),
+        "is_owned": site.floors.is_owned(camera, ts, x, y),
+        "_frame": frame,
+        "_key": ordered,
+    }
+
+
+def frames_in_order(frames: Columns, camera: Ints, ts: Ints) -> Ints:
+    """Return the row of `instants` of each record; stored records of a frame follow each other, so few are searched."""
+    starts = starts_of(camera, ts)
+    found = frame_of(frames, camera[starts], ts[starts])
+    return np.repeat(found, np.diff(starts, append=len(ts)))
+
+
+def _projected(calibrations: Columns, stored: Columns, site: SiteTables) -> tuple[Ints, Ints]:
+    """Return the floor places of foot points; NULL without a calibration, beyond the horizon and far away."""
+    n = len(stored["ts_ms"])
+    x, y = np.full(n, NULL, dtype=np.int64), np.full(n, NULL, dtype=np.int64)
+    u, v = stored["u_px"], stored["v_px"]
+    most = site.params["coordinate_max_mm"]
+    for i in range(len(calibrations["camera_id"])):
+        c = {name: values[i] for name, values in calibrations.items()}
+        is_its = (
+            (stored["camera_id"] == c["camera_id"]) & (stored["ts_ms"] >= c["from_ms"]) & (stored["ts_ms"] < c["to_ms"])
+        )
+        rows = np.flatnonzero(is_its)
+        if not len(rows):
+            continue
+        w = c["w_sign"] * (c["h31"] * u[rows] + c["h32"] * v[rows] + c["h33"])
+        wx = c["w_sign"] * 1000 * (c["h11"] * u[rows] + c["h12"] * v[rows] + c["h13"])
+        wy = c["w_sign"] * 1000 * (c["h21"] * u[rows] + c["h22"] * v[rows] + c["h23"])
+        is_placed = (w > 0) & (np.abs(wx) < most * w) & (np.abs(wy) < most * w)
+        rows = rows[is_placed]
+        x[rows], y[rows] = rounded(wx[is_placed] / w[is_placed]), rounded(wy[is_placed] / w[is_placed])
+    return x, y
+
+
+def calibrations_used(held: Held, site: SiteTables) -> Columns:
+    """Return `facts/calibrations_used`."""
+    del site
+    stored, calibrations = held["stored_observations"], held["calibrations"]
+    rows = np.flatnonzero((stored["x_mm"] == NULL) & ~np.isnan(stored["u_px"]))
+    camera, ts = stored["camera_id"][rows], stored["ts_ms"][rows]
+    number = np.full(len(rows), -1, dtype=np.int64)
+    for i, (of, first, after) in enumerate(
+        zip(*(calibrations[c] for c in ("camera_id", "from_ms", "to_ms")), strict=True)
+    ):
+        number[(camera == of) & (ts >= first) & (ts < after)] = i
+    # in order of the names of calibrations, which are texts
+    by_name = np.argsort(calibrations["calibration_id"].astype(str), kind="stable")
+    place = np.argsort(by_name)
+    known = np.flatnonzero(number >= 0)
+    camera, ts, number = camera[known], ts[known], number[known]
+    order = order_by(ts // HOUR_MS, camera, place[number], ts)
+    camera, ts, number = camera[order], ts[order], number[order]
+    starts = starts_of(ts // HOUR_MS, camera, number)
+    ends = ends_of(starts, len(ts)) - 1
+    return {
+        "hour": ts[starts] // HOUR_MS,
+        "camera_id": camera[starts],
+        "calibration_id": calibrations["calibration_id"][number[starts]],
+        "first_ms": ts[starts],
+        "last_ms": ts[ends],
+        "n_records": ends - starts + 1,
+    }

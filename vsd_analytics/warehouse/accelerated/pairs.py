@@ -1,0 +1,221 @@
+"""`pairs`: who is within `pair_max_m` of whom, as an engine sent it, else from the places of people."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vsd_analytics.warehouse.accelerated.columns import beside, grouped_by, order_by, picked, run_of, starts_of, take
+from vsd_analytics.warehouse.accelerated.located import HOUR_MS, frame_of, frames_in_order
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
+from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
+
+_CROWD = 40
+_ROWS = 32_768
+"""Persons that are compared at once: their numbers fit into the cache of a core."""
+
+
+def pairs(held: Held, site: SiteTables) -> Columns | None:
+    """Return `staging/pairs`, in order of hour, camera, instant and members.
+
+    `_frame` is the row of `instants`; `_a` and `_b` number the persons, `_row_a` and `_row_b` are rows of `located`.
+    None where a pair was sent without track ids: only the query says who is who then.
+    """
+    if "stored_pairs" not in held:
+        return None
+    stored, frames, instants, located = (held[r] for r in ("stored_pairs", "stored_frames", "instants", "located"))
+    reported = np.flatnonzero(frames["n_pairs"] != NULL)
+    if not len(stored["ts_ms"]) and not len(reported):
+        return _derived(located, np.flatnonzero(located["x_mm"] != NULL), site)
+    if np.any(stored["track_a"] < 0) or np.any(stored["track_b"] < 0):
+        return None
+    is_reported = np.zeros(len(instants["ts_ms"]) + 1, dtype=np.bool_)  # the last one is of no frame
+    is_reported[frames_in_order(instants, *(frames[c][reported] for c in ("camera_id", "ts_ms")))] = True
+    sent_in = frames_in_order(instants, stored["camera_id"], stored["ts_ms"])
+    is_reported[sent_in] = True
+    others = np.flatnonzero((located["x_mm"] != NULL) & ~is_reported[located["_frame"]])
+    found = _derived(located, others, site), _sent(stored, sent_in, instants, located, site)
+    return with_rows({c: np.concatenate([of[c] for of in found]) for c in found[1]}, instants, located)
+
+
+def _derived(located: Columns, placed: Ints, site: SiteTables) -> Columns:
+    """Return the pairs of people whose engine reports no pairs.
+
+    Args:
+        located: The relation.
+        placed: Its rows of these people who have a place.
+        site: The tables of the site.
+    """
+    frame, x, y = (located[c] for c in ("_frame", "x_mm", "y_mm"))
+    if len(placed) < len(x):
+        frame, x, y = frame[placed], x[placed], y[placed]
+    reach = int(site.params["pair_max_mm"])
+    one, other, square = near(frame, x, y, reach)
+    a, b = picked(placed, np.minimum(one, other)), picked(placed, np.maximum(one, other))
+    ts = picked(located["ts_ms"], a)
+    hour = ts // HOUR_MS
+    # people of frames without a crowd were compared in order
+    order = order_by(hour, a, b) if np.bincount(frame, minlength=1).max() > _CROWD else order_by(hour)
+    a, b, hour, square, ts = (picked(of, order) for of in (a, b, hour, square, ts))
+    camera = picked(located["camera_id"], a)
+    x_a, y_a, x_b, y_b = (picked(located[c], side) for side in (a, b) for c in ("x_mm", "y_mm"))
+    return {
+        "hour": hour,
+        "camera_id": camera,
+        "ts_ms": ts,
+        "member_a": picked(located["member"], a),
+        "member_b": picked(located["member"], b),
+        "track_a": picked(located["track_id"], a),
+        "track_b": picked(located["track_id"], b),
+        "x_a_mm": x_a,
+        "y_a_mm": y_a,
+        "x_b_mm": x_b,
+        "y_b_mm": y_b,
+        "distance_mm": np.sqrt(square).astype(np.int64),
+        "weight_ms": picked(located["weight_ms"], a),
+        "is_owned": site.floors.is_owned(camera, ts, x_a + x_b, y_a + y_b, 2),
+        "is_derived": np.ones(len(a), dtype=np.bool_),
+        "_frame": picked(located["_frame"], a),
+        "_a": a,
+        "_b": b,
+        "_row_a": a,
+        "_row_b": b,
+    }
+
+
+def _sent(stored: Columns, frame: Ints, instants: Columns, located: Columns, site: SiteTables) -> Columns:
+    """Return the pairs that engines sent with track ids; people who are in pairs only have negative numbers.
+
+    Args:
+        stored: The stored pairs.
+        frame: The row of `instants` of each, -1 for none.
+        instants: The relation.
+        located: The relation.
+        site: The tables of the site.
+    """
+    pairs = take({**stored, "_frame": frame}, frame >= 0)
+    room = site.n_tracks + 1
+    keys = np.concatenate([pairs["_frame"] * room + pairs[track] for track in ("track_a", "track_b")])
+    order, starts = grouped_by(keys)
+    people = keys[order[starts]]
+    person = np.empty(len(keys), dtype=np.int64)
+    person[order] = run_of(starts, len(keys))
+    frame_starts = starts_of(people // room)
+    first = np.repeat(frame_starts, np.diff(frame_starts, append=len(people)))
+    row = _rows_of(located["_key"], people)
+    member = np.where(row < 0, first - np.arange(len(people)) - 1, _at(located["member"], row))
+    pairs = {**pairs, **dict(zip("ab", np.split(person, 2), strict=True))}
+    is_near = (pairs["distance_mm"] != NULL) & (pairs["distance_mm"] <= site.params["pair_max_mm"])
+    pairs = take(pairs, is_near)
+    frame, sides = pairs["_frame"], (pairs["a"], pairs["b"])
+    places = {}
+    for side, of_side in zip("ab", sides, strict=True):
+        for c in "xy":
+            own = pairs[f"{c}_{side}_mm"]
+            if np.any(is_lacking := own == NULL):
+                own = np.where(is_lacking, _at(located[f"{c}_mm"], row[of_side]), own)
+            places[f"{c}_{side}_mm"] = own
+    camera, ts = pairs["camera_id"], pairs["ts_ms"]
+    x, y = (places[f"{c}_a_mm"] + places[f"{c}_b_mm"] for c in "xy")
+    return {
+        "hour": ts // HOUR_MS,
+        "camera_id": camera,
+        "ts_ms": ts,
+        "member_a": member[sides[0]],
+        "member_b": member[sides[1]],
+        "track_a": pairs["track_a"],
+        "track_b": pairs["track_b"],
+        **places,
+        "distance_mm": pairs["distance_mm"],
+        "weight_ms": instants["weight_ms"][frame],
+        "is_owned": site.floors.is_owned(camera, ts, x, y, 2),
+        "is_derived": np.zeros(len(frame), dtype=np.bool_),
+        "_frame": frame,
+    }
+
+
+def _rows_of(keys: Ints, wanted: Ints) -> Ints:
+    """Return the row of each wanted key, -1 for none; keys are in order."""
+    rows = np.searchsorted(keys, wanted)
+    rows[rows == len(keys)] = -1
+    rows[_at(keys, rows) != wanted] = -1
+    return rows
+
+
+def _at(values: Ints, rows: Ints) -> Ints:
+    """Return values of some rows, NULL for row -1."""
+    found = np.full(len(rows), NULL, dtype=np.int64)
+    is_there = rows >= 0
+    found[is_there] = values[rows[is_there]]
+    return found
+
+
+def near(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
+    """Return the pairs of persons of one frame within reach of each other: rows of both, and squared distance.
+
+    Args:
+        frame: Number of each person's frame, in order.
+        x: Where they stand, in the unit of `reach`.
+        y: Likewise.
+        reach: Greatest distance.
+    """
+    n_persons = np.bincount(frame, minlength=1)
+    if n_persons.max() <= _CROWD:
+        return _near_of_few(frame, x, y, reach)
+    is_crowded = n_persons[frame] > _CROWD
+    few, many = np.flatnonzero(~is_crowded), np.flatnonzero(is_crowded)
+    one, other, square = _near_of_few(frame[few], x[few], y[few], reach)
+    found = [(few[one], few[other], square)]
+    many = many[order_by(frame[many], x[many])]
+    for one, other in beside(frame[many], x[many], reach):
+        a, b = many[one], many[other]
+        square = (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
+        is_near = np.flatnonzero(square <= reach * reach)
+        found.append((a[is_near], b[is_near], square[is_near]))
+    one, other, square = (np.concatenate(side) for side in zip(*found, strict=True))
+    return one, other, square
+
+
+def _near_of_few(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
+    """Do what `near` does for frames without a crowd, each person with each, in order of both.
+
+    Persons of a block are compared with those k rows on, k = 1, 2, ... while any two are of one frame.
+    """
+    most = int(np.bincount(frame, minlength=1).max()) + 1
+    one, other = [frame[:0]], [frame[:0]]
+    for first in range(0, len(frame), _ROWS):
+        after = min(first + _ROWS + most, len(frame))
+        of, at_x, at_y = frame[first:after], x[first:after], y[first:after]
+        is_near = np.zeros((min(_ROWS, len(of)), most), dtype=np.bool_)  # by person, and number of rows on
+        for k in range(1, most):
+            n = min(_ROWS, len(of) - k)
+            is_same = of[:n] == of[k : n + k] if n > 0 else of[:0] > 0
+            if not is_same.any():
+                break
+            dx, dy = at_x[:n] - at_x[k : n + k], at_y[:n] - at_y[k : n + k]
+            dx *= dx
+            dy *= dy
+            dx += dy
+            np.logical_and(is_same, dx <= reach * reach, out=is_near[:n, k])
+        row, n_on = np.divmod(np.flatnonzero(is_near), most)
+        one.append(row + first)
+        other.append(row + first + n_on)
+    a, b = np.concatenate(one), np.concatenate(other)
+    return a, b, (picked(x, a) - picked(x, b)) ** 2 + (picked(y, a) - picked(y, b)) ** 2
+
+
+def with_rows(pairs: Columns, instants: Columns, located: Columns) -> Columns:
+    """Return pairs that come in any order in the order, and with the further columns, of `pairs`."""
+    frame = pairs["_frame"] if "_frame" in pairs else frame_of(instants, pairs["camera_id"], pairs["ts_ms"])
+    order = order_by(pairs["hour"], frame, pairs["member_a"], pairs["member_b"], pairs["distance_mm"])
+    pairs, frame = take(pairs, order), frame[order]
+    first = np.searchsorted(located["_frame"], np.arange(len(instants["ts_ms"])))
+    a, b = pairs["member_a"], pairs["member_b"]
+    row_a, row_b = (np.where(member > 0, picked(first, frame) + (member - 1), -1) for member in (a, b))
+    found = {**pairs, "_frame": frame, "_row_a": row_a, "_row_b": row_b}
+    if pairs["is_derived"].all():
+        return {**found, "_a": row_a, "_b": row_b}
+    # Numbers of a frame: first of people who are in pairs only, whose members are -1, -2, ..., then of its records.
+    least = np.zeros(len(first), dtype=np.int64)
+    np.minimum.at(least, frame, np.minimum(a, b))
+    zero = picked(first - np.cumsum(least), frame)
+    return {**found, "_a": zero + a - (a > 0), "_b": zero + b - (b > 0)}

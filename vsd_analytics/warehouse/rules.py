@@ -1,0 +1,39 @@
+"""The rules of facts that are no settings: each number stands here once, for queries and for numpy alike.
+
+Queries read them from `params`, next to the settings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+RULES: Final[Mapping[str, int]] = {
+    # A gap of up to 2.5 frame intervals is bridged whatever the settings say: one frame may be lost.
+    # Proven over frame rates: docs/statistics.md.
+    "gap_half_intervals": 5,
+    # The next frame is at most 2 frame intervals off; beyond, a frame stands for one interval.
+    "next_half_intervals": 4,
+    # An hour depends on its neighbours alone, so a longer frame interval than 20 minutes counts as 20 minutes.
+    "longest_interval_ms": 1_200_000,
+    # Frame interval of a camera with one frame a day.
+    "unknown_interval_ms": 1000,
+    # More people than this are too many for all pairs: what bounds the time, not a figure.
+    "crowd_people": 40,
+    # How well two cameras agree on a place; proven on real recordings (tests/realdata/prove_cameras.py).
+    "same_place_mm": 500,
+    # How far a place may be carried on to the next record: after 4 s people may be anywhere.
+    "same_step_ms": 4000,
+    # How long a pair stays where it was last seen.
+    "same_stay_ms": 1000,
+    # A cut track id begins again within 1.5 frame intervals, from 1 s to 10 s.
+    "cut_half_intervals": 3,
+    "cut_least_ms": 1000,
+    "cut_most_ms": 10_000,
+    # How well a camera knows a place, and how far a walker leaves its straight way in a second.
+    "cut_place_mm": 500,
+    "cut_mm_per_s": 300,
+    # After 5 minutes of silence over an hour's edge, message_gaps decides whether a lower number is a new count.
+    "number_silence_ms": 300_000,
+}
+"""Rule to number, in the unit that its name ends with."""

@@ -1,0 +1,170 @@
+"""The stored records of one batch as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from vsd_analytics.schema import SCHEMAS, TableName
+from vsd_analytics.store.layout import Part
+from vsd_analytics.store.part_files import unknown_in
+from vsd_analytics.warehouse.held import ENUMS, NULL, Columns
+
+DAY_MS = 86_400_000
+UNUSED = ("quality", "distance_sd_mm")
+"""Stored columns that no fact reads."""
+
+
+def read_records(table: TableName, parts: Sequence[Part], first_ms: int, after_ms: int) -> pa.Table:
+    """Return the stored records of a table in [first_ms, after_ms), ids as dictionaries, one of each part.
+
+    Args:
+        table: The table.
+        parts: Its parts; older ones may lack columns that were added later.
+        first_ms: First instant, UTC milliseconds.
+        after_ms: The instant after the last one.
+    """
+    wanted = [f.name for f in SCHEMAS[table] if f.name not in UNUSED]
+    read = []
+    for part in parts:
+        with opened(part, table) as file:
+            rows = read_columns(file, NotedColumns(file.metadata), table, wanted)
+        read.append(_within(rows, first_ms, after_ms))
+    return pa.concat_tables([_schema(table, wanted).empty_table(), *read])
+
+
+def opened(part: Part, table: TableName) -> pq.ParquetFile:
+    """Return a part of a table, to read ids as dictionaries."""
+    return pq.ParquetFile(part.path, read_dictionary=[f.name for f in SCHEMAS[table] if f.name in ENUMS])
+
+
+def read_columns(file: pq.ParquetFile, noted: NotedColumns, table: TableName, columns: Collection[str]) -> pa.Table:
+    """Return some columns of an opened part; columns that an older part lacks are unknown."""
+    rows = file.read(columns=[c for c in columns if not noted.is_empty(c)], use_threads=False)
+    schema = _schema(table, columns)
+    return pa.table({f.name: _column(rows, f) for f in schema}, schema=schema)
+
+
+class NotedColumns:
+    """What the footer of a part notes about its columns, so that a column with one answer need not be read.
+
+    Args:
+        metadata: The footer.
+    """
+
+    def __init__(self, metadata: pq.FileMetaData) -> None:
+        self.n_rows: int = metadata.num_rows
+        self._unknown = unknown_in(metadata.metadata)
+        groups = [metadata.row_group(g) for g in range(metadata.num_row_groups)]
+        self._noted = {
+            name: [group.column(c).statistics for group in groups] for c, name in enumerate(metadata.schema.names)
+        }
+
+    @property
+    def day(self) -> int | None:
+        """The UTC day number of all records; None where it is not noted, or not one."""
+        noted = self._noted["ts"]
+        if any(s is None or not s.has_min_max for s in noted):
+            return None
+        days = {at.timestamp() * 1000 // DAY_MS for s in noted for at in (s.min, s.max)}
+        return int(days.pop()) if len(days) == 1 else None
+
+    def is_empty(self, column: str) -> bool:
+        """Return whether a column is unknown in every record, or not there."""
+        return self._n_unknown(column) == self.n_rows
+
+    def are_alike(self, column: str) -> bool:
+        """Return whether a column is known in every record, or in none."""
+        return self._n_unknown(column) in (0, self.n_rows)
+
+    def is_known(self, column: str) -> bool:
+        """Return whether a column whose records are alike is known."""
+        return self._n_unknown(column) == 0
+
+    def _n_unknown(self, column: str) -> int | None:
+        if column not in self._noted:
+            return self.n_rows  # an older part lacks it
+        if column in self._unknown:
+            return self._unknown[column]
+        noted = self._noted[column]
+        if any(s is None or not s.has_null_count for s in noted):
+            return None
+        return int(sum(s.null_count for s in noted))
+
+
+def _schema(table: TableName, columns: Collection[str]) -> pa.Schema:
+    fields = (f for f in SCHEMAS[table] if f.name in columns)
+    text = pa.dictionary(pa.int32(), pa.string())
+    return pa.schema([f.with_type(text) if f.name in ENUMS else f for f in fields])
+
+
+def _within(rows: pa.Table, first_ms: int, after_ms: int) -> pa.Table:
+    ts = rows["ts"].cast(pa.int64())
+    if not len(ts) or (pc.min(ts).as_py() >= first_ms and pc.max(ts).as_py() < after_ms):
+        return rows
+    return rows.filter(pc.and_(pc.greater_equal(ts, first_ms), pc.less(ts, after_ms)))
+
+
+def _column(rows: pa.Table, field: pa.Field) -> pa.ChunkedArray | pa.Array:
+    if field.name not in rows.column_names:
+        return pa.nulls(rows.num_rows, field.type)
+    values = rows[field.name]
+    if pa.types.is_dictionary(field.type) and not pa.types.is_dictionary(values.type):
+        values = values.cast(pa.string()).dictionary_encode()
+    return values if values.type == field.type else values.cast(field.type)
+
+
+def with_names(
+    records: Mapping[TableName, pa.Table], cameras: Iterable[str]
+) -> tuple[dict[TableName, pa.Table], dict[str, pa.Array]]:
+    """Return records whose ids are dictionaries of all names of their enum type, and these names by type, in order.
+
+    Args:
+        records: Records by table, as they were read.
+        cameras: Cameras of the site.
+    """
+    found, names = dict(records), {}
+    for enum, others in (("camera_name", pa.array(cameras, pa.string())), ("track_name", pa.array([], pa.string()))):
+        columns = [(table, c) for table, rows in found.items() for c in rows.column_names if ENUMS.get(c) == enum]
+        pieces = [chunk for table, c in columns for chunk in found[table][c].chunks]
+        every = pa.concat_arrays([*(piece.dictionary for piece in pieces), others]).dictionary_encode()
+        order = pc.sort_indices(every.dictionary)  # texts of Arrow are compared by their bytes, as those of DuckDB
+        names[enum] = every.dictionary.take(order)
+        place = np.empty(len(order), dtype=np.int32)
+        place[order] = np.arange(len(order), dtype=np.int32)
+        numbers = pa.array(place[every.indices])
+        at = 0
+        for table, c in columns:
+            kind, pieces = pa.dictionary(pa.int32(), pa.string()), []
+            for piece in found[table][c].chunks:
+                own = numbers.slice(at, len(piece.dictionary)).take(piece.indices)
+                pieces.append(pa.DictionaryArray.from_arrays(own, names[enum], safe=False))
+                at += len(piece.dictionary)
+            rows = found[table]
+            found[table] = rows.set_column(rows.column_names.index(c), c, pa.chunked_array(pieces, kind))
+    return found, names
+
+
+def columns_of(rows: pa.Table) -> Columns:
+    """Return stored records as columns: `ts` as UTC milliseconds in `ts_ms`, ids as numbers of their names."""
+    found: Columns = {}
+    for column in rows.column_names:
+        values = rows[column]
+        if column in ENUMS:
+            numbers = (chunk.indices.fill_null(-1).to_numpy() for chunk in values.chunks)
+            found[column] = np.concatenate([np.zeros(0, dtype=np.int32), *numbers])
+        elif 0 < len(values) == values.null_count:  # numbers without memory of their own
+            is_float = pa.types.is_floating(values.type)
+            found[column] = np.broadcast_to(np.nan if is_float else np.int64(NULL), len(values))
+        elif column == "ts":
+            found["ts_ms"] = values.cast(pa.int64()).to_numpy()
+        elif pa.types.is_floating(values.type):
+            found[column] = values.to_numpy(zero_copy_only=False).astype(np.float64)
+        else:
+            whole = values.cast(pa.int64())
+            found[column] = (whole.fill_null(NULL) if whole.null_count else whole).to_numpy()
+    return found
