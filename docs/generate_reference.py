@@ -178,7 +178,8 @@ def _options(params: Sequence[click.Parameter]) -> list[tuple[str, str]]:
 
 
 def relations_markdown() -> str:
-    """Return `docs/relations.md`: the stored tables, and every fact and mart with grain, columns and units."""
+    """Return `docs/relations.md`: the tables for analysts, every fact and mart, and the stored tables, with units."""
+    from vsd_analytics.api.days import COMPUTED_TABLES
     from vsd_analytics.schema import KEYS, SCHEMAS, TABLES
     from vsd_analytics.warehouse.sqlfiles import relations
 
@@ -186,14 +187,45 @@ def relations_markdown() -> str:
         "# Relations",
         NOTE,
         """\
-The relations that `vsd sql` and a notebook's `warehouse.frame(...)` can query by name: facts and marts of a range of
-local days. `vsd sql --show NAME` prints the query of a relation. Times are UTC milliseconds since 1970 or, where the
-name says so, local. A count is null where nothing was recorded, never 0.""",
+`week.hours` in Python, `week.sql("select ... from hours")`, and `vsd sql "select ... from hours"` answer from the same
+tables. This page describes them, and what lies behind them.""",
+        "## Tables",
+        """\
+Made for analysts: each has exactly the local days asked for and a row for everything that could have one. Instants have
+the site's zone. A count is null where it is unknown, never 0. What several cameras see is counted once. `state` says
+how much of the time was recorded (full, partial, low_data, no_data, closed), and `is_in_rates` whether that is enough
+for rates and averages. `vsd sql --show NAME` prints the query.""",
+        """\
+**An average per hour** is one over hours that enter rates: `select avg(n_violations_open) from area_hours where
+area_id = 'checkout-queue' and is_in_rates`. Hours without a violation are rows with 0, so they count.
+
+**The number of the weekly page** ("Counted", M8) leaves out camera-hours recorded to less than half: `select
+sum(n_violations_open) from camera_hours where is_in_rates`. Without the condition the sum has all that was recorded.
+
+**Violations at different distances do not compare.** An episode ends when two people part by more than the distance,
+so a short distance cuts one meeting into several: a week of the demo has 11,401 violations at 1 m, 8,626 at 1.25 m,
+9,043 at 1.5 m and 16,052 at 2 m. Compare `violation_s`, the time too close, which falls with the distance.
+
+**A sum of nothing known.** SQL's `sum` is null, `Table.total` None, and the sum of a column of `.df()` `<NA>`, also by
+group. The sum of polars is 0, and so is that of pandas after arithmetic on the column: ask `total`, or check
+`is_not_null().any()`.""",
+    ]
+    computed = [(f"### {name}", f"{row} Computed in Python: `week.{name}`.") for name, row in COMPUTED_TABLES.items()]
+    files = [tuple(_relation(r)) for r in relations("tables").values()]
+    parts += [line for table in sorted([*files, *computed]) for line in table]
+    parts += [
+        "## Internal relations",
+        """\
+Facts and marts of a range of local days, for questions that no table answers: `internal.NAME` in a query. They change
+without notice, and most facts reach over the days asked for on both sides. A notebook's `warehouse.frame(...)` names
+them bare. `vsd sql --show internal.NAME` prints the query. Times are UTC milliseconds since 1970 or, where the name
+says so, local.""",
         """\
 Settings reach SQL as the one-row relation `params`. `vsd.toml` reaches it as `cameras`, `areas`, `calibrations`,
 `area_cells` (which floor cells lie in an area), `owner_cells` (which camera counts where the views of several overlap)
 and `calendar` (UTC quarter-hours with local date, hour, weekday, and whether the site was open). `site_days` has the
-site day of each quarter-hour, for the site days that touch the range; a site day starts at `day_starts`.""",
+site day of each quarter-hour, for the site days that touch the range; a site day starts at `day_starts`. These small
+relations need no `internal.`.""",
     ]
     for layer, title, said in (
         (
@@ -211,8 +243,9 @@ site day of each quarter-hour, for the site days that touch the range; a site da
         (
             "staging",
             "Staging",
-            "Steps between the store and the facts; they are in no file. A query can name `located` and `pairs`,\n"
-            "which are computed from the records then; the others exist while facts are computed only.",
+            "Steps between the store and the facts; they are in no file. A query can name\n"
+            "`internal.located` and `internal.pairs`, which are computed from the records then; the others exist\n"
+            "while facts are computed only.",
         ),
     ):
         found = relations(layer)
@@ -289,7 +322,8 @@ def _relation(relation: Relation) -> list[str]:
         facts.append(f"Settings: {_listed(relation.params)}.")
     if relation.figures:
         facts.append(f"Figures made from it: {', '.join(f.metric for f in relation.figures)} ([which](figures.md)).")
-    parts = [f"### {relation.name}", relation.description, " ".join([*facts, f"File: [{where}](../{where})."])]
+    title = relation.name if relation.layer == "tables" else f"internal.{relation.name}"
+    parts = [f"### {title}", relation.description, " ".join([*facts, f"File: [{where}](../{where})."])]
     rows = [(f"`{c}`", said or _USUAL.get(c, "")) for c, said in relation.columns.items()]
     parts.append(_table(("column", "what it is"), rows))
     if relation.steps:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from vsd_analytics.api.project import OpenProject as OpenProject
     from vsd_analytics.api.project import open_project as open
     from vsd_analytics.api.table import Table as Table
-    from vsd_analytics.api.trajectories import TrackTable as TrackTable
+    from vsd_analytics.api.tracks import TrackTable as TrackTable
     from vsd_analytics.config.project import find_project as find_project
     from vsd_analytics.config.project import load_site as load_site
     from vsd_analytics.figures.before_after import before_after as before_after
@@ -68,7 +68,7 @@ _PLACES = {
     "Site": "vsd_analytics.site.model",
     "Store": "vsd_analytics.store.store",
     "Table": "vsd_analytics.api.table",
-    "TrackTable": "vsd_analytics.api.trajectories",
+    "TrackTable": "vsd_analytics.api.tracks",
     "Warehouse": "vsd_analytics.warehouse.warehouse",
     "before_after": "vsd_analytics.figures.before_after",
     "burden_map": "vsd_analytics.figures.maps",

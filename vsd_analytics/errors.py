@@ -65,6 +65,11 @@ class VsdError(Exception):
         self.why = why
         self.fix = fix
 
+    def __str__(self) -> str:
+        """Return what could not be done, why, and how to fix it, on one line, as a notebook or a log shows an error."""
+        why, fix = (f": {self.why}" if self.why else ""), (f" (fix: {self.fix})" if self.fix else "")
+        return f"{self.what}{why}{fix}"
+
     def as_dict(self) -> dict[str, Any]:
         """Return the object `--json` prints for an error."""
         where = None

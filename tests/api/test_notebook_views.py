@@ -137,7 +137,7 @@ def test_names_from_data_stay_text_in_a_notebook(texts: list[str]) -> None:
 
 
 def test_tracks_have_the_columns_and_types_that_pedpy_and_movingpandas_read(site: vsd.OpenProject) -> None:
-    walks = site.days("2026-11-09").trajectories("cam-1")
+    walks = site.days("2026-11-09").tracks("cam-1")
     frame = walks.df()
     assert {c: str(frame[c].dtype) for c in ("id", "frame", "x", "y")} == {
         **{"id": "int64", "frame": "int64"},
@@ -158,11 +158,11 @@ def test_tracks_are_the_stored_records_of_those_days(site: vsd.OpenProject, demo
     )
     local = stored["ts"].dt.tz_convert("Europe/Rome")
     own = stored[(stored["camera_id"] == "cam-1") & (local.dt.date == date(2026, 11, 9))]
-    walks = site.days("2026-11-09").trajectories("cam-1")
+    walks = site.days("2026-11-09").tracks("cam-1")
     left_out = int(walks.note.split()[0].replace(",", "")) if walks.note else 0
     assert len(walks) + left_out == len(own) > 1000
 
 
 def test_tracks_of_no_camera_in_particular_are_refused_where_there_are_several(site: vsd.OpenProject) -> None:
     with pytest.raises(UsageError, match="which camera"):
-        site.days("2026-11-09").trajectories()
+        site.days("2026-11-09").tracks()

@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 
 import vsd_analytics as vsd
+from vsd_analytics.api.days import COMPUTED_TABLES
+from vsd_analytics.warehouse.analyst_names import sql_tables
 
 HERE = Path(__file__).parent
 
@@ -37,10 +39,9 @@ def test_completion_of_days_and_projects_offers_what_the_page_describes() -> Non
     def offered(kind: type) -> set[str]:
         return {name for name in dir(kind) if not name.startswith("_")}
 
-    tables = {"areas", "cells", "coverage", "hotspots", "hours", "violations"}
-    space_use = {"capacity", "flow", "queues", "visits"}
-    assert offered(vsd.Days) == tables | space_use | {"at", "heatmap", "sql", "trajectories"}
-    assert offered(vsd.OpenProject) == {"change", "changes", "compare", "days", "plan", "week"}
+    tables = {*sql_tables(), *COMPUTED_TABLES} | {"areas", "capacity", "coverage"}
+    assert offered(vsd.Days) == tables | {"at", "heatmap", "sql", "tracks"}
+    assert offered(vsd.OpenProject) == {"change", "changes", "compare", "days", "ingest", "plan", "week"}
 
 
 def test_no_public_name_is_also_that_of_a_room() -> None:

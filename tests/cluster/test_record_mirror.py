@@ -79,7 +79,7 @@ def reader(tmp_path: Path, site: Site) -> Site:
 
 def numbers(vsd: Vsd, site: Site) -> tuple[str, ...]:
     days = ("--range", "2026-11-09..2026-11-11", "--json")
-    query = "select sum(n_frames), count(*) from coverage"
+    query = "select sum(n_frames), count(*) from internal.coverage"
     return (vsd(site.root, "hours", *days), vsd(site.root, "coverage", *days), vsd(site.root, "sql", query, *days[:2]))
 
 

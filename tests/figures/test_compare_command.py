@@ -212,7 +212,7 @@ def test_recalibration_inside_the_weeks_is_refused(project: Path, capsys: pytest
 
 
 def test_a_plan_needs_weeks_and_says_how_many(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code, out = vsd(project, capsys, "plan", "--area", "queue", "--effect", "-15", "--json")
+    code, out = vsd(project, capsys, "plan", "--area", "queue", "--effect", "-0.15", "--json")
     found = json.loads(out)
     assert (code, found["state"], found["stored"]) == (1, "not_enough_data", None)
     assert "needs at least 4 weeks before the change" in found["reason"]

@@ -94,16 +94,22 @@ def test_python_on_a_page_runs_on_the_demo(page: str, demo_project: Path, monkey
 
 
 def test_relations_named_in_the_docs_can_be_queried(demo_project: Path) -> None:
+    from vsd_analytics.api.days import COMPUTED_TABLES
+    from vsd_analytics.warehouse.analyst_names import sql_tables
     from vsd_analytics.warehouse.analyst_query import run_query
 
     text = (REPOSITORY / "docs" / "relations.md").read_text(encoding="utf-8")
-    introduction, _, rest = text.partition("## Marts")
-    names = {*re.findall(r"relation `(\w+)`", introduction)}
+    tables, _, rest = text.partition("## Internal relations")
+    introduction, _, rest = rest.partition("## Marts")
+    names = {*re.findall(r"^### (\w+)$", tables, re.M)} - {*COMPUTED_TABLES}
+    assert names | {*COMPUTED_TABLES} == {*sql_tables(), *COMPUTED_TABLES}
     names |= {
         *re.findall(r"`(\w+)`", introduction.partition("Settings reach SQL")[2].partition("a site day starts")[0])
     }
-    names |= {*re.findall(r"^### (\w+)$", rest.partition("## Staging")[0], re.M), "located", "pairs"}
-    assert {"params", "calendar", "owner_cells", "violations", "exposure"} <= names
+    internal = {*re.findall(r"^### internal\.(\w+)$", rest.partition("## Staging")[0], re.M), "located", "pairs"}
+    assert {"params", "calendar", "owner_cells", "violations"} <= names
+    assert {"exposure", "violations"} <= internal
+    names |= {f"internal.{name}" for name in internal}
     with open_warehouse(load_site(demo_project), date(2026, 11, 15), date(2026, 11, 15)) as warehouse:
         for name in sorted(names):
             assert len(run_query(warehouse, f"select * from {name} limit 1")) <= 1

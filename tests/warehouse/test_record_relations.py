@@ -76,8 +76,8 @@ def test_a_query_that_names_pairs_needs_no_other_facts(site: Site) -> None:
 def test_only_a_table_of_that_name_costs_the_computation(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sources, "record_rows", lambda *_, **__: pytest.fail("records are read"))
     with open_days(site) as warehouse:
-        counted = run_query(warehouse, "select count(*) as pairs from exposure where camera_id <> 'located'")
-    assert counted["pairs"].tolist() == [3]
+        counted = run_query(warehouse, "select count(*) as pairs from internal.exposure where camera_id <> 'located'")
+    assert counted["pairs"].to_pylist() == [3]
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Some days of a project: their hours, areas, cells, violations, hotspots, coverage, maps and own queries."""
+"""Some days of a project: its tables for analysts, maps and own queries."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import date
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Final, Literal, TypeVar
 
 import pandas as pd
 import pyarrow as pa
@@ -16,42 +16,33 @@ from vsd_analytics.api.heatmap import Heatmap, as_heatmap
 from vsd_analytics.api.table import Table
 from vsd_analytics.errors import UsageError
 from vsd_analytics.settings import BY_NAME
-from vsd_analytics.site.model import Area, Floor, Site
-from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
-from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
     from vsd_analytics.answer import Answer
-    from vsd_analytics.api.trajectories import TrackTable
+    from vsd_analytics.api.tracks import TrackTable
     from vsd_analytics.figures.periods import Period
 
 MapKind = Literal["exposure", "burden", "risk", "excess"]
 T = TypeVar("T")
 
-_HOURS = (
-    "select make_timestamptz(hour_start_ms * 1000) as start, local_date, weekday, local_hour, state, open_s, "
-    "recorded_s, recorded_share, cameras_down, person_records, exposure_s, violation_s, n_violations from hours "
-    "order by hour_start_ms"
-)
-_CELLS = (
-    "select floor_id, (cx + 0.5)::double as x_m, (cy + 0.5)::double as y_m, exposure_s, violation_s from heatmap "
-    "order by floor_id, cy, cx"
-)
-_VIOLATIONS = (
-    "select make_timestamptz(started_ms * 1000) as started, duration_s, camera_id, area_id, x_m, y_m, min_distance_m, "
-    "track_a, track_b, is_open from violations order by started_ms, camera_id, track_a, track_b"
-)
 _COVERAGE = (
     "select camera_id, local_date, sum(open_s) / 3600 as open_h, sum(recorded_open_s) / 3600 as recorded_h "
     "from camera_hours group by all order by camera_id, local_date"
 )
-_HOTSPOTS = pa.schema(
-    [("floor_id", pa.string()), ("number", pa.int64()), ("area_id", pa.string())]
-    + [(name, pa.float64()) for name in ("x_m", "y_m", "ratio", "ratio_lo", "ratio_hi", "excess_min_per_week")]
-    + [("n_violations", pa.int64()), ("state", pa.string()), ("since", pa.date32())]
-)
-"""Columns of `hotspots`, which a table without rows has too."""
+COMPUTED_TABLES: Final = {
+    "visits": "One row per area with visits = true and figure: visits per open hour (M35) and dwell times (M36).",
+    "queues": "One row per area with queue = true and figure: people waiting (M39), waiting times (M40).",
+    "flow": "One row per area with visits = true and area that people go to next (M37), and per estimated link.",
+    "hotspots": "One row per hotspot (M20) of the 28 days that end with the days asked for.",
+    "changes": "One row per entry of the change log that was made in the days asked for.",
+}
+"""Tables that are figures with their statistics, or the change log: no SQL file."""
+COMPUTED: Final = tuple(COMPUTED_TABLES)
+_NOTES: Final = {
+    "violations": "numbers at different distances do not compare: a short distance cuts one meeting into several"
+}
 
 
 class Days:
@@ -77,6 +68,9 @@ class Days:
 
     def at(self, **settings: float) -> Days:
         """Return the same days with other settings, such as `distance_m=1.0`; what is stored of others stays.
+
+        Numbers of violations at different distances do not compare: a short distance cuts one meeting into several.
+        Compare `violation_s`, which falls with the distance as it must.
 
         Args:
             **settings: Settings of `docs/settings.md`, in their units.
@@ -108,35 +102,111 @@ class Days:
 
     @cached_property
     def hours(self) -> Table:
-        """Return one row for each local hour: `start`, `state`, counts, person-seconds; null without data.
+        """Return one row for each local hour, over all cameras: `start`, `state`, `is_in_rates`, counts, person-time.
 
-        Columns as in `sql/marts/hours.sql`; `start` is an instant in the site's time zone.
+        Columns as in `sql/tables/hours.sql`; hours without data have a row with nulls.
 
         Example:
-            >>> week.hours.df()["state"].iloc[10]
+            >>> week.hours["state"][10]
             'full'
         """
-        return self._query(_HOURS, "Hours")
+        return self._table("hours")
+
+    @cached_property
+    def area_hours(self) -> Table:
+        """Return one row for each area and local hour, and for the rest of each floor; quiet hours are 0, not missing.
+
+        Columns as in `sql/tables/area_hours.sql`.
+
+        Example:
+            >>> week.area_hours.total("n_violations_open") == week.hours.total("n_violations_open")
+            True
+        """
+        return self._table("area_hours")
+
+    @cached_property
+    def camera_hours(self) -> Table:
+        """Return one row for each camera and local hour; columns as in `sql/tables/camera_hours.sql`.
+
+        Violations of the weekly page are those of the camera-hours that enter rates:
+
+        Example:
+            >>> page = week.camera_hours.df().query("is_in_rates")["n_violations_open"].sum()
+            >>> bool(page < week.hours.total("n_violations_open"))
+            True
+        """
+        return self._table("camera_hours")
+
+    @cached_property
+    def days(self) -> Table:
+        """Return one row for each local day, over all cameras; columns as in `sql/tables/days.sql`.
+
+        Example:
+            >>> week.days["state"][0]
+            'full'
+        """
+        return self._table("days")
 
     @cached_property
     def violations(self) -> Table:
         """Return one row for each violation: `started`, `duration_s`, place, area, closest distance, both tracks.
 
+        Columns as in `sql/tables/violations.sql`.
+
         Example:
-            >>> bool((week.violations.df()["duration_s"] >= 3).all())
+            >>> min(week.violations["duration_s"]) >= 3
             True
         """
-        return self._query(_VIOLATIONS, "Violations")
+        return self._table("violations")
+
+    @cached_property
+    def episodes(self) -> Table:
+        """Return one row for each time two people were closer than the legal distance, however short.
+
+        Columns as in `sql/tables/episodes.sql`.
+
+        Example:
+            >>> len(week.episodes) > len(week.violations)
+            True
+        """
+        return self._table("episodes")
 
     @cached_property
     def cells(self) -> Table:
         """Return one row for each cell of 1 m in which anybody was: its middle, person-seconds, those too close.
 
+        Columns as in `sql/tables/cells.sql`.
+
         Example:
             >>> week.cells.columns
-            ['floor_id', 'x_m', 'y_m', 'exposure_s', 'violation_s']
+            ['floor_id', 'x_m', 'y_m', 'exposure_s', 'violation_s', 'recorded_s']
         """
-        return self._query(_CELLS, "Cells of 1 m")
+        return self._table("cells")
+
+    @cached_property
+    def trajectories(self) -> Table:
+        """Return one row for each person record with a place, where views overlap of the camera that counts the place.
+
+        Columns as in `sql/tables/trajectories.sql`. These are personal data: a path says more about a person than a
+        count.
+
+        Example:
+            >>> len(week.trajectories) == week.hours.total("person_records")
+            True
+        """
+        return self._table("trajectories")
+
+    @cached_property
+    def changes(self) -> Table:
+        """Return the entries of the change log of these days: `number` in the log, `at`, `text`, `area_id`.
+
+        Example:
+            >>> week.changes.columns
+            ['number', 'at', 'text', 'area_id']
+        """
+        from vsd_analytics.api.change_table import change_table
+
+        return change_table(self.site, self.first, self.last)
 
     @cached_property
     def coverage(self) -> Table:
@@ -160,36 +230,9 @@ class Days:
             >>> week.areas.df()["kind"].tolist()
             ['floor', 'area', 'area', 'area', 'area', 'rest']
         """
-        from vsd_analytics.figures import close_time, compare, rates
-        from vsd_analytics.figures.panels import FloorHours
-        from vsd_analytics.figures.periods import Period
+        from vsd_analytics.api.figure_tables import area_table
 
-        rows: list[dict[str, Any]] = []
-        with self._warehouse(*compare.days_needed(self.site, (self.first, self.last))) as warehouse:
-            for floor in self.site.floors:
-                data = FloorHours(warehouse, floor=floor)
-                period = Period(data, self.first, self.last)
-                places: list[Floor | Area | None] = [floor]
-                if period.why_no_places is None and data.areas:
-                    places += [*data.areas, None]
-                for where in places:
-                    is_floor = isinstance(where, Floor)
-                    area_id = where.area_id if isinstance(where, Area) else None
-                    violation_rate = rates.violation_rate_level(
-                        period, period.whole if is_floor else period.area(area_id)
-                    )
-                    close = close_time.close_time_share(period, close_time.close_time(period, where))
-                    rows.append(
-                        {
-                            "floor_id": floor.floor_id,
-                            "kind": "floor" if is_floor else "area" if where is not None else "rest",
-                            "area_id": area_id,
-                            "name": "Rest of the floor" if where is None else where.name,
-                            **_estimate("violations_per_open_h", violation_rate),
-                            **_estimate("close_time_share", close),
-                        }
-                    )
-        return Table(pa.Table.from_pylist(rows), title=f"Areas, {self.name}")
+        return area_table(self.site, self.first, self.last, title=f"Areas, {self.name}")
 
     @cached_property
     def visits(self) -> Table:
@@ -264,34 +307,9 @@ class Days:
             >>> print(week.hotspots.note)
             Ground floor: 7 of the 28 days were recorded ... hotspots need 14
         """
-        from vsd_analytics.figures import hotspots as figures
+        from vsd_analytics.api.figure_tables import hotspot_table
 
-        rows: list[dict[str, Any]] = []
-        notes = []
-        with self._warehouse(*figures.days_needed(self.site, self.last)) as warehouse:
-            for floor in self.site.floors:
-                found = figures.hotspots(warehouse, floor_id=floor.floor_id, until=self.last)
-                if found.state != "ok":
-                    notes.append(f"{floor.name}: {reason_text(found.reason)}")
-                rows += [
-                    {
-                        "floor_id": floor.floor_id,
-                        "number": spot.number,
-                        "area_id": spot.place.area_id,
-                        "x_m": spot.place.x_m,
-                        "y_m": spot.place.y_m,
-                        "ratio": spot.ratio,
-                        "ratio_lo": spot.lo,
-                        "ratio_hi": spot.hi,
-                        "excess_min_per_week": spot.excess_min_per_week,
-                        "n_violations": spot.n,
-                        "state": spot.state,
-                        "since": spot.since,
-                    }
-                    for spot in found.spots
-                ]
-        found_rows = pa.Table.from_pylist(rows, schema=_HOTSPOTS)
-        return Table(found_rows, title=f"Hotspots until {self.last}", note="; ".join(notes))
+        return hotspot_table(self.site, self.last)
 
     def heatmap(self, kind: MapKind = "burden", *, floor_id: str | None = None, cell_m: float = 0.5) -> Heatmap:
         """Return a map of a floor as an array.
@@ -325,10 +343,11 @@ class Days:
             found = made[kind](warehouse, floor=floor, cell_m=cell_m)
         return as_heatmap(kind, found, floor=floor, site=self.site, until=self.last)
 
-    def trajectories(self, camera_id: str | None = None) -> TrackTable:
-        """Return the stored tracks of a camera in metres, in the columns that PedPy and movingpandas read.
+    def tracks(self, camera_id: str | None = None) -> TrackTable:
+        """Return all stored tracks of one camera in metres, in the columns that PedPy and movingpandas read.
 
-        These are personal data: a path says more about a person than a count.
+        Tracks are whole, also where another camera counts: add no two cameras up, `trajectories` is for that. These are
+        personal data: a path says more about a person than a count.
 
         Args:
             camera_id: The camera; None where there is only one.
@@ -337,23 +356,26 @@ class Days:
             UsageError: E101, there is no such camera.
 
         Example:
-            >>> walks = site.days("2026-11-09").trajectories("cam-1")
+            >>> walks = site.days("2026-11-09").tracks("cam-1")
             >>> walks.frame_rate_hz == site.site.cameras[0].hz
             True
         """
-        from vsd_analytics.api.trajectories import trajectories
+        from vsd_analytics.api.tracks import tracks
 
-        return trajectories(self.site, camera_id, first=self.first, last=self.last)
+        return tracks(self.site, camera_id, first=self.first, last=self.last)
 
     def sql(self, query: str, **tables: pd.DataFrame | pa.Table | Table) -> Table:
-        """Return the rows of one `select` over the relations of `sql/` and your own tables.
+        """Return the rows of one `select` over the tables of these days and your own.
+
+        `hours`, `area_hours` and the others are called as here; what lies behind them is `internal.located` and so on.
+        Instants without a zone are read in the site's zone where they meet one of a table.
 
         Args:
             query: The query; nothing can be written.
             **tables: Your tables, by the name that the query uses.
 
         Raises:
-            UsageError: E101, a table has the name of a relation.
+            UsageError: E101, a table of yours has the name of one of these, or is no table.
             SqlError: E603, the query fails.
 
         Example:
@@ -361,18 +383,23 @@ class Days:
             >>> len(week.sql("select local_date, sales from hours join tills using (local_hour)", tills=tills))
             14
         """
+        from vsd_analytics.store.duck import connect
+        from vsd_analytics.warehouse.analyst_names import internal_names, named_query, sql_tables
         from vsd_analytics.warehouse.analyst_query import run_query
-        from vsd_analytics.warehouse.sqlfiles import relations
 
-        taken = {*relations("facts"), *relations("marts"), *relations("staging")}
+        if not isinstance(query, str):
+            raise UsageError(f"{query!r} is no query", fix='week.sql("select * from hours")')
         for name in tables:
-            if name in taken or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-                raise UsageError(f"{name!r} cannot be the name of a table of yours", why="a relation has this name")
-        with self._warehouse() as warehouse:
-            for name, rows in tables.items():
-                warehouse.con.register(name, rows.arrow() if isinstance(rows, Table) else rows)
-            frame = run_query(warehouse, query)
-        return Table(pa.Table.from_pandas(frame, preserve_index=False), title="Query")
+            if name in {*sql_tables(), *COMPUTED, *internal_names()} or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
+                why = "a table or relation has this name, or it is no plain name"
+                raise UsageError(f"{name!r} cannot be the name of a table of yours", why=why, fix=f"my_{name}=...")
+        with connect(threads=1) as parser:
+            named = named_query(parser, query, tables={*sql_tables(), *COMPUTED}, given=tables)
+        computed = {name: getattr(self, name).arrow() for name in named.tables if name in COMPUTED}
+        given = {name: rows.arrow() if isinstance(rows, Table) else rows for name, rows in tables.items()}
+        with open_warehouse(self.site, self.first, self.last, relations=named.reads) as warehouse:
+            rows = run_query(warehouse, query, computed=computed, given=given)
+        return Table(rows, title="Query")
 
     def _answer(self, name: str, answers: Callable[[Period], Sequence[Answer]]) -> Table:
         from vsd_analytics.api.space_use import answer_table
@@ -380,10 +407,14 @@ class Days:
         title = f"{name.replace('_', ' ').capitalize()}, {self.name}"
         return answer_table(self.site, (self.first, self.last), self._warehouse, answers, name=name, title=title)
 
+    def _table(self, name: str) -> Table:
+        rows = self.sql(f"select * from {name}").arrow()
+        return Table(rows, title=f"{name.replace('_', ' ').capitalize()}, {self.name}", note=_NOTES.get(name, ""))
+
     def _query(self, query: str, title: str) -> Table:
         with self._warehouse() as warehouse:
             rows = warehouse.table(query)
-        return Table(_in_zone(rows, self.site.timezone), title=f"{title}, {self.name}")
+        return Table(rows, title=f"{title}, {self.name}")
 
     @contextmanager
     def _warehouse(self, first: date | None = None, last: date | None = None) -> Iterator[Warehouse]:
@@ -393,27 +424,11 @@ class Days:
 
 def _check_setting(name: str, value: float) -> None:
     setting = BY_NAME.get(name)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise UsageError(f"{name} = {value!r} is no number", fix=f"{name}=1.0")
     if setting is None or setting.minimum is None or setting.maximum is None or not setting.is_in_sql:
         known = ", ".join(s.name for s in BY_NAME.values() if s.is_in_sql and s.minimum is not None)
         raise UsageError(f"{name} is no setting of figures", why=f"these are {known}")
     if not setting.minimum <= value <= setting.maximum:
         allowed = f"{setting.minimum:g} and {setting.maximum:g} {setting.unit}".strip()
         raise UsageError(f"{name} = {value:g} is not between {allowed}")
-
-
-def _in_zone(rows: pa.Table, timezone: str) -> pa.Table:
-    """Return the rows with their instants in the site's time zone."""
-    for i, column in enumerate(rows.schema):
-        if pa.types.is_timestamp(column.type) and column.type.tz is not None:
-            rows = rows.set_column(i, column.name, rows[i].cast(pa.timestamp("ms", tz=timezone)))
-    return rows
-
-
-def _estimate(name: str, found: RateEstimate) -> dict[str, Any]:
-    return {
-        name: found.value,
-        f"{name}_lo": found.lo,
-        f"{name}_hi": found.hi,
-        f"{name}_state": found.state,
-        f"{name}_reason": reason_text(found.reason) or None,
-    }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import date, timedelta
+from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,8 +21,12 @@ from vsd_analytics.warehouse.warehouse import open_warehouse
 from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
+    import pandas as pd
+    import polars as pl
+
     from vsd_analytics.figures.before_after import BeforeAfterFigure
     from vsd_analytics.figures.experiments import ExperimentPlan
+    from vsd_analytics.ingest.intake.pipeline import IngestResult
 
 DaysAsked = str | date | tuple[date, date]
 _COMPARED = pa.schema(
@@ -85,7 +89,12 @@ class OpenProject:
         extent = stored_extent(self.site)
         if extent is None:
             raise StoreError("nothing is stored yet", code="E301", fix="vsd ingest FILES...")
-        monday = parse_week(week, last=extent.last_day - timedelta(days=extent.last_day.weekday()))
+        last = extent.last_day - timedelta(days=extent.last_day.weekday())
+        try:
+            monday = parse_week(week if isinstance(week, str) else "", last=last)
+        except UsageError as error:
+            fix = f'week("{last:%G-W%V}"), week("last") or week("last-2")'
+            raise UsageError(f"{week!r} is not a week", why=error.why, fix=fix) from None
         return Days(self.site, monday, monday + timedelta(days=6), name=f"{monday:%G-W%V}")
 
     def days(self, first: DaysAsked, last: str | date | None = None) -> Days:
@@ -183,8 +192,8 @@ class OpenProject:
 
         Args:
             area_id: The area to be changed.
-            effect: Effect looked for, relative: -0.15 = 15 % less time too close per open hour. Not 0.
-            power: Chance of a clear verdict.
+            effect: Effect looked for, a share: -0.15 = 15 % less time too close per open hour. Not 0.
+            power: Chance of a clear verdict, a share.
             weeks_max: Weeks after the change one is ready to wait.
 
         Returns:
@@ -192,39 +201,77 @@ class OpenProject:
             it is made now, None where `weeks_max` is too few; `comparison` are the areas that serve for comparison.
 
         Raises:
-            UsageError: E101, there is no such area, or no effect.
+            UsageError: E101, there is no such area, or effect or power is no share.
 
         Example:
             >>> site.plan("checkout-queue", effect=-0.2).state  # needs four weeks before the change
             'not_enough_data'
         """
-        from vsd_analytics.figures.experiments import plan_days, plan_experiment
+        from vsd_analytics.figures.experiments import check_plan, plan_days, plan_experiment
 
-        if effect <= -1 or effect == 0:
-            raise UsageError(f"an effect of {effect:g} cannot be planned for", fix="effect=-0.15 is 15 % less")
+        for name, value in (("effect", effect), ("power", power)):
+            if isinstance(value, bool) or not isinstance(value, int | float):
+                raise UsageError(f"{name} {value!r} is no number", fix="effect=-0.15 is 15 % less")
+        check_plan(effect=effect, power=power)
         with open_warehouse(self.site, *plan_days(self.site)) as warehouse:
             return plan_experiment(warehouse, area_id, effect=effect, power=power, weeks_max=weeks_max)
 
     @property
     def changes(self) -> Table:
-        """Return the change log: `at`, `text`, `area_id`.
+        """Return the change log: `number`, `at`, `text`, `area_id`.
 
         Example:
             >>> site.changes.columns
-            ['at', 'text', 'area_id']
+            ['number', 'at', 'text', 'area_id']
         """
-        from vsd_analytics.config.change_log import read_log
+        from vsd_analytics.api.change_table import change_table
 
-        log = [{"at": e.at, "text": e.text, "area_id": e.area_id} for e in read_log(self.site)]
-        at = pa.timestamp("ms", tz=self.site.timezone)
-        schema = pa.schema([("at", at), ("text", pa.string()), ("area_id", pa.string())])
-        return Table(pa.Table.from_pylist(log, schema=schema), title="Change log")
+        return change_table(self.site)
+
+    def ingest(
+        self,
+        frame: pd.DataFrame | pl.DataFrame | pa.Table | Table,
+        *,
+        camera: str | None = None,
+        clock: str | None = None,
+        name: str = "frame",
+        now: datetime | None = None,
+    ) -> IngestResult:
+        """Store the records of a frame in memory, with the checks of `vsd ingest` on a file with these columns.
+
+        Args:
+            frame: Columns of the table format: `ts`, `camera_id`, `track_id`, `x_m`, `y_m` or `u_px`, `v_px`; for pairs
+                `track_a`, `track_b`, `distance_m`.
+            camera: Camera of all rows, where there is no column for it.
+            clock: Zone of times without one.
+            name: What messages and the list of imports call it.
+            now: The clock: later records are quarantined; None = the present.
+
+        Returns:
+            `sources[0].n_records` are the records stored by table, `n_rejected` those in quarantine; the same frame
+            again stores nothing.
+
+        Raises:
+            InputError: E2xx, the frame cannot be read, or would almost surely be read wrongly: nothing is stored.
+            UsageError: E101, it is no frame, or there is no such camera.
+
+        Example:
+            >>> site.ingest(frame, camera="cam-1").sources[0].n_records  # doctest: +SKIP
+            Counter({'observations': 1200, 'frames': 600})
+        """
+        from vsd_analytics.api.ingest_frame import ingest_frame
+
+        return ingest_frame(self.site, frame, camera=camera, clock=clock, name=name, now=now)
 
 
 def _range(asked: DaysAsked) -> tuple[date, date]:
     if isinstance(asked, str):
         return parse_range(asked)
-    first, last = asked if isinstance(asked, tuple) else (asked, asked)
+    first, last = asked if isinstance(asked, tuple) and len(asked) == len(("first", "last")) else (asked, asked)
+    if not (isinstance(first, date) and isinstance(last, date)):
+        fix = '"2026-11-09", "2026-11-09..2026-11-15", a date, or a tuple of first and last date'
+        raise UsageError(f"{asked!r} is no day or range of days", fix=fix)
+    first, last = (d.date() if isinstance(d, datetime) else d for d in (first, last))
     if first > last:
         raise UsageError(f"{first} is after {last}", fix="name the first day first")
     return first, last

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from vsd_analytics.errors import UsageError
 
@@ -13,10 +15,15 @@ if TYPE_CHECKING:
     import polars as pl
 
 SHOWN_ROWS: Final = 8
+PLACE: Final = ("x_m", "y_m")
+"""Columns of a place on a floor, metres; trajectories have them too."""
 
 
 class Table:
     """Rows with named columns; instants have their time zone, and what is unknown is null, never 0.
+
+    `len(table)`, `table["column"]` (a list) and iteration over rows (dictionaries) work. polars, DuckDB and every other
+    reader of Arrow's C stream take it as it is.
 
     Args:
         rows: The rows.
@@ -42,6 +49,49 @@ class Table:
     def __len__(self) -> int:
         return int(self._rows.num_rows)
 
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """Yield the rows as dictionaries, instants with their zone."""
+        for batch in self._rows.to_batches(max_chunksize=1000):
+            yield from batch.to_pylist()
+
+    def __getitem__(self, column: str) -> list[Any]:
+        """Return the values of a column, None where unknown.
+
+        Raises:
+            UsageError: E101, there is no such column.
+
+        Example:
+            >>> week.hours["state"][10]
+            'full'
+        """
+        self._check(column)
+        values: list[Any] = self._rows[column].to_pylist()
+        return values
+
+    def __contains__(self, column: object) -> bool:
+        return column in self._rows.column_names
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        """Return the rows as Arrow's C stream, which polars, DuckDB, pandas and others read without a copy."""
+        return self._rows.__arrow_c_stream__(requested_schema)
+
+    def total(self, column: str) -> int | float | None:
+        """Return the sum of the known values of a column, None where none is known: a sum of nothing is not 0.
+
+        Raises:
+            UsageError: E101, there is no such column, or it holds no numbers.
+
+        Example:
+            >>> week.hours.total("n_violations") == len(week.violations)
+            True
+        """
+        self._check(column)
+        kind = self._rows.schema.field(column).type
+        if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+            raise UsageError(f"{column} cannot be summed", why=f"its values are of type {kind}")
+        total: int | float | None = pc.sum(self._rows[column], min_count=1).as_py()
+        return total
+
     def arrow(self) -> pa.Table:
         """Return the rows as an Arrow table, without a copy.
 
@@ -52,7 +102,10 @@ class Table:
         return self._rows
 
     def df(self) -> pd.DataFrame:
-        """Return the rows as a pandas frame: days are `datetime64`, whole numbers that may be null are `Int64`.
+        """Return the rows as a pandas frame: days are `datetime64`, numbers that may be null are `Int64` and `Float64`.
+
+        A sum of unknown values is `<NA>`, not 0, also by group and of frames put together. After arithmetic
+        (`frame["n"] + 1`) or `astype` pandas' own rule holds, and it is 0.
 
         Example:
             >>> str(week.hours.df()["n_violations"].dtype)
@@ -60,14 +113,19 @@ class Table:
         """
         import pandas as pd
 
+        from vsd_analytics.api.unknown_numbers import unknown_floats, unknown_integers
+
         frame: pd.DataFrame = self._rows.to_pandas(date_as_object=False)
         for column in self._rows.schema:
-            if pa.types.is_integer(column.type) and self._rows[column.name].null_count:
-                frame[column.name] = pd.array(self._rows[column.name].to_pylist(), dtype="Int64")
+            values = self._rows[column.name]
+            if values.null_count and pa.types.is_integer(column.type):
+                frame[column.name] = pd.Series(unknown_integers(values), index=frame.index)
+            elif values.null_count and pa.types.is_floating(column.type):
+                frame[column.name] = pd.Series(unknown_floats(values), index=frame.index)
         return frame
 
     def pl(self) -> pl.DataFrame:
-        """Return the rows as a polars frame.
+        """Return the rows as a polars frame. Its `sum` of unknown values is 0; `total` says None.
 
         Raises:
             UsageError: E101, polars is not installed.
@@ -83,6 +141,34 @@ class Table:
         frame = pl.from_arrow(self._rows)
         assert isinstance(frame, pl.DataFrame)
         return frame
+
+    def geojson(self) -> dict[str, Any]:
+        """Return the rows with a known place as GeoJSON points in floor metres; other columns are their properties.
+
+        Raises:
+            UsageError: E101, the rows have no places.
+
+        Example:
+            >>> week.violations.geojson()["features"][0]["geometry"]["type"]
+            'Point'
+        """
+        if not set(PLACE) <= set(self.columns):
+            raise UsageError(
+                f"{self.title}: there are no places", why=f"GeoJSON needs the columns {' and '.join(PLACE)}",
+                fix="violations, episodes, cells, hotspots and trajectories have them",
+            )  # fmt: skip
+        features = []
+        for row in self:
+            x_m, y_m = (row.pop(name) for name in PLACE)
+            if x_m is not None and y_m is not None:
+                texts = {k: v.isoformat() if hasattr(v, "isoformat") else v for k, v in row.items()}
+                point = {"type": "Point", "coordinates": [x_m, y_m]}
+                features.append({"type": "Feature", "properties": texts, "geometry": point})
+        return {"type": "FeatureCollection", "features": features}
+
+    def _check(self, column: str) -> None:
+        if column not in self.columns:
+            raise UsageError(f"{self.title}: there is no column {column!r}", why=f"these are {', '.join(self.columns)}")
 
     def _head(self) -> Table:
         return Table(self._rows.slice(0, SHOWN_ROWS), title=self.title)

@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 @click.command()
 @click.option("--area", "area_id", metavar="ID", help="Area to be changed.")
 @click.option(
-    "--effect", "effect_percent", type=click.FloatRange(-99, 900), metavar="PERCENT",
-    help="Effect to be seen: -15 = 15 % less time too close per open hour.",
+    "--effect", type=float, metavar="SHARE",
+    help="Effect to be seen: -0.15 = 15 % less time too close per open hour.",
 )  # fmt: skip
 @click.option(
-    "--power", "power_percent", type=click.FloatRange(50, 99), default=80, show_default=True, metavar="PERCENT",
-    help="Chance of a clear verdict.",
+    "--power", type=float, default=0.8, show_default=True, metavar="SHARE",
+    help="Chance of a clear verdict, from 0.5 to 0.99.",
 )  # fmt: skip
 @click.option(
     "--weeks-max", type=click.IntRange(1, 26), default=26, show_default=True, help="Weeks after the change, at most."
@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 def plan(
     project: Project,
     area_id: str | None,
-    effect_percent: float | None,
-    power_percent: float,
+    effect: float | None,
+    power: float,
     weeks_max: int,
     as_json: bool,
 ) -> int:
@@ -51,27 +51,26 @@ def plan(
 
     \b
     Example:
-      vsd plan --area entrance --effect -15
-      vsd plan --area entrance --effect -30 --power 90 --json
+      vsd plan --area entrance --effect -0.15
+      vsd plan --area entrance --effect -0.3 --power 0.9 --json
       vsd plan
     """
-    if area_id is None and effect_percent is None:
+    if area_id is None and effect is None:
         return _list(project, as_json=as_json)
-    if area_id is None or not effect_percent:
-        raise UsageError("a plan needs an area and an effect", fix="vsd plan --area ID --effect -15")
+    if area_id is None or not effect:
+        raise UsageError("a plan needs an area and an effect", fix="vsd plan --area ID --effect -0.15")
     from vsd_analytics.cli.ranges import nothing_stored, warehouse_of
     from vsd_analytics.config.plans import add_plan, plan_dict
-    from vsd_analytics.figures.experiments import plan_days, plan_experiment, stored_plan
+    from vsd_analytics.figures.experiments import check_plan, plan_days, plan_experiment, stored_plan
     from vsd_analytics.warehouse.stored_days import stored_extent
 
+    check_plan(effect=effect, power=power)
     if stored_extent(project.site) is None:
         raise nothing_stored(project)
     first, last = plan_days(project.site)
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
         warehouse.materialise("violations", "camera_hours", "area_hours")
-        found = plan_experiment(
-            warehouse, area_id, effect=effect_percent / 100, power=power_percent / 100, weeks_max=weeks_max
-        )
+        found = plan_experiment(warehouse, area_id, effect=effect, power=power, weeks_max=weeks_max)
     made = stored_plan(found, made=project.now.astimezone(project.site.zone).date())
     is_new = made is not None and add_plan(project.site, made)
     if as_json:
@@ -93,7 +92,7 @@ def _list(project: Project, *, as_json: bool) -> int:
     elif plans:
         click.echo("\n".join(table([_HEAD, *(_row(p) for p in plans)])))
     else:
-        project.say("no plans yet; make one: vsd plan --area ID --effect -15")
+        project.say("no plans yet; make one: vsd plan --area ID --effect -0.15")
     return 0
 
 

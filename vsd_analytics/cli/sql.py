@@ -1,4 +1,4 @@
-"""`vsd sql`: a query of one's own over facts and marts, read only."""
+"""`vsd sql`: a query of one's own over the tables for analysts, read only."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _MISSING = "–"
 @click.command()
 @click.argument("query", required=False)
 @range_options
-@click.option("--show", "relation", metavar="NAME", help="Print the SQL file of a relation instead.")
-@click.option("--list", "as_list", is_flag=True, help="List the relations that can be queried.")
+@click.option("--show", "relation", metavar="NAME", help="Print the SQL file of a table instead.")
+@click.option("--list", "as_list", is_flag=True, help="List the tables, and what lies behind them.")
 @choice_option("--format", "kind", choices=["table", "csv"], default="table", help="Form of the rows.")
 @json_option
 @pass_project
@@ -35,46 +35,81 @@ def sql(
     kind: str,
     as_json: bool,
 ) -> None:
-    """Run a query over facts, marts, and places of people of a range; nothing can be written.
+    """Run a query over the tables of a range; nothing can be written. They are described in docs/relations.md.
+
+    What lies behind the tables, facts, marts and places of people, is internal.NAME.
 
     \b
     Example:
       vsd sql --list
       vsd sql --show hours
       vsd sql "select local_hour, sum(n_violations) from hours group by all order by 1" --week last
+      vsd sql "select count(*) from internal.located" --week last
     """
+    from vsd_analytics.api.days import COMPUTED, Days
     from vsd_analytics.errors import UsageError
-    from vsd_analytics.warehouse.sqlfiles import queried_relations, relations
 
-    known = sorted(queried_relations().values(), key=lambda r: ("staging", "facts", "marts").index(r.layer))
     if as_list:
-        if as_json:
-            rows = [{"name": r.name, "layer": r.layer, "row": r.description, "columns": dict(r.columns)} for r in known]
-            emit_json({"relations": rows})
-            return
-        for r in known:
-            click.echo(f"{r.layer:<7} {r.name:<18} {r.description}")
+        _list(as_json=as_json)
         return
     if relation is not None:
-        found = [r for r in (*known, *relations("staging").values()) if r.name == relation]
-        if not found:
-            raise UsageError(f"no relation is called {relation!r}", fix="vsd sql --list")
-        click.echo(found[0].path.read_text(encoding="utf-8"), nl=False)
+        click.echo(_text_of(relation), nl=False)
         return
     if query is None:
         raise UsageError("which query?", fix='vsd sql "select * from hours"')
+    from vsd_analytics.api.table import Table
+    from vsd_analytics.store.duck import connect
+    from vsd_analytics.warehouse.analyst_names import named_query, sql_tables
     from vsd_analytics.warehouse.analyst_query import query_rows, run_query
-    from vsd_analytics.warehouse.relations import named_relations
 
-    with warehouse_of(project, week=week, days=days, relations=named_relations(query)) as warehouse:
+    with connect(threads=1) as parser:
+        named = named_query(parser, query, tables={*sql_tables(), *COMPUTED})
+    with warehouse_of(project, week=week, days=days, relations=named.reads) as warehouse:
+        asked = Days(project.site, warehouse.first, warehouse.last, name="")
+        computed = {name: getattr(asked, name).arrow() for name in named.tables if name in COMPUTED}
         if as_json:
-            emit_json({"rows": query_rows(warehouse, query)})
+            emit_json({"rows": query_rows(warehouse, query, computed=computed)})
             return
-        frame = run_query(warehouse, query)
+        frame = Table(run_query(warehouse, query, computed=computed), title="").df()
     if kind == "csv":
         click.echo(_csv(frame), nl=False)
     else:
         click.echo(plain(_missing_as_dash(frame).to_string(index=False, max_rows=200, na_rep=_MISSING)))
+
+
+def _list(*, as_json: bool) -> None:
+    """Print the tables, and the relations behind them as `internal.NAME`."""
+    from vsd_analytics.api.days import COMPUTED_TABLES
+    from vsd_analytics.warehouse.analyst_names import INTERNAL, sql_tables
+    from vsd_analytics.warehouse.sqlfiles import queried_relations
+
+    tables = [(r.name, "table", r.description, dict(r.columns)) for r in sql_tables().values()]
+    tables += [(name, "table", row, dict[str, str]()) for name, row in COMPUTED_TABLES.items()]
+    behind = sorted(queried_relations().values(), key=lambda r: ("marts", "facts", "staging").index(r.layer))
+    rows = [*sorted(tables), *((f"{INTERNAL}.{r.name}", r.layer, r.description, dict(r.columns)) for r in behind)]
+    if as_json:
+        emit_json({"relations": [dict(zip(("name", "layer", "row", "columns"), row, strict=True)) for row in rows]})
+        return
+    for name, layer, description, _ in rows:
+        click.echo(f"{layer:<7} {name:<27} {description}")
+
+
+def _text_of(name: str) -> str:
+    """Return the SQL file of a table, or of a relation behind the tables with or without `internal.`."""
+    from vsd_analytics.api.days import COMPUTED_TABLES
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.warehouse.analyst_names import INTERNAL, sql_tables
+    from vsd_analytics.warehouse.sqlfiles import queried_relations, relations
+
+    bare = name.removeprefix(f"{INTERNAL}.")
+    behind = {**relations("staging"), **queried_relations()}
+    relation = (sql_tables() if bare == name else {}).get(bare) or behind.get(bare)
+    if bare == name and name in COMPUTED_TABLES:
+        why = "it is a figure with its statistics, or the change log, computed in Python"
+        raise UsageError(f"{name} has no SQL file", why=why, fix=f'vsd sql "select * from {name}"')
+    if relation is None:
+        raise UsageError(f"no table or relation is called {name!r}", fix="vsd sql --list")
+    return relation.path.read_text(encoding="utf-8")
 
 
 def _csv(frame: pd.DataFrame) -> str:

@@ -102,5 +102,5 @@ def _plan(line: bytes, *, number: int) -> Plan:
             code="E110",
             where=Where(FILE, number, line.decode(errors="replace")[:200]),
             why=str(error),
-            fix="correct or delete the line; vsd plan --area ID --effect -15 makes a new plan",
+            fix="correct or delete the line; vsd plan --area ID --effect -0.15 makes a new plan",
         ) from None

@@ -49,6 +49,8 @@ def close_time_share(period: Period, place: Place, *, has_history: bool = True) 
         has_history: Its `n` holds the weeks before the period too.
     """
     data, settings = period.data, period.data.site.settings
+    if not (data.hours.recorded_s > 0)[:, period.is_inside].any():
+        return no_rate(Reason("level.unrecorded"), "not_enough_data")
     if (why := period.why_no_exposure) is not None:
         return no_rate(why)
     if not place.cameras.any():

@@ -15,6 +15,7 @@ import shapely
 
 from vsd_analytics.answer import Reason, State
 from vsd_analytics.config.plans import Plan
+from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.before_after import BeforeAfterFigure, comparison_areas
 from vsd_analytics.figures.change_verdicts import history_of, log_rates
 from vsd_analytics.figures.change_weeks import REFERENCE_WEEKS, changed_areas
@@ -29,6 +30,10 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 Days = tuple[date, date]
 MIN_WEEKS_ALIKE: Final = 4
 """Weeks a correlation of areas needs."""
+
+EFFECTS: Final = (-0.99, 1.0)
+"""Effects that can be planned for, shares."""
+POWERS: Final = (0.5, 0.99)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +117,28 @@ def plan_days(site: Site) -> Days:
     return max(extent.first_day, extent.last_day - REFERENCE_WEEKS * WEEK + timedelta(days=1)), extent.last_day
 
 
+def check_plan(*, effect: float, power: float) -> None:
+    """Refuse an effect or a power that is no share, as where percent were meant.
+
+    Args:
+        effect: Effect looked for, a share: -0.15 = 15 % less.
+        power: Chance of a clear verdict, a share.
+
+    Raises:
+        UsageError: E101, the effect is not between -0.99 and 1, or 0; or the power is not between 0.5 and 0.99.
+    """
+    if not EFFECTS[0] <= effect <= EFFECTS[1] or effect == 0:
+        raise UsageError(
+            f"effect {effect:g} is not between -0.99 and 1, or is 0",
+            why="it is a share",
+            fix="effect -0.15 is 15 % less",
+        )
+    if not POWERS[0] <= power <= POWERS[1]:
+        raise UsageError(
+            f"power {power:g} is not between 0.5 and 0.99", why="it is a share", fix="power 0.8 is a chance of 80 %"
+        )
+
+
 def plan_experiment(
     warehouse: Warehouse, area_id: str, *, effect: float, power: float = 0.8, weeks_max: int = 26
 ) -> ExperimentPlan:
@@ -120,18 +147,18 @@ def plan_experiment(
     Args:
         warehouse: Opened over `plan_days`.
         area_id: The area to be changed.
-        effect: Effect looked for, relative, above -1 and not 0.
-        power: Chance of a clear verdict.
+        effect: Effect looked for, a share: -0.15 = 15 % less. Not 0.
+        power: Chance of a clear verdict, a share.
         weeks_max: Weeks after the change one is ready to wait.
 
     Raises:
-        UsageError: E101, the site has no such area.
-        ValueError: No effect.
+        UsageError: E101, the site has no such area, or effect or power is no share (`check_plan`).
 
     Example:
         >>> vsd.plan_experiment(warehouse, "checkout-queue", effect=-0.2).state  # needs four weeks before the change
         'not_enough_data'
     """
+    check_plan(effect=effect, power=power)
     site = warehouse.site
     area = known_area(site, area_id)
     data = FloorHours(warehouse, floor=known_floor(site, None, [area]))

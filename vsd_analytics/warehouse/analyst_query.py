@@ -2,70 +2,54 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Callable
+from collections.abc import Mapping
 from datetime import datetime
 from decimal import Decimal
 from itertools import count
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
-import pandas as pd
+import pyarrow as pa
 
 from vsd_analytics.errors import SqlError
+from vsd_analytics.warehouse.analyst_names import named_query, sql_tables, table_view
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 if TYPE_CHECKING:
     import duckdb
 
-T = TypeVar("T")
 
-EXACT_FLOAT = 2**53
-"""Integers below this are exact in float64, so converting a column back to integers loses nothing."""
+def run_query(
+    warehouse: Warehouse,
+    query: str,
+    *,
+    computed: Mapping[str, pa.Table] | None = None,
+    given: Mapping[str, Any] | None = None,
+) -> pa.Table:
+    """Return the rows of one `select` over the tables of a range of days.
 
-
-def run_query(warehouse: Warehouse, query: str) -> pd.DataFrame:
-    """Return the rows of one `select` over the relations of a warehouse as a pandas frame.
-
+    A bare name is a table of `sql/tables` or of `computed`; `internal.NAME` is a fact, a mart, `located` or `pairs`.
     The statement can read the project's store and facts only: no other file, no network, no extension, no setting. It
-    must be a query, so it cannot write. The connection stays restricted afterwards.
+    must be a query, so it cannot write. Instants are shown in the site's zone, and an instant without zone that meets
+    one is read in it. The connection stays restricted afterwards.
+
+    Args:
+        warehouse: Open over the days.
+        query: The query.
+        computed: Rows of the tables that are no SQL file, by name; those that the query names are enough.
+        given: The caller's own tables, by the names of the query.
+
+    Returns:
+        The rows; sums of counts, which are HUGEINT, are whole numbers.
 
     Raises:
-        SqlError: E603, the query fails (with DuckDB's message), or the text is not one query.
+        SqlError: E603, the query fails (with DuckDB's message), the text is not one query, or a name is internal.
     """
-
-    def read(con: duckdb.DuckDBPyConnection, statement: duckdb.Statement) -> pd.DataFrame:
-        rows = con.sql(statement)
-        kinds = [str(kind) for kind in rows.types]
-        frame: pd.DataFrame = rows.df()
-        for i, kind in enumerate(kinds):  # DuckDB sums counts to HUGEINT, which pandas would show as 12.0
-            column = frame.iloc[:, i]
-            if kind == "HUGEINT" and bool((column.dropna().abs() < EXACT_FLOAT).all()):
-                frame.isetitem(i, column.astype("Int64").array)
-        return frame
-
-    return _run(warehouse, query, read)
-
-
-def query_rows(warehouse: Warehouse, query: str) -> list[dict[str, Any]]:
-    """Return the rows of one `select` as dictionaries for JSON; limits and errors as in `run_query`.
-
-    Missing values, NaN and infinities are None, also inside lists. Types that JSON lacks become text. Columns with the
-    same name get `_1`, `_2`, as in a frame.
-    """
-
-    def read(con: duckdb.DuckDBPyConnection, statement: duckdb.Statement) -> list[dict[str, Any]]:
-        rows, names = con.sql(statement).to_arrow_table(), list[str]()
-        for column in rows.column_names:
-            again = (f"{column}_{n}" for n in count(1))
-            names.append(column if column not in names else next(a for a in again if a not in names))
-        return [{k: _plain(v) for k, v in row.items()} for row in rows.rename_columns(names).to_pylist()]
-
-    return _run(warehouse, query, read)
-
-
-def _run(warehouse: Warehouse, query: str, read: Callable[[duckdb.DuckDBPyConnection, duckdb.Statement], T]) -> T:
     import duckdb
 
+    own, computed = given or {}, computed or {}
+    files = sql_tables()
     try:
         query.encode()  # a UnicodeEncodeError is a ValueError
         statements = warehouse.con.extract_statements(query)
@@ -76,19 +60,50 @@ def _run(warehouse: Warehouse, query: str, read: Callable[[duckdb.DuckDBPyConnec
                 why="only a single select is allowed: a query cannot write, set or attach anything",
                 fix='vsd sql "select * from hours"',
             )
+        named = named_query(warehouse.con, query, tables={*files, *computed}, given=own)
+        rows = {table_view(name): computed[name] for name in named.tables if name not in files}
+        views = [files[name] for name in named.tables if name in files]
 
-        def restrict_and_read(con: duckdb.DuckDBPyConnection) -> T:
+        def restrict_and_read(con: duckdb.DuckDBPyConnection) -> pa.Table:
+            for name, values in {**own, **rows}.items():
+                con.register(name, values)
+            for relation in views:
+                con.execute(f"create or replace temp view {table_view(relation.name)} as {relation.sql}")
             _restrict(con, warehouse)
-            return read(con, con.extract_statements(query)[0])
+            return _whole_sums(con.sql(con.extract_statements(named.text)[0]))
 
-        return warehouse.run(query, restrict_and_read)
-    except (duckdb.Error, OverflowError, ValueError) as error:  # the latter: rows Python or pandas cannot hold
+        return warehouse.run(" ".join(f"from {name}" for name in named.reads), restrict_and_read)
+    except (duckdb.Error, OverflowError, ValueError) as error:  # the latter: rows that Python cannot hold
         raise SqlError(
             "the query could not be run",
             code="E603",
             why=" ".join(str(error).split())[:600],
             fix="vsd sql --list, vsd sql --show hours",
         ) from None
+
+
+def query_rows(warehouse: Warehouse, query: str, **tables: Any) -> list[dict[str, Any]]:
+    """Return the rows of one `select` as dictionaries for JSON; arguments, limits and errors as in `run_query`.
+
+    Missing values, NaN and infinities are None, also inside lists. Types that JSON lacks become text. Columns with the
+    same name get `_1`, `_2`.
+    """
+    return [{k: _plain(v) for k, v in row.items()} for row in run_query(warehouse, query, **tables).to_pylist()]
+
+
+def _whole_sums(found: duckdb.DuckDBPyRelation) -> pa.Table:
+    """Return rows as an Arrow table with unique names, HUGEINT as whole numbers."""
+    kinds, rows = [str(kind) for kind in found.types], found.to_arrow_table()
+    names = list[str]()
+    for column in rows.column_names:
+        again = (f"{column}_{n}" for n in count(1))
+        names.append(column if column not in names else next(a for a in again if a not in names))
+    rows = rows.rename_columns(names)
+    for i, kind in enumerate(kinds):
+        if kind == "HUGEINT":
+            with contextlib.suppress(pa.ArrowInvalid):  # over 64 bits: the decimal stays
+                rows = rows.set_column(i, names[i], rows[i].cast(pa.int64()))
+    return rows
 
 
 def _plain(value: Any) -> Any:
@@ -107,9 +122,10 @@ def _plain(value: Any) -> Any:
 
 
 def _restrict(con: duckdb.DuckDBPyConnection, warehouse: Warehouse) -> None:
-    """Restrict the connection to the project's store and facts; DuckDB allows no way back."""
+    """Restrict the connection to the project's store and facts, in the site's zone; DuckDB allows no way back."""
     if con.execute("select current_setting('lock_configuration')").fetchall()[0][0]:
         return
+    con.execute("set timezone = $zone", {"zone": warehouse.site.timezone})
     folders = [f"{warehouse.site.root / name}/" for name in ("store", "facts", "sealed")]
     con.execute("set allowed_directories = $folders", {"folders": folders})
     con.execute("set enable_external_access = false")

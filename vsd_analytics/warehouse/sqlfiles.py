@@ -38,7 +38,7 @@ from vsd_analytics.resources import shipped
 if TYPE_CHECKING:
     import duckdb
 
-LAYERS = ("staging", "facts", "marts", "audits", "exports")
+LAYERS = ("staging", "facts", "marts", "tables", "audits", "exports")
 FIGURE_FIELDS = ("definition", "unit", "denominator", "needs", "uncertainty", "by")
 _IDENTIFIER = re.compile(r"^[a-z][a-z0-9_]*$")
 _FIELD = re.compile(r"^-- (name|unit|stored_by|kept|graph|grain|reads|params|columns|figure|steps|assumes): ?(.*)$")
@@ -81,7 +81,7 @@ class Relation:
     """One SQL file.
 
     Attributes:
-        layer: "staging", "facts", "marts", "audits" or "exports".
+        layer: "staging", "facts", "marts", "tables", "audits" or "exports".
         name: Relation name, the file's stem.
         description: What a row is.
         unit: "hour" or "day" (facts).
@@ -135,7 +135,7 @@ def relations(*layers: str) -> Mapping[str, Relation]:
             raise SqlError(f"SQL relations read each other in a circle: {' -> '.join((*path, name))}", code="E601")
         if name in ordered or name not in found:
             return
-        for needed in found[name].reads:
+        for needed in () if found[name].layer == "tables" else found[name].reads:  # a table may have its mart's name
             add(needed, (*path, name))
         ordered[name] = found[name]
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import pyarrow as pa
 
@@ -26,6 +26,8 @@ from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 if TYPE_CHECKING:
     import duckdb
 
+STORAGE_VERSION: Final = "v1.0.0"
+"""The oldest DuckDB that opens the file: 1.0 and every later one."""
 _USUAL = {
     "camera_id": "camera of vsd.toml",
     "floor_id": "floor of vsd.toml",
@@ -123,7 +125,9 @@ def _fill(path: Path, inputs: Mapping[str, pa.Table]) -> dict[str, int]:
     import duckdb
 
     rows: dict[str, int] = {}
-    with duckdb.connect(str(path)) as con:
+    with duckdb.connect() as con:
+        con.execute(f"attach {_quoted(str(path))} as export (storage_version '{STORAGE_VERSION}')")
+        con.execute("use export")
         for name, table in inputs.items():
             con.register(name, table)
         for relation in exported_tables():
@@ -142,5 +146,5 @@ def _comment(con: duckdb.DuckDBPyConnection, relation: Relation) -> None:
 
 
 def _quoted(text: str) -> str:
-    """Return a text of a SQL header as a literal: COMMENT ON takes no parameter."""
+    """Return a text as a literal: COMMENT ON and ATTACH take no parameter."""
     return "'" + text.replace("'", "''") + "'"

@@ -28,7 +28,7 @@ class TrackTable(Table):
         frame_rate_hz: Frames per second: `frame` counts them from the first record.
 
     Example:
-        >>> walks = site.days("2026-11-09").trajectories("cam-1")
+        >>> walks = site.days("2026-11-09").tracks("cam-1")
         >>> walks.columns
         ['id', 'frame', 'x', 'y', 't', 'track_id']
     """
@@ -38,7 +38,7 @@ class TrackTable(Table):
         self.frame_rate_hz = frame_rate_hz
 
 
-def trajectories(site: Site, camera_id: str | None, *, first: date, last: date) -> TrackTable:
+def tracks(site: Site, camera_id: str | None, *, first: date, last: date) -> TrackTable:
     """Return the tracks that a camera recorded on some local days.
 
     Pixels become metres by the calibration in force. Records without a track id or a place are left out, and so is a
@@ -65,8 +65,8 @@ def trajectories(site: Site, camera_id: str | None, *, first: date, last: date) 
     rows, ts_ms, x_m, y_m = rows.filter(pa.array(has_all)), ts_ms[has_all], x_m[has_all], y_m[has_all]
     hz = camera.hz or _median_hz(ts_ms)
     frame = np.round((ts_ms - (ts_ms[0] if ts_ms.size else 0)) * hz / 1000).astype(np.int64)
-    tracks = rows["track_id"].cast(pa.string()).combine_chunks().dictionary_encode()
-    ids = tracks.indices.to_numpy(zero_copy_only=False).astype(np.int64)
+    track = rows["track_id"].cast(pa.string()).combine_chunks().dictionary_encode()
+    ids = track.indices.to_numpy(zero_copy_only=False).astype(np.int64)
     _, is_first = np.unique(np.stack([ids, frame], axis=1), axis=0, return_index=True)
     table = pa.table(
         {
@@ -75,7 +75,7 @@ def trajectories(site: Site, camera_id: str | None, *, first: date, last: date) 
             "x": x_m,
             "y": y_m,
             "t": pa.array(ts_ms, pa.timestamp("ms")),
-            "track_id": tracks.cast(pa.string()),
+            "track_id": track.cast(pa.string()),
         }
     ).take(pa.array(is_first))
     left_out = n_all - table.num_rows

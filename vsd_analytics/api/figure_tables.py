@@ -1,0 +1,100 @@
+"""Figures with their statistics as tables: areas with intervals, hotspots."""
+
+from __future__ import annotations
+
+from datetime import date
+from typing import Any
+
+import pyarrow as pa
+
+from vsd_analytics.api.table import Table
+from vsd_analytics.figures import close_time, compare, rates
+from vsd_analytics.figures import hotspots as hotspot_figures
+from vsd_analytics.figures.panels import FloorHours
+from vsd_analytics.figures.periods import Period
+from vsd_analytics.site.model import Area, Floor, Site
+from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.warehouse.warehouse import open_warehouse
+from vsd_analytics.wording.reasons import reason_text
+
+_HOTSPOTS = pa.schema(
+    [("floor_id", pa.string()), ("number", pa.int64()), ("area_id", pa.string())]
+    + [(name, pa.float64()) for name in ("x_m", "y_m", "ratio", "ratio_lo", "ratio_hi", "excess_min_per_week")]
+    + [("n_violations", pa.int64()), ("state", pa.string()), ("since", pa.date32())]
+)
+"""Columns of `hotspots`, which a table without rows has too."""
+
+
+def area_table(site: Site, first: date, last: date, *, title: str) -> Table:
+    """Return one row for each floor, area and rest of a floor; columns as of `Days.areas`.
+
+    Args:
+        site: The project.
+        first: First local day.
+        last: Last local day, inclusive.
+        title: For printing.
+    """
+    rows: list[dict[str, Any]] = []
+    with open_warehouse(site, *compare.days_needed(site, (first, last))) as warehouse:
+        for floor in site.floors:
+            data = FloorHours(warehouse, floor=floor)
+            period = Period(data, first, last)
+            places: list[Floor | Area | None] = [floor]
+            if period.why_no_places is None and data.areas:
+                places += [*data.areas, None]
+            for where in places:
+                is_floor = isinstance(where, Floor)
+                area_id = where.area_id if isinstance(where, Area) else None
+                place = period.whole if is_floor else period.area(area_id)
+                close = close_time.close_time_share(period, close_time.close_time(period, where))
+                rows.append(
+                    {
+                        "floor_id": floor.floor_id,
+                        "kind": "floor" if is_floor else "area" if where is not None else "rest",
+                        "area_id": area_id,
+                        "name": "Rest of the floor" if where is None else where.name,
+                        **_estimate("violations_per_open_h", rates.violation_rate_level(period, place)),
+                        **_estimate("close_time_share", close),
+                    }
+                )
+    return Table(pa.Table.from_pylist(rows), title=title)
+
+
+def hotspot_table(site: Site, until: date) -> Table:
+    """Return one row for each hotspot of the 28 days to `until`; columns as of `Days.hotspots`."""
+    rows: list[dict[str, Any]] = []
+    notes = []
+    with open_warehouse(site, *hotspot_figures.days_needed(site, until)) as warehouse:
+        for floor in site.floors:
+            hotspots = hotspot_figures.hotspots(warehouse, floor_id=floor.floor_id, until=until)
+            if hotspots.state != "ok":
+                notes.append(f"{floor.name}: {reason_text(hotspots.reason)}")
+            rows += [
+                {
+                    "floor_id": floor.floor_id,
+                    "number": spot.number,
+                    "area_id": spot.place.area_id,
+                    "x_m": spot.place.x_m,
+                    "y_m": spot.place.y_m,
+                    "ratio": spot.ratio,
+                    "ratio_lo": spot.lo,
+                    "ratio_hi": spot.hi,
+                    "excess_min_per_week": spot.excess_min_per_week,
+                    "n_violations": spot.n,
+                    "state": spot.state,
+                    "since": spot.since,
+                }
+                for spot in hotspots.spots
+            ]
+    rows_typed = pa.Table.from_pylist(rows, schema=_HOTSPOTS)
+    return Table(rows_typed, title=f"Hotspots until {until}", note="; ".join(notes))
+
+
+def _estimate(name: str, estimate: RateEstimate) -> dict[str, Any]:
+    return {
+        name: estimate.value,
+        f"{name}_lo": estimate.lo,
+        f"{name}_hi": estimate.hi,
+        f"{name}_state": estimate.state,
+        f"{name}_reason": reason_text(estimate.reason) or None,
+    }
