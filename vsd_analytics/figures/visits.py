@@ -84,6 +84,7 @@ COLUMNS: Final = (
     Column("silent_cameras", "fact"),
 )
 """Columns of `visits`."""
+SUMS: Final = (Sum("n_visits", ("n_followed", "n_cut")), Sum("n_visits", ("n_long", "n_short")))
 
 
 def visits(period: Period) -> Answer:
@@ -110,8 +111,7 @@ def visits(period: Period) -> Answer:
     able = sends_ids(period)
     areas = tuple(_area_row(period, a, stays.of(k), able) for k, a in enumerate(asked))
     notes = ((None, Reason("note.visits")), *((k, n) for k, row in enumerate(areas) for n in _row_notes(row)))
-    sums = (Sum("n_visits", ("n_followed", "n_cut")), Sum("n_visits", ("n_long", "n_short")))
-    return Answer("visits", COLUMNS, areas, period.holds_for, sums, notes)
+    return Answer("visits", COLUMNS, areas, period.holds_for, SUMS, notes)
 
 
 def sends_ids(period: Period) -> Flags:
