@@ -63,7 +63,7 @@ def test_the_command_prints_matrix_and_routes_in_three_formats(shop: Path, capsy
     code, text, _ = vsd(shop, capsys, "--week", "2026-W46")
     assert code == 0
     assert "Door > <b>Bread</b> > Till > Door" in text
-    assert re.search(r"^Door +40 \([^)]*\) +\d+% \(", text, re.MULTILINE), "who leaves, and who is lost"
+    assert re.search(r"^Door +40 \([^)]*\) +\d\.\d% \(", text, re.MULTILINE), "who leaves, and who is lost"
     code, out, _ = vsd(shop, capsys, "--week", "2026-W46", "--format", "json")
     answers = json.loads(out)["answers"]
     door, to = answers["flow_areas"]["rows"][0], [r for r in answers["flow"]["rows"] if r["area_id"] == "door"]

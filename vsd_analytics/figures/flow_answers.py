@@ -204,14 +204,16 @@ def _routes(of_floor: Flow, place: Row, period: Period) -> Answer:
     if not routes.has_doors:
         nothing = Reason("flow.no_doors")
         return Answer("flow_routes", ROUTE_COLUMNS, (), period.holds_for, nothing=nothing)
-    if all(route.share.value is None for route in routes.routes):
-        return Answer("flow_routes", ROUTE_COLUMNS, (), period.holds_for, nothing=following.reason)
+    if not routes.routes:
+        unknown = {"route_share": Value.missing(following.reason), "n_people": Value.missing(following.reason)}
+        row = {**place, "route_area_ids": "", "route": None, **unknown, "n_began": Value(following.n)}
+        return Answer("flow_routes", ROUTE_COLUMNS, (row,), period.holds_for)
     rows = tuple(
         {
             **place,
             "route_area_ids": " ".join(a.area_id for a in route.areas) or OTHERS,
-            "route": " > ".join(a.name for a in route.areas) or None,
-            "route_share": Value.of(route.share),
+            "route": " > ".join(a.name for a in route.areas) or OTHERS,
+            "route_share": Value.of(route.share, reason=route.share.reason or following.reason),
             "n_people": Value(route.share.n),
             "n_began": Value(following.n),
         }

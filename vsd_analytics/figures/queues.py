@@ -175,7 +175,7 @@ def _queue(period: Period, area: Area, waits: _Waits) -> tuple[Row, tuple[Row, .
         "unrecorded_hours": present.unrecorded_hours,
     }
     hours = []
-    for hour in present.hours_of_day():
+    for hour in sorted({*present.hours_of_day(), *present.unrecorded_hours, *of_day.tolist()}):
         of_hour = present.mean(hour=hour)
         cells = _wait_cells(None if why else _waiting(period, waits.of(of_day == hour), recorded), why)
         people_cells: Row = {"people_waiting": Value.of(of_hour), "recorded_open_h": of_hour.exposure_h}
