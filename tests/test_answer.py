@@ -50,9 +50,7 @@ def test_a_declared_sum_holds_or_has_an_unknown_part() -> None:
 def test_a_sum_over_another_answer_is_of_the_rows_with_the_same_keys() -> None:
     hours_of = (Column("area_id", "key"), Column("local_hour", "key"), Column("n", "count"))
     cells = [("door", 8, 5), ("door", 9, 7), ("till", 8, 1)]
-    hours = Answer(
-        "hours", hours_of, tuple({"area_id": a, "local_hour": h, "n": Value(n)} for a, h, n in cells), HOLDS
-    )
+    hours = Answer("hours", hours_of, tuple({"area_id": a, "local_hour": h, "n": Value(n)} for a, h, n in cells), HOLDS)
     totals = Answer("visits", COLUMNS, (row(), row("till", 1)), HOLDS, (Sum("n", ("hours.n",)),))
     check_sums([totals, hours])
     check_sums([totals])

@@ -123,7 +123,7 @@ class Sum:
     parts: tuple[str, ...]
 
 
-class Measured(Protocol):
+class Estimated(Protocol):
     """What statistics return of one number: `value` with the limits `lo` and `hi` of its interval."""
 
     @property
@@ -158,7 +158,7 @@ class Value:
     reason: Reason | None = None
 
     @classmethod
-    def of(cls, estimate: Measured, *, state: State | None = None, reason: Reason | None = None) -> Value:
+    def of(cls, estimate: Estimated, *, state: State | None = None, reason: Reason | None = None) -> Value:
         """Return an estimate of `stats/` as a value.
 
         Args:

@@ -16,8 +16,8 @@ import scipy.stats
 import shapely
 from prove_atc import NOW, OPTIONS, TOML
 
-from vsd_analytics.config import load_site
 from vsd_analytics.answer import value_of
+from vsd_analytics.config import load_site
 from vsd_analytics.figures.flow import flow
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
@@ -130,7 +130,7 @@ def test_visits_dwell_and_flow_of_a_shopping_centre_are_those_of_its_raw_files(
         gone_on = sum(n for (a, _), n in moves.items() if a == name), sum(to.share.n for to in moved.to)
         medians = f"{km_median(own):.1f} | {median:.1f}"
         print(  # the table in docs/statistics.md
-            f"| {hour} | {name} | {len(own)} | {value_of(of, "n_visits").value} | {medians} | {left[name]} | {moved.following.n} "
+            f"| {hour} | {name} | {len(own)} | {value_of(of, 'n_visits').value} | {medians} | {left[name]} | {moved.following.n} "
             f"| {gone_on[0]} | {gone_on[1]} |"
         )
     # where people come and go where no area is, the flows do not add up to the arrivals: most came from the east end

@@ -23,7 +23,9 @@ COLUMNS = (
     Column("visits_per_open_h", "rate", "per_open_h", "M35"),
     Column("route", "place"),
 )
-HOLDS = HoldsFor("shop", "ground", date(2026, 11, 9), date(2026, 11, 15), datetime(2026, 11, 12, 8, tzinfo=UTC), "s", "i")
+HOLDS = HoldsFor(
+    "shop", "ground", date(2026, 11, 9), date(2026, 11, 15), datetime(2026, 11, 12, 8, tzinfo=UTC), "s", "i"
+)
 WHY = Reason("waits.few_served", least=10, has=1)
 
 

@@ -9,13 +9,13 @@ import click
 from vsd_analytics.cli.answers import exact_option, has_value, print_answers
 from vsd_analytics.cli.options import floor_option, json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.render.text import Layout, TextTable
+from vsd_analytics.render.text import Layout, TableLayout
 
 _TIME: Final = ("busy_share", "full_share", "over_share")
 LAYOUTS: Final[dict[str, Layout]] = {
     "capacity": (
-        TextTable(("name", "capacity", "people", *_TIME, "surplus_people", "recorded_share")),
-        TextTable(("name", "area_m2", *(f"room_{level}_share" for level in "abcdef"))),
+        TableLayout(("name", "capacity", "people", *_TIME, "surplus_people", "recorded_share")),
+        TableLayout(("name", "area_m2", *(f"room_{level}_share" for level in "abcdef"))),
     )
 }
 

@@ -9,13 +9,15 @@ import click
 from vsd_analytics.cli.answers import exact_option, has_value, print_answers
 from vsd_analytics.cli.options import choice_option, floor_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.render.text import Layout, TextTable
+from vsd_analytics.render.text import Layout, TableLayout
 
 LAYOUTS: Final[dict[str, Layout]] = {
-    "flow": (TextTable(("name", "to_name", "next_area_share", "per_open_h", "followed_per_open_h")),),
-    "flow_areas": (TextTable(("name", "leave_per_open_h", "not_followed_share", "inflow_ratio", "n_left")),),
-    "flow_links": (TextTable(("name", "to_name", "linked_share")),),
-    "flow_routes": (TextTable(("route", "route_share")),),
+    "flow": (TableLayout(("name", "to_name", "next_area_share", "per_open_h", "followed_per_open_h")),),
+    "flow_areas": (
+        TableLayout(("name", "leave_per_open_h", "not_followed_share", "inflow_ratio", "n_left", "recorded_share")),
+    ),
+    "flow_links": (TableLayout(("name", "to_name", "linked_share")),),
+    "flow_routes": (TableLayout(("route", "route_share")),),
 }
 
 

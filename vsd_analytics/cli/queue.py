@@ -9,22 +9,22 @@ import click
 from vsd_analytics.cli.answers import exact_option, has_value, print_answers
 from vsd_analytics.cli.options import floor_option, json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.render.text import Layout, TextGrid, TextTable
+from vsd_analytics.render.text import GridLayout, Layout, TableLayout
 
 WAITS: Final = ("wait_median_s", "wait_p90_s", "left_share")
 _ENDS: Final = ("n_served", "n_left", "n_cut", "n_back")
 LAYOUTS: Final[dict[str, Layout]] = {
     "queues": (
-        TextTable(("name", "people_waiting", "people_waiting_p90", *WAITS, "recorded_share")),
-        TextTable(("name", "n_entered", *_ENDS, "n_days", "stay_mean_s", "stay_mean_little_s")),
+        TableLayout(("name", "people_waiting", "people_waiting_p90", *WAITS, "recorded_share")),
+        TableLayout(("name", "n_entered", *_ENDS, "n_days", "stay_mean_s", "stay_mean_little_s")),
     ),
-    "queue_hours": (TextTable(("name", "local_hour", "people_waiting", *WAITS)),),
+    "queue_hours": (TableLayout(("name", "local_hour", "people_waiting", *WAITS)),),
     "queue_forecast": (
-        TextGrid("people_waiting", down="local_hour", over="local_date"),
-        TextTable(("name", "local_date", "local_hour", "people_waiting", "queue_limit", "chance"), only="chance"),
+        GridLayout("people_waiting", down="local_hour", over="local_date"),
+        TableLayout(("name", "local_date", "local_hour", "people_waiting", "queue_limit", "chance"), only="chance"),
     ),
     "queue_forecast_score": (
-        TextTable(("name", "scored_week", "off_share", "in_range_share", "range_share", "n_hours")),
+        TableLayout(("name", "scored_week", "off_share", "in_range_share", "range_share", "n_hours")),
     ),
 }
 

@@ -9,14 +9,14 @@ import click
 from vsd_analytics.cli.answers import exact_option, has_value, print_answers
 from vsd_analytics.cli.options import floor_option, json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.render.text import Layout, TextTable
+from vsd_analytics.render.text import Layout, TableLayout
 
 _STAYS: Final = ("dwell_median_s", "dwell_p90_s", "long_share", "long_visit_s")
 _MEANS: Final = ("dwell_mean_s", "dwell_mean_little_s")
 LAYOUTS: Final[dict[str, Layout]] = {
     "visits": (
-        TextTable(("name", "visits_per_open_h", *_STAYS, "recorded_share")),
-        TextTable(("name", "n_visits", "n_cut", "n_began_inside", "n_days", *_MEANS)),
+        TableLayout(("name", "visits_per_open_h", *_STAYS, "recorded_share")),
+        TableLayout(("name", "n_visits", "n_cut", "n_began_inside", "n_days", *_MEANS)),
     )
 }
 

@@ -42,8 +42,9 @@ AREA_COLUMNS: Final = (
     Column("n_arrived", "count", "people", audience="operator"),
     Column("n_days", "fact", "days"),
     Column("recorded_open_h", "fact", "h"),
+    Column("recorded_share", "share", "share"),
 )
-"""Columns of `flow_areas`."""
+"""Columns of `flow_areas`; the recorded share is that of all cameras of the floor."""
 ROUTE_COLUMNS: Final = (
     Column("floor_id", "key"),
     Column("route_area_ids", "key"),
@@ -94,7 +95,8 @@ def flow_answers(period: Period) -> tuple[Answer, ...]:
             Answer(n, columns, (), holds, nothing=NOT_ASKED) for n, columns in (*tables, ("flow_links", LINK_COLUMNS))
         )
     to = tuple({**place, **row} for area in of_floor.areas for row in _destinations(area))
-    areas = tuple({**place, **_area(area)} for area in of_floor.areas)
+    recorded: Row = {"recorded_share": Value(of_floor.recorded_share)}
+    areas = tuple({**place, **_area(area), **recorded} for area in of_floor.areas)
     notes = tuple((k, n) for k, a in enumerate(of_floor.areas) for n in _notes(a))
     silent = Reason("flow.silent", cameras=", ".join(of_floor.silent_cameras))
     general = ((None, silent),) if of_floor.silent_cameras else ()

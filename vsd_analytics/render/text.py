@@ -20,7 +20,7 @@ _LEAST = 0.001
 
 
 @dataclass(frozen=True, slots=True)
-class TextTable:
+class TableLayout:
     """Some columns of an answer, a line for each row.
 
     Attributes:
@@ -33,7 +33,7 @@ class TextTable:
 
 
 @dataclass(frozen=True, slots=True)
-class TextGrid:
+class GridLayout:
     """One column of an answer, a line for each cell of the column `down`, a column for each of `over`.
 
     Rows of different `name` are grids of their own.
@@ -49,7 +49,7 @@ class TextGrid:
         return (self.column,)
 
 
-Layout = Sequence[TextTable | TextGrid]
+Layout = Sequence[TableLayout | GridLayout]
 
 
 def title(answer: Answer) -> str:
@@ -61,7 +61,7 @@ def text(answer: Answer, layout: Layout) -> list[str]:
     """Return the tables of an answer as lines, an empty line between two; a table without any value is left out."""
     lines: list[str] = []
     for shown in layout:
-        for table in _grids(answer, shown) if isinstance(shown, TextGrid) else _tables(answer, shown):
+        for table in _grids(answer, shown) if isinstance(shown, GridLayout) else _tables(answer, shown):
             lines += ["", *table] if lines else table
     return lines
 
@@ -120,13 +120,13 @@ def number_text(value: float, column: Column) -> str:
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return rows of texts as lines with aligned columns; control characters and line ends in a text are replaced."""
-    clean = [[CONTROL.sub("\ufffd", cell).replace("\n", " ") for cell in row] for row in rows]
+    """Return rows of texts as lines with aligned columns; control characters in a text are replaced."""
+    clean = [[CONTROL.sub("\ufffd", cell) for cell in row] for row in rows]
     widths = [max(len(row[k]) for row in clean) for k in range(len(clean[0]))]
     return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in clean]
 
 
-def _tables(answer: Answer, shown: TextTable) -> Iterator[list[str]]:
+def _tables(answer: Answer, shown: TableLayout) -> Iterator[list[str]]:
     known = {column.name for column in answer.columns}
     columns = [answer.column(name) for name in shown.columns if name in known]
     rows = [row for row in answer.rows if not shown.only or row[shown.only] is not None]
@@ -134,7 +134,7 @@ def _tables(answer: Answer, shown: TextTable) -> Iterator[list[str]]:
         yield aligned([[head(c) for c in columns], *([cell_text(row[c.name], c) for c in columns] for row in rows)])
 
 
-def _grids(answer: Answer, shown: TextGrid) -> Iterator[list[str]]:
+def _grids(answer: Answer, shown: GridLayout) -> Iterator[list[str]]:
     column, down, over = (answer.column(name) for name in (shown.column, shown.down, shown.over))
     for name in dict.fromkeys(map(_name, answer.rows)):
         rows = [row for row in answer.rows if _name(row) == name]

@@ -15,11 +15,11 @@ from report import sample_sections as sections
 from report import sample_weeks as weeks
 
 from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.render.significant import significant
 from vsd_analytics.report.pages.json_and_csv import (
     from_json,
     json_schema,
     rounded,
-    significant,
     to_csv,
     to_json,
 )
