@@ -262,7 +262,7 @@ MASKS_OF_THEIR_OWN = {
     "report/pages/change_rows.py",
     "report/words/today.py",
 }
-"""Modules that hide counts beside `figures/share.py`: figures that are no answers yet. The list may only get shorter."""
+"""Modules that hide counts beside `figures/share.py`, of figures that are no answers yet: the list only shrinks."""
 
 
 def hides_counts(path: Path) -> bool:

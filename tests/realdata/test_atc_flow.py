@@ -130,8 +130,8 @@ def test_visits_dwell_and_flow_of_a_shopping_centre_are_those_of_its_raw_files(
         gone_on = sum(n for (a, _), n in moves.items() if a == name), sum(to.share.n for to in moved.to)
         medians = f"{km_median(own):.1f} | {median:.1f}"
         print(  # the table in docs/statistics.md
-            f"| {hour} | {name} | {len(own)} | {value_of(of, 'n_visits').value} | {medians} | {left[name]} | {moved.following.n} "
-            f"| {gone_on[0]} | {gone_on[1]} |"
+            f"| {hour} | {name} | {len(own)} | {value_of(of, 'n_visits').value} | {medians} | {left[name]} "
+            f"| {moved.following.n} | {gone_on[0]} | {gone_on[1]} |"
         )
     # where people come and go where no area is, the flows do not add up to the arrivals: most came from the east end
     east = found.areas[-1].inflow

@@ -42,13 +42,13 @@ def space() -> Answers:
 
 def _answer(name: str, columns: Sequence[Column], rows: Sequence[Mapping[str, float | Cell]]) -> Answer:
     """Return an answer as it leaves: numbers become values with limits, what is not given is missing."""
-    weekdays = weeks.normal().week
+    week = weeks.normal().week
     shared = tuple(c for c in columns if c.audience == "anybody")
     return Answer(
         name,
         shared,
         tuple({c.name: _cell(row.get(c.name), c) for c in shared} for row in rows),
-        HoldsFor("shop", "ground", weekdays.first_day, weekdays.last_day),
+        HoldsFor("shop", "ground", week.monday, week.sunday),
     )
 
 

@@ -1,4 +1,4 @@
-"""Answers as aligned text for a terminal: tables of chosen columns, one column as a grid, and why values are missing."""
+"""Answers as aligned text for a terminal: tables of chosen columns, one column as a grid, why values are missing."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from vsd_analytics.wording.reasons import reason_text
 _MINUTE_S = 60
 _SHOWN_BELOW_S = 90
 _LEAST_PERCENT = 0.1
+_PERCENT_WITH_DIGIT = 9.95
+"""Smaller shares have a digit behind the point."""
 _LEAST = 0.001
 """Smaller numbers are written as being smaller than this."""
 
@@ -173,7 +175,7 @@ def _name(row: Row) -> str:
 def _percent(value: float) -> str:
     if 0 < value < _LEAST_PERCENT:
         return f"<{_LEAST_PERCENT}%"
-    return f"{value:.1f}%" if 0 < value < 9.95 else f"{value:.0f}%"
+    return f"{value:.1f}%" if 0 < value < _PERCENT_WITH_DIGIT else f"{value:.0f}%"
 
 
 def _plain(cell: Scalar, column: Column) -> str:
