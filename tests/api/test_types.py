@@ -38,7 +38,7 @@ def test_completion_of_days_and_projects_offers_what_the_page_describes() -> Non
         return {name for name in dir(kind) if not name.startswith("_")}
 
     tables = {"areas", "cells", "coverage", "hotspots", "hours", "violations"}
-    space_use = {"capacity", "flow", "queues", "visits"}
+    space_use = {"capacity", "flow", "flow_links", "queue_hours", "queues", "visits"}
     assert offered(vsd.Days) == tables | space_use | {"at", "heatmap", "sql", "trajectories"}
     assert offered(vsd.OpenProject) == {"change", "changes", "compare", "days", "plan", "week"}
 

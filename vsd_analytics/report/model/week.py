@@ -132,9 +132,7 @@ class WeekReport:
     )
     answers: Answers = field(
         default_factory=Answers,
-        metadata={
-            "help": "Tables of figures by name, as they may leave the operator's hands; none in files of 1.x."
-        },
+        metadata={"help": "Tables of figures by name, as they may leave the operator's hands; none in files of 1.x."},
     )
     figures: Mapping[str, Figure] = _f(
         "Keyed by the catalogue, as M7; absent: not in this version, nobody asks for it, or it needs weeks."
