@@ -53,9 +53,7 @@ def test_every_figure_of_the_headers_is_made_by_one_function_and_no_other_is() -
     for name in catalogue.FILES_OF_SPACE:  # imported where a place asks for them
         importlib.import_module(f"{catalogue.__name__}.{name}")
     made = MAKERS.keys() | ANSWER_MAKERS.keys()
-    assert made == {f.metric for f in figure_headers()}, (
-        "a header needs a @figure or @answers of its id, and the reverse"
-    )
+    assert made == {f.metric for f in figure_headers()}, "a header needs a maker of its id, and the reverse"
 
 
 def test_every_figure_of_the_headers_has_its_words() -> None:
