@@ -123,7 +123,7 @@ class Sum:
     parts: tuple[str, ...]
 
 
-class Measured(Protocol):
+class Estimated(Protocol):
     """What statistics return of one number: `value` with the limits `lo` and `hi` of its interval."""
 
     @property
@@ -158,7 +158,7 @@ class Value:
     reason: Reason | None = None
 
     @classmethod
-    def of(cls, estimate: Measured, *, state: State | None = None, reason: Reason | None = None) -> Value:
+    def of(cls, estimate: Estimated, *, state: State | None = None, reason: Reason | None = None) -> Value:
         """Return an estimate of `stats/` as a value.
 
         Args:
@@ -356,7 +356,7 @@ def check_sums(answers: Sequence[Answer]) -> None:
 
 
 def _parts(answer: Answer, row: Row, part: str, by_name: Mapping[str, Answer]) -> list[float | None]:
-    """Return the counts that a part of a declared sum stands for."""
+    """Return the counts behind a part of a declared sum."""
     name, _, column = part.rpartition(".")
     if not name:
         return [value_of(row, column).value]

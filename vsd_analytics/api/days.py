@@ -263,7 +263,12 @@ class Days:
 
     @cached_property
     def flow_links(self) -> Table:
-        """Return estimated links over floor where nobody is followed; they are in no share of `flow`."""
+        """Return estimated links over floor where nobody is followed; they are in no share of `flow`.
+
+        Example:
+            >>> print(week.flow_links.note)
+            no area has visits = true in vsd.toml
+        """
         from vsd_analytics.figures.flow_answers import flow_answers
 
         return self._answer("flow_links", flow_answers)
@@ -282,7 +287,12 @@ class Days:
 
     @cached_property
     def queue_hours(self) -> Table:
-        """Return people waiting and waiting times by hour of the day, a row for each queue and hour."""
+        """Return people waiting and waiting times by hour of the day, a row for each queue and hour.
+
+        Example:
+            >>> print(week.queue_hours.note)
+            no area has queue = true in vsd.toml
+        """
         from vsd_analytics.figures.queues import queues
 
         return self._answer("queue_hours", queues)

@@ -101,14 +101,14 @@ def from_json(decoded: Mapping[str, Any]) -> Answer:
 
 
 def rounded_answers(answers: Answers) -> Answers:
-    """Return answers with every number of 6 significant digits, as the JSON file has them."""
+    """Return answers with every float of 6 significant digits, as the JSON file has them."""
 
     def cell(value: Cell) -> Cell:
         if isinstance(value, float):
             return significant(value)
         if not isinstance(value, Value):
             return value
-        number, lo, hi = (None if n is None else significant(float(n)) for n in (value.value, value.lo, value.hi))
+        number, lo, hi = (significant(n) if isinstance(n, float) else n for n in (value.value, value.lo, value.hi))
         return Value(number, lo, hi, value.state, value.reason)
 
     return Answers(
