@@ -22,7 +22,7 @@ demo: $(VENV)/.installed
 # What `make check` runs: folders and files without a demo project, a browser or a loop over simulated weeks.
 FAST := $(addprefix tests/, test_architecture.py test_light_imports.py cli/test_site_commands.py config \
         docs/test_contributing.py docs/test_docs.py docs/test_words.py figures/test_figures_catalogue.py geometry \
-        report/pages report/words sql stats)
+        report/pages report/story sql stats)
 
 check: $(VENV)/.installed-test $(VENV)/.linted-sql
 	$(BIN)/ruff format --check --quiet .
@@ -53,10 +53,10 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_before_after.py --sites 1000
 	$(BIN)/python tests/stats/prove_changes.py --sites 1000
 	$(BIN)/python tests/stats/prove_spill.py --sites 400
-	$(BIN)/python tests/report/words/prove_words.py --sites 40
+	$(BIN)/python tests/report/story/prove_words.py --sites 40
 	$(BIN)/python tests/report/prove_flagship.py
-	$(BIN)/python tests/report/words/prove_twelve_weeks.py
-	$(BIN)/python tests/report/words/prove_sceptic.py --sites 20
+	$(BIN)/python tests/report/story/prove_twelve_weeks.py
+	$(BIN)/python tests/report/story/prove_sceptic.py --sites 20
 	$(BIN)/python tests/stats/prove_decomposition.py
 	$(BIN)/python tests/stats/prove_forecast.py --worlds 20
 	$(BIN)/python tests/stats/prove_groups.py --weeks 3000 --days 2

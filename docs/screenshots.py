@@ -20,7 +20,7 @@ IMAGES = Path(__file__).resolve().parent / "images"
 def demo_page(folder: Path) -> str:
     """Return the demo's report of its last week."""
     from vsd_analytics.config import load_site
-    from vsd_analytics.report.model.assemble import week_report
+    from vsd_analytics.report.pages.story import week_report
     from vsd_analytics.report.pages.week import render_html
     from vsd_analytics.simulate import write_demo_project
     from vsd_analytics.simulate.demo import ingest_demo

@@ -1,4 +1,4 @@
-"""The words that no page, message or template may use (report brief, 4.2)."""
+"""The words that no page, message or template may use."""
 
 from __future__ import annotations
 

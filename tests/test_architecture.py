@@ -34,6 +34,7 @@ SAYS_NOTHING = {
     "utils",
 }
 LONGEST = 450
+REPORT = "vsd_analytics.report"
 
 
 def modules() -> Iterator[tuple[str, Path]]:
@@ -93,6 +94,17 @@ def test_rooms_import_in_one_direction() -> None:
         if name != "vsd_analytics" and ROOMS.index(room(target)) > ROOMS.index(room(name))
     }
     assert upward == set()
+
+
+def test_the_report_goes_from_its_model_to_its_pages_and_never_back() -> None:
+    """The model holds figures and codes: a story made while it is filled would be a second way to read it."""
+    back = {
+        f"{name} imports {target}"
+        for name, path in KNOWN.items()
+        for target in imports(path)
+        if name.startswith(f"{REPORT}.model.") and target.startswith((f"{REPORT}.pages", f"{REPORT}.send"))
+    }
+    assert back == set()
 
 
 def test_nothing_imports_in_a_circle_not_even_inside_functions() -> None:

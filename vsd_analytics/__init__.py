@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from vsd_analytics.figures.sensitivity import threshold_sensitivity as threshold_sensitivity
     from vsd_analytics.figures.trend import trend as trend
     from vsd_analytics.figures.unusual import unusual as unusual
-    from vsd_analytics.report.model.assemble import week_report as week_report
+    from vsd_analytics.report.pages.story import week_report as week_report
     from vsd_analytics.report.pages.week import render_html as render_html
     from vsd_analytics.site.model import Site as Site
     from vsd_analytics.store import Store as Store
@@ -96,7 +96,7 @@ _PLACES = {
     "trend": "vsd_analytics.figures.trend",
     "unusual": "vsd_analytics.figures.unusual",
     "week_profile": "vsd_analytics.figures.hour_of_week",
-    "week_report": "vsd_analytics.report.model.assemble",
+    "week_report": "vsd_analytics.report.pages.story",
 }
 _NAMES = {"open": "open_project"}
 """Names that differ from those in their module."""

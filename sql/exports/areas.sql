@@ -40,7 +40,7 @@ marked as (
         case
             when cast(area ->> '$.is_masked' as boolean) then 'masked'
             when cast(area ->> '$.is_held_back' as boolean) then 'held_back'
-            else area ->> '$.often.state'
+            else area ->> '$.violation_rate.state'
         end as state,
         case
             when cast(area ->> '$.is_masked' as boolean) or cast(area ->> '$.is_held_back' as boolean) then cast('{}' as json)
@@ -55,20 +55,20 @@ select
     coalesce(area ->> '$.area_id', 'rest') as area_id,
     area ->> '$.name' as name,
     cast(shown ->> '$.counted' as bigint) as violations,
-    cast(shown ->> '$.often.value' as double) as violations_per_open_h,
-    cast(shown ->> '$.often.lo' as double) as violations_per_open_h_lo,
-    cast(shown ->> '$.often.hi' as double) as violations_per_open_h_hi,
-    cast(shown ->> '$.often.change' as double) as violations_per_open_h_change,
-    cast(shown ->> '$.often.change_lo' as double) as violations_per_open_h_change_lo,
-    cast(shown ->> '$.often.change_hi' as double) as violations_per_open_h_change_hi,
-    shown ->> '$.often.verdict' as verdict,
-    cast(shown ->> '$.risky.value' as double) as violations_per_person_h,
-    cast(shown ->> '$.risky.lo' as double) as violations_per_person_h_lo,
-    cast(shown ->> '$.risky.hi' as double) as violations_per_person_h_hi,
+    cast(shown ->> '$.violation_rate.value' as double) as violations_per_open_h,
+    cast(shown ->> '$.violation_rate.lo' as double) as violations_per_open_h_lo,
+    cast(shown ->> '$.violation_rate.hi' as double) as violations_per_open_h_hi,
+    cast(shown ->> '$.violation_rate.change' as double) as violations_per_open_h_change,
+    cast(shown ->> '$.violation_rate.change_lo' as double) as violations_per_open_h_change_lo,
+    cast(shown ->> '$.violation_rate.change_hi' as double) as violations_per_open_h_change_hi,
+    shown ->> '$.violation_rate.verdict' as verdict,
+    cast(shown ->> '$.encounter_rate.value' as double) as violations_per_person_h,
+    cast(shown ->> '$.encounter_rate.lo' as double) as violations_per_person_h_lo,
+    cast(shown ->> '$.encounter_rate.hi' as double) as violations_per_person_h_hi,
     cast(shown ->> '$.share' as double) as floor_share,
     cast(shown ->> '$.exposure_h' as double) as exposure_h,
     cast(area ->> '$.recorded_share' as double) as recorded_share,
     state,
-    shown ->> '$.often.reason' as reason
+    shown ->> '$.violation_rate.reason' as reason
 from marked
 order by floor_id, week, area_id

@@ -7,7 +7,7 @@
 --   week          ISO week, such as 2026-W46
 --   metric        id in the catalogue, such as M15
 --   row_no        row of the list, from 1
---   name          name of the entry, such as often, often_lo, state
+--   name          name of the entry, such as violation_rate, violation_rate_lo, state
 --   number        its number; null where it is missing or a text
 --   text          its text; null where it is missing or a number
 -- assumes: names and meanings are those of the JSON file of vsd report

@@ -18,11 +18,11 @@
 --   violations_per_open_h_change_lo lower end of its interval
 --   violations_per_open_h_change_hi upper end
 --   violations_per_open_h_verdict   clear_fall, clear_rise, about_same, no_clear_change and others: what may be said
---   close_share                     M6, share of person-time closer than the legal distance to somebody
---   close_share_lo                  lower end of its interval
---   close_share_hi                  upper end
---   close_share_state               ok, not_enough_data or not_measurable
---   close_share_reason              why there is none
+--   close_time_share                     M6, share of person-time closer than the legal distance to somebody
+--   close_time_share_lo                  lower end of its interval
+--   close_time_share_hi                  upper end
+--   close_time_share_state               ok, not_enough_data or not_measurable
+--   close_time_share_reason              why there is none
 --   people                          M4, people in view, mean over recorded open hours
 --   headline                        the sentence at the top of the page
 -- assumes: a number without its state ok is null, never 0
@@ -33,20 +33,20 @@ select
     report ->> '$.state' as state,
     cast(report ->> '$.coverage.share' as double) as recorded_share,
     cast(report ->> '$.level.violations' as bigint) as violations,
-    cast(report ->> '$.level.often.value' as double) as violations_per_open_h,
-    cast(report ->> '$.level.often.lo' as double) as violations_per_open_h_lo,
-    cast(report ->> '$.level.often.hi' as double) as violations_per_open_h_hi,
-    report ->> '$.level.often.state' as violations_per_open_h_state,
-    report ->> '$.level.often.reason' as violations_per_open_h_reason,
-    cast(report ->> '$.level.often.change' as double) as violations_per_open_h_change,
-    cast(report ->> '$.level.often.change_lo' as double) as violations_per_open_h_change_lo,
-    cast(report ->> '$.level.often.change_hi' as double) as violations_per_open_h_change_hi,
-    report ->> '$.level.often.verdict' as violations_per_open_h_verdict,
-    cast(report ->> '$.figures.M6.value' as double) as close_share,
-    cast(report ->> '$.figures.M6.lo' as double) as close_share_lo,
-    cast(report ->> '$.figures.M6.hi' as double) as close_share_hi,
-    report ->> '$.figures.M6.state' as close_share_state,
-    report ->> '$.figures.M6.reason' as close_share_reason,
+    cast(report ->> '$.level.violation_rate.value' as double) as violations_per_open_h,
+    cast(report ->> '$.level.violation_rate.lo' as double) as violations_per_open_h_lo,
+    cast(report ->> '$.level.violation_rate.hi' as double) as violations_per_open_h_hi,
+    report ->> '$.level.violation_rate.state' as violations_per_open_h_state,
+    report ->> '$.level.violation_rate.reason' as violations_per_open_h_reason,
+    cast(report ->> '$.level.violation_rate.change' as double) as violations_per_open_h_change,
+    cast(report ->> '$.level.violation_rate.change_lo' as double) as violations_per_open_h_change_lo,
+    cast(report ->> '$.level.violation_rate.change_hi' as double) as violations_per_open_h_change_hi,
+    report ->> '$.level.violation_rate.verdict' as violations_per_open_h_verdict,
+    cast(report ->> '$.figures.M6.value' as double) as close_time_share,
+    cast(report ->> '$.figures.M6.lo' as double) as close_time_share_lo,
+    cast(report ->> '$.figures.M6.hi' as double) as close_time_share_hi,
+    report ->> '$.figures.M6.state' as close_time_share_state,
+    report ->> '$.figures.M6.reason' as close_time_share_reason,
     cast(report ->> '$.level.people.value' as double) as people,
     report ->> '$.story.headline' as headline
 from reports

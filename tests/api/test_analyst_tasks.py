@@ -48,7 +48,7 @@ def test_results_have_real_types_and_the_zone_of_the_site(done: dict[str, Any]) 
     assert pd.api.types.is_float_dtype(done["per_sale"]["n"])
     assert len(done["per_sale"]) == 3 * 7
     assert 0 < done["near"]["n_violations"].sum() < done["hours"]["n_violations"].sum()
-    assert {"close_share_change", "close_share_verdict"} <= set(done["changed"].columns)
+    assert {"close_time_share_change", "close_time_share_verdict"} <= set(done["changed"].columns)
     assert (done["longest"]["longest_s"] > 0).all()
 
 

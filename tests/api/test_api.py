@@ -78,10 +78,10 @@ def test_violations_add_up_to_those_of_the_hours(week: vsd.Days) -> None:
 def test_areas_are_those_of_the_report(demo_project: Path, week: vsd.Days, capsys: pytest.CaptureFixture[str]) -> None:
     report = printed(demo_project, capsys, "report", "--week", WEEK)
     [whole] = [row for row in week.areas.arrow().to_pylist() if row["kind"] == "floor"]
-    often, close = (report["level"][key] for key in ("often", "close_share"))  # type: ignore[index, call-overload]
-    assert whole["violations_per_open_h"] == pytest.approx(often["value"], rel=1e-3)
-    assert whole["close_share"] == pytest.approx(close["value"], rel=1e-3)
-    values = {a["area_id"]: a["often"]["value"] for a in report["areas"]}  # type: ignore[index, call-overload]
+    violation_rate, close = (report["level"][key] for key in ("violation_rate", "close_time_share"))  # type: ignore[index, call-overload]
+    assert whole["violations_per_open_h"] == pytest.approx(violation_rate["value"], rel=1e-3)
+    assert whole["close_time_share"] == pytest.approx(close["value"], rel=1e-3)
+    values = {a["area_id"]: a["violation_rate"]["value"] for a in report["areas"]}  # type: ignore[index, call-overload]
     for row in week.areas.arrow().to_pylist():
         if row["kind"] == "area" and values[row["area_id"]] is not None:
             assert row["violations_per_open_h"] == pytest.approx(values[row["area_id"]], rel=1e-3)
@@ -135,7 +135,7 @@ def test_periods_are_compared_by_text_or_date(site: vsd.OpenProject) -> None:
     texts = site.compare("2026-11-09..2026-11-10", "2026-11-11..2026-11-12")
     dates = site.compare((date(2026, 11, 9), date(2026, 11, 10)), (date(2026, 11, 11), date(2026, 11, 12)))
     assert texts.arrow().equals(dates.arrow())
-    assert {"name", "violations_per_open_h_change", "close_share_verdict"} <= set(texts.columns)
+    assert {"name", "violations_per_open_h_change", "close_time_share_verdict"} <= set(texts.columns)
 
 
 @pytest.mark.parametrize("asked", ["2026-W99", "next week", "", "2026-11-09"])

@@ -20,7 +20,7 @@ from datetime import date
 from pathlib import Path
 
 from vsd_analytics.config import load_site
-from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.simulate import write_demo_project
 from vsd_analytics.simulate.demo import ingest_demo

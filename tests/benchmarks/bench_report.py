@@ -39,7 +39,7 @@ from datetime import date
 from pathlib import Path
 from vsd_analytics.cli import GARBAGE_AFTER
 from vsd_analytics.config import load_site
-from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.report.pages.json_and_csv import to_json
 gc.set_threshold(GARBAGE_AFTER)

@@ -142,3 +142,50 @@ def test_every_term_of_the_glossary_is_used() -> None:
 
 def sources(folder: str) -> list[Path]:
     return [p for p in (REPOSITORY / folder).rglob("*") if p.suffix in (".py", ".sql")]
+
+
+ELSEWHERE = re.compile(
+    r"\b(?:house plan|(?:report|design) brief|recipe [RJ]?\d+)\b|\(brief\b|(?<![\w.-])[RJ]\d{1,2}(?![\w.-])", re.I
+)
+"""References to papers that no reader of the project has."""
+PUBLIC = [
+    p
+    for folder, kinds in (
+        ("vsd_analytics", ("py", "toml")),
+        ("sql", ("sql",)),
+        ("reports", ("toml", "j2", "js", "css")),
+        ("docs", ("md", "py")),
+        ("tests", ("py",)),
+    )
+    for kind in kinds
+    for p in sorted((REPOSITORY / folder).rglob(f"*.{kind}"))
+    if p != Path(__file__)
+]
+
+
+def test_texts_say_the_rule_and_not_the_paper_it_comes_from() -> None:
+    """Help, headers and docstrings are shipped; "see section 7.6" of a plan sends the reader nowhere."""
+    found = {
+        f"{path.relative_to(REPOSITORY)}: {match[0]}"
+        for path in PUBLIC
+        for match in ELSEWHERE.finditer("\n".join(prose_lines(path)))
+    }
+    assert found == set()
+
+
+def prose_lines(path: Path) -> Iterator[str]:
+    """Yield the comments and texts of a Python file, and every line of another file."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix != ".py":
+        yield from text.splitlines()
+        return
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT or (token.type == tokenize.STRING and " " in token.string):
+            yield token.string
+
+
+@pytest.mark.parametrize(
+    "text", ["See the house plan, section 7.6.", "(report brief, 4.2)", "until clear (J11)", "(R4, M9)"]
+)
+def test_a_reference_to_such_a_paper_is_found(text: str) -> None:
+    assert ELSEWHERE.search(text)

@@ -35,7 +35,7 @@ def judged(
             near, place = close_time.close_time(pair.now, area), pair.now.area(area.area_id)
             alone[area.area_id] = AreaChanges(
                 rates.violation_rate_change(pair, place),
-                close_time.change_close_share(pair, near),
+                close_time.change_close_time_share(pair, near),
                 rates.encounter_rate_change(pair, place),
                 close_time.change_burden(pair, near),
             )
@@ -45,7 +45,7 @@ def judged(
 def test_a_great_fall_of_one_area_is_clear_in_every_figure(tmp_path: Path) -> None:
     together, _ = judged(tmp_path, lambda area, d: 1.0 if area == "door" and d >= LAST else 4.0)
     door = together["door"]
-    assert {c.verdict for c in (door.often, door.close, door.risky, door.burden)} == {"clear_fall"}
+    assert {c.verdict for c in (door.violation_rate, door.close, door.encounter_rate, door.burden)} == {"clear_fall"}
     others = [c for key, c in together.items() if key not in ("door", None)]
     assert {c.close.verdict for c in others} <= {"about_same", "cannot_tell"}
 
@@ -55,7 +55,7 @@ def test_ratios_and_intervals_stay_each_areas_own(tmp_path: Path, seed: int) -> 
     together, alone = judged(tmp_path, lambda area, d: 3.0, seed=seed)
     for key, own in alone.items():
         found = together[key]
-        for name in ("often", "close", "risky", "burden"):
+        for name in ("violation_rate", "close", "encounter_rate", "burden"):
             a, b = getattr(found, name), getattr(own, name)
             assert (a.value, a.lo, a.hi) == (b.value, b.lo, b.hi)
 
@@ -73,21 +73,21 @@ def test_the_claims_of_a_week_are_one_family_and_the_rest_are_their_own(tmp_path
             found = area_changes(pair)
             floor = close_time.close_time(pair.now, data.floor)
             of_floor = {
-                "often": rates.violation_rate_change(pair, pair.now.whole),
-                "close": close_time.change_close_share(pair, floor),
-                "risky": rates.encounter_rate_change(pair, pair.now.whole),
+                "violation_rate": rates.violation_rate_change(pair, pair.now.whole),
+                "close": close_time.change_close_time_share(pair, floor),
+                "encounter_rate": rates.encounter_rate_change(pair, pair.now.whole),
                 "burden": close_time.change_burden(pair, floor),
             }
             places = [*AREAS, None]
             own = {
-                "often": [rates.violation_rate_change(pair, pair.now.area(a and a.area_id)) for a in places],
-                "close": [close_time.change_close_share(pair, close_time.close_time(pair.now, a)) for a in places],
-                "risky": [rates.encounter_rate_change(pair, pair.now.area(a and a.area_id)) for a in places],
+                "violation_rate": [rates.violation_rate_change(pair, pair.now.area(a and a.area_id)) for a in places],
+                "close": [close_time.change_close_time_share(pair, close_time.close_time(pair.now, a)) for a in places],
+                "encounter_rate": [rates.encounter_rate_change(pair, pair.now.area(a and a.area_id)) for a in places],
                 "burden": [close_time.change_burden(pair, close_time.close_time(pair.now, a)) for a in places],
             }
-        claims = judge_family([(of_floor[name], own[name]) for name in ("often", "close")])
-        expected = {"often": claims[0], "close": claims[1]}
-        expected |= {name: judge_family([(of_floor[name], own[name])])[0] for name in ("risky", "burden")}
+        claims = judge_family([(of_floor[name], own[name]) for name in ("violation_rate", "close")])
+        expected = {"violation_rate": claims[0], "close": claims[1]}
+        expected |= {name: judge_family([(of_floor[name], own[name])])[0] for name in ("encounter_rate", "burden")}
         for name, verdicts in expected.items():
             assert [getattr(found[a and a.area_id], name).verdict for a in places] == [v.verdict for v in verdicts]
             n_lost += sum(
@@ -102,5 +102,5 @@ def test_an_areas_verdict_does_not_depend_on_the_areas_asked_for(tmp_path: Path)
     with planted(site_of(tmp_path), first=FIRST, n_days=7 * (WEEKS + 2), rate=rate, day_sd=0.1) as warehouse:
         every = {p.area_id: p for p in compare(warehouse, A, B).places if p.kind == "area"}
         (_, door) = compare(warehouse, A, B, area_ids=("door",)).places
-    assert door.close_share == every["door"].close_share
+    assert door.close_time_share == every["door"].close_time_share
     assert door.burden == every["door"].burden

@@ -202,8 +202,8 @@ def test_what_moved_to_the_neighbours_is_reported(tmp_path: Path) -> None:
     figure = found(tmp_path, rate=changed(0.6), around=lambda a, d: 4.0 if a == "queue" and d >= CHANGE else 2.0)
     near = figure.neighbours
     assert near is not None
-    assert near.risky.verdict == "clear_rise"
-    assert near.risky.value == pytest.approx(2.0, rel=0.25)
+    assert near.encounter_rate.verdict == "clear_rise"
+    assert near.encounter_rate.value == pytest.approx(2.0, rel=0.25)
     assert near.effect is not None
     assert near.effect.verdict == "clear_rise"
 
@@ -213,10 +213,10 @@ def test_fewer_people_are_reported_beside_the_effect(tmp_path: Path) -> None:
     assert figure.people is not None
     assert figure.people.verdict == "clear_fall"
     assert figure.effect is not None
-    assert figure.often is not None
+    assert figure.violation_rate is not None
     assert figure.effect.verdict == "cannot_tell"
-    assert figure.often.verdict == "clear_fall"
-    assert figure.often.value == pytest.approx(0.5, rel=0.15)
+    assert figure.violation_rate.verdict == "clear_fall"
+    assert figure.violation_rate.value == pytest.approx(0.5, rel=0.15)
 
 
 def test_few_violations_are_refused_with_the_rule(tmp_path: Path) -> None:

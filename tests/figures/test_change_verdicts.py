@@ -39,7 +39,7 @@ def test_a_fall_is_found_in_every_rate_and_by_the_running_verdict(tmp_path: Path
     assert figure.burden is not None
     assert figure.close is not None
     assert figure.running is not None
-    for effect in (figure.burden, figure.close, figure.effect, figure.often, figure.running):
+    for effect in (figure.burden, figure.close, figure.effect, figure.violation_rate, figure.running):
         assert effect is not None
         assert effect.verdict == "clear_fall"
         assert effect.value == pytest.approx(0.5, rel=0.12)

@@ -79,11 +79,15 @@ def test_camera_calibrated_anew_is_left_out_of_the_comparison_and_named(tmp_path
         "it was recalibrated on Thu 12 Nov, 08:00",
         "",
     ]
-    often, other = both.level.often, alone.level.often
-    assert often.value is not None
+    violation_rate, other = both.level.violation_rate, alone.level.violation_rate
+    assert violation_rate.value is not None
     assert other.value is not None
-    assert often.value > 1.5 * other.value, "the level is of both cameras"
-    assert (often.change, often.change_lo, often.verdict) == (other.change, other.change_lo, other.verdict)
+    assert violation_rate.value > 1.5 * other.value, "the level is of both cameras"
+    assert (violation_rate.change, violation_rate.change_lo, violation_rate.verdict) == (
+        other.change,
+        other.change_lo,
+        other.verdict,
+    )
     page = text_of(render_html(both))
     assert "in hours recorded in both. Without Camera 1: it was recalibrated on Thu 12 Nov, 08:00." in page
     assert both.story is not None
@@ -103,7 +107,7 @@ def test_new_calibration_that_moves_who_owns_the_floor_leaves_nothing_to_compare
     streams = [*two_weeks(say=pixels), *two_weeks(say=pixels, camera="cam-2")]
     report = w.report(w.world(tmp_path, config, *streams))
     assert report.state == "settings_changed"
-    assert report.level.often.verdict is None
+    assert report.level.violation_rate.verdict is None
 
 
 @pytest.mark.parametrize(

@@ -114,8 +114,8 @@ def test_the_planted_redesign_is_found(project: Path, capsys: pytest.CaptureFixt
     found = json.loads(out)
     assert (code, found["state"], found["design"]) == (0, "ok", "comparison areas")
     assert found["comparison_areas"] == list(AREAS[1:])
-    assert found["often"]["theta"] == pytest.approx(0.5, rel=0.02)
-    assert found["often"]["verdict"] == "clear fall"
+    assert found["violation_rate"]["theta"] == pytest.approx(0.5, rel=0.02)
+    assert found["violation_rate"]["verdict"] == "clear fall"
     assert found["effect"]["theta"] == pytest.approx(0.5 * (3600 + 40 * 40) / (3600 + 20 * 40), rel=0.01)
     assert found["effect"]["verdict"] == "clear fall"
     assert len(found["effect"]["placebo"]) == 5
@@ -140,7 +140,7 @@ def test_two_weeks_and_their_areas(project: Path, capsys: pytest.CaptureFixture[
     code, out = vsd(project, capsys, "compare", "last-1", "last", "--json")
     found = json.loads(out)
     assert code == 0
-    areas = {p["area_id"] or p["kind"]: p["split"]["often"] for p in found["places"]}
+    areas = {p["area_id"] or p["kind"]: p["split"]["violation_rate"] for p in found["places"]}
     assert areas["queue"]["verdict"] == "clear fall"
     assert areas["door"]["verdict"] == "cannot tell"
     n_before, n_now = 6 * 40, 5 * 40 + 20

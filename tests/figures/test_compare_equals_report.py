@@ -52,10 +52,10 @@ def test_report_and_compare_say_the_same(tmp_path: Path) -> None:
     assert len(rows) == 4
     for of_report, place in rows:
         pairs = (
-            (of_report.often, shown(place.often_b, place.split.often)),
-            (of_report.risky, shown(place.risky_b, place.split.risky)),
+            (of_report.violation_rate, shown(place.violation_rate_b, place.split.violation_rate)),
+            (of_report.encounter_rate, shown(place.encounter_rate_b, place.split.encounter_rate)),
             *(
-                [(of_report.close_share, shown(place.close_share_b, place.close_share))]
+                [(of_report.close_time_share, shown(place.close_time_share_b, place.close_time_share))]
                 if place.kind != "floor"
                 else ()
             ),
@@ -63,10 +63,12 @@ def test_report_and_compare_say_the_same(tmp_path: Path) -> None:
         for estimate, told in pairs:
             if estimate.change is not None:  # small counts are held back in the report alone
                 assert {k: getattr(estimate, k) for k in told} == told
-    rest = next(row.close_share for row in report.areas if row.area_id is None)
+    rest = next(row.close_time_share for row in report.areas if row.area_id is None)
     assert rest is not None
-    compared = [row.close_share for row in report.areas if row.close_share and row.close_share.change is not None]
+    compared = [
+        row.close_time_share for row in report.areas if row.close_time_share and row.close_time_share.change is not None
+    ]
     assert compared, "some area's time too close has a change"
     assert report.level.people.value == pytest.approx(found.places[0].split.people.rate_b)
     assert report.level.people.change == pytest.approx(found.places[0].split.people.change)
-    assert report.level.often.verdict == "clear_fall"
+    assert report.level.violation_rate.verdict == "clear_fall"

@@ -55,24 +55,24 @@ def test_more_people_at_equal_risk_is_reported_as_people(tmp_path: Path) -> None
     assert found.state == "ok"
     whole = found.places[0]
     assert whole.kind == "floor"
-    assert whole.split.often.verdict == "clear_rise"
+    assert whole.split.violation_rate.verdict == "clear_rise"
     assert whole.split.people.value == pytest.approx(2.0, rel=0.1)
-    assert whole.split.risky.verdict == "cannot_tell"
+    assert whole.split.encounter_rate.verdict == "cannot_tell"
     assert whole.split.people_share == pytest.approx(1.0, abs=0.3)
     assert [p.kind for p in found.places] == ["floor", *["area"] * 6, "rest"]
     # each planted violation is 40 person-seconds, so time changes as violations do
-    assert whole.burden.value == pytest.approx(whole.split.often.value)
-    assert whole.close_share.value == pytest.approx(whole.split.risky.value)
-    assert whole.risky_b.value is not None
-    assert whole.close_share_b.value == pytest.approx(whole.risky_b.value * 40 / 3600)
+    assert whole.burden.value == pytest.approx(whole.split.violation_rate.value)
+    assert whole.close_time_share.value == pytest.approx(whole.split.encounter_rate.value)
+    assert whole.encounter_rate_b.value is not None
+    assert whole.close_time_share_b.value == pytest.approx(whole.encounter_rate_b.value * 40 / 3600)
     json.dumps(asdict(found), default=str)
 
 
 def test_only_the_areas_asked_for(tmp_path: Path) -> None:
     found = compared(tmp_path, area_ids=("door", "queue"), rate=lambda a, d: 3.0 if a == "door" and d >= 7 else 1.0)
     assert [p.area_id for p in found.places] == [None, "door", "queue"]
-    assert found.places[1].split.risky.value == pytest.approx(3.0, rel=0.15)
-    assert found.places[2].split.risky.verdict == "cannot_tell"
+    assert found.places[1].split.encounter_rate.value == pytest.approx(3.0, rel=0.15)
+    assert found.places[2].split.encounter_rate.verdict == "cannot_tell"
 
 
 def test_days_without_a_partner_are_named(tmp_path: Path) -> None:
@@ -92,7 +92,7 @@ def test_ranges_that_start_on_different_weekdays_are_matched(tmp_path: Path) -> 
         day_sd=0.02,
     )
     assert found.n_pairs == 7
-    change = found.places[0].split.often
+    change = found.places[0].split.violation_rate
     assert change.verdict == "cannot_tell", "without history nobody knows how weeks differ"
     assert change.hi is not None
     assert change.hi < 1.4, "a busy weekday is no noise"
@@ -111,7 +111,7 @@ def test_hours_missing_in_one_period_are_not_taken_from_the_other(tmp_path: Path
     found = compared(tmp_path, recorded=lambda camera, d: 0.0 if d in (2, 10) else 1.0, day_sd=0.02)
     assert found.state == "ok"
     assert found.hours_compared == 5.0
-    change = found.places[0].split.often
+    change = found.places[0].split.violation_rate
     assert change.n_days == 5
     assert change.value == pytest.approx(1.0, abs=0.2)
 
@@ -135,7 +135,7 @@ def test_a_recalibrated_camera_is_left_out_and_named(tmp_path: Path) -> None:
     )
     assert found.state == "ok"
     assert found.cameras_left_out == {"cam-2": Reason("compare.calibrated_on", day="2026-11-11")}
-    assert found.places[0].split.often.verdict == "cannot_tell"
+    assert found.places[0].split.violation_rate.verdict == "cannot_tell"
 
 
 def test_periods_with_common_days_and_unknown_places_are_answered(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_periods_with_common_days_and_unknown_places_are_answered(tmp_path: Path
 
 def test_periods_may_come_in_either_order(tmp_path: Path) -> None:
     there, back = (compared(tmp_path, a=a, b=b, rate=lambda x, d: 1.0 + d / 7) for a, b in ((A, B), (B, A)))
-    one, other = there.places[0].split.often.value, back.places[0].split.often.value
+    one, other = there.places[0].split.violation_rate.value, back.places[0].split.violation_rate.value
     assert one is not None
     assert other == pytest.approx(1 / one)
 

@@ -129,7 +129,7 @@ def test_maps_sum_to_the_time_they_are_made_of(told: Figures) -> None:
 def test_areas_are_ranked_and_those_at_the_border_say_so(told: Figures) -> None:
     rows = told["M15"]["rows"]
     assert [(row["area"], row["rank"]) for row in rows] == [("queue", 1), ("door", 2), (None, None)]
-    assert rows[0]["often"] == pytest.approx(20, rel=1e-3)
+    assert rows[0]["violation_rate"] == pytest.approx(20, rel=1e-3)
     assert "is unknown" in rows[0]["border_note"]  # the camera has no view
 
 
@@ -181,7 +181,7 @@ def test_small_counts_are_held_back_everywhere(tmp_path: Path) -> None:
     for metric in ("M0", "M7", "M8", "M9", "M10"):
         assert told[metric]["state"] == "not_enough_data", metric
         assert "fewer than 5" in told[metric]["reason"], metric
-    assert values(told, "M15", "often", "area")["queue"] is None
+    assert values(told, "M15", "violation_rate", "area")["queue"] is None
     assert told["M28"]["state"] == "not_enough_data"
     assert '"n": 3' not in json.dumps(told)
 

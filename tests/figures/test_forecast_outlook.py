@@ -172,7 +172,7 @@ def test_the_trend_has_each_weeks_own_figure_gaps_and_marks(tmp_path: Path) -> N
         )
     assert [w.week for w in made.weeks] == [f"2026-W{n}" for n in range(35, 47)]
     gap = made.weeks[9]
-    assert (gap.week, gap.often, gap.risky, reason_text(gap.reason)) == (
+    assert (gap.week, gap.violation_rate, gap.encounter_rate, reason_text(gap.reason)) == (
         "2026-W44",
         None,
         None,
@@ -185,7 +185,7 @@ def test_the_trend_has_each_weeks_own_figure_gaps_and_marks(tmp_path: Path) -> N
         n[:, 112:], x[:, 112:], weekday=np.arange(7), history_n=n[:, past], history_x_h=x[:, past],
         history_weekday=past % 7,
     )  # fmt: skip
-    last = made.weeks[-1].often
+    last = made.weeks[-1].violation_rate
     assert last is not None
     assert (last.value, last.lo, last.hi) == pytest.approx((own.value, own.lo, own.hi))
 
@@ -208,8 +208,8 @@ def test_without_positions_people_are_not_measurable_and_violations_are(tmp_path
     assert (made.people.state, reason_text(made.people.reason)) == ("not_measurable", "the engine sends no positions")
     assert made.violations.state == "ok"
     assert (profile.state, profile.by_risk.state, profile.by_burden.state) == ("not_measurable", "not_measurable", "ok")
-    assert reason_text(levels.risky_reason) == "the engine sends no positions"
-    assert all(w.risky is None and w.often is not None for w in levels.weeks if w.state == "ok")
+    assert reason_text(levels.encounter_rate_reason) == "the engine sends no positions"
+    assert all(w.encounter_rate is None and w.violation_rate is not None for w in levels.weeks if w.state == "ok")
 
 
 def test_a_week_starts_on_monday(tmp_path: Path) -> None:

@@ -255,8 +255,8 @@ def test_both_readings_are_there_and_add_up(tmp_path: Path) -> None:
     assert (found.between.n, found.between.of, found.n_by_size) == (1, 3, {2: 2})
     assert (left.n.sum(), period.whole.n.sum()) == (1.0, 3.0)
     reading = found.readings[0]
-    assert (reading.often.n_events, reading.often_between.n_events) == (3.0, 1.0)
-    assert reading.often.exposure_h == reading.often_between.exposure_h > 0
+    assert (reading.violation_rate.n_events, reading.violation_rate_between.n_events) == (3.0, 1.0)
+    assert reading.violation_rate.exposure_h == reading.violation_rate_between.exposure_h > 0
     assert found.people_share == 1.0
     assert found.time_share == pytest.approx(80 / 89)
 

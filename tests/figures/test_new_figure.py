@@ -23,7 +23,7 @@ PRINT = """
 import json, sys
 from pathlib import Path
 from vsd_analytics.config import load_site
-from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.figure_list import more_figures
 from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.warehouse.sqlfiles import figure_headers

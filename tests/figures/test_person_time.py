@@ -11,7 +11,13 @@ import numpy as np
 import pytest
 from warehouse.small_projects import DAY, HOUR, T0, Person, beats, make_site, open_days, put
 
-from vsd_analytics.figures.close_time import burden, change_burden, change_close_share, close_share, close_time
+from vsd_analytics.figures.close_time import (
+    burden,
+    change_burden,
+    change_close_time_share,
+    close_time,
+    close_time_share,
+)
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.person_time import PersonTime, person_time
@@ -101,7 +107,7 @@ def test_areas_and_the_rest_add_up_to_the_floors_time_too_close(tmp_path: Path) 
     with open_days(site, FIRST.isoformat()) as warehouse:
         period = Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, FIRST)
         floor, near, rest = (close_time(period, where) for where in (site.floors[0], site.areas[0], None))
-        share = close_share(period, near)
+        share = close_time_share(period, near)
         minutes = burden(period, floor)
     np.testing.assert_allclose(near.n + rest.n, floor.n)
     assert near.exposure_h.sum() * 3600 == pytest.approx(len(inside))
@@ -125,7 +131,7 @@ def halved_scenes(root: Path, **settings: float) -> tuple[ChangeEstimate, Change
         data = FloorHours(warehouse, floor=site.floors[0])
         pair = TwoPeriods(Period(data, FIRST, FIRST + timedelta(days=6)), Period(data, FIRST + timedelta(days=7), last))
         place = close_time(pair.now, site.floors[0])
-        return change_close_share(pair, place), change_burden(pair, place)
+        return change_close_time_share(pair, place), change_burden(pair, place)
 
 
 @pytest.mark.parametrize(("within", "verdict"), [(0.01, "cannot_tell"), (0.5, "about_same")])

@@ -32,10 +32,10 @@ def test_twelve_weeks_in_which_nothing_changes_seldom_raise_a_false_alarm(tmp_pa
     found = checked(tmp_path)
     assert (found.state, found.reason, found.n_weeks) == ("ok", None, 12)
     assert found.weeks == (FIRST, FIRST + timedelta(days=83))
-    assert found.often is not None
-    assert found.risky is not None
+    assert found.violation_rate is not None
+    assert found.encounter_rate is not None
     assert found.both is not None
-    assert found.both.value == (found.often.value + found.risky.share) / 2 <= 0.1
+    assert found.both.value == (found.violation_rate.value + found.encounter_rate.value) / 2 <= 0.1
     assert found.both.lo <= found.both.value <= found.both.hi
     assert found.verdicts_a_year == 104
     assert found.false_a_year is not None

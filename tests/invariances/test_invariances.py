@@ -85,12 +85,12 @@ def test_an_empty_night_leaves_the_risk_and_raises_coverage_only(tmp_path: Path)
     nights = [f for d in range(7) for f in beats(T0 + d * DAY + 12 * HOUR, T0 + d * DAY + 12 * HOUR + 600_000)]
     put(small_site(tmp_path / "days"), days)
     put(small_site(tmp_path / "nights"), [*days, *nights])
-    _, risky, sums = headline(small_site(tmp_path / "days"), MONDAY, SUNDAY)
-    often, with_nights, sums_with = headline(small_site(tmp_path / "nights"), MONDAY, SUNDAY)
-    assert risky.lo is not None
-    assert risky.n_events > 100
-    assert with_nights == risky
-    assert often.value is not None
+    _, encounter_rate, sums = headline(small_site(tmp_path / "days"), MONDAY, SUNDAY)
+    violation_rate, with_nights, sums_with = headline(small_site(tmp_path / "nights"), MONDAY, SUNDAY)
+    assert encounter_rate.lo is not None
+    assert encounter_rate.n_events > 100
+    assert with_nights == encounter_rate
+    assert violation_rate.value is not None
     assert sums_with.pop("recorded_s") == sums.pop("recorded_s") + 7 * 600
     assert sums_with == sums
 

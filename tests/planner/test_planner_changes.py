@@ -25,7 +25,7 @@ from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import CellSums, ChangeSide, PlannerChange
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
-from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import open_warehouse

@@ -31,8 +31,8 @@ def test_a_page_is_written_and_its_figures_are_reported(vsd, tmp_path: Path) -> 
     assert page.stat().st_size == told["bytes"]
     assert told["before"] == "2026-W45"
     assert [p["id"] for p in told["places"]] == ["floor", "area:queue", "area:door", "rest"]
-    assert told["places"][0]["often"]["verdict"] == "cannot_tell"
-    assert told["places"][0]["close_share"]["value"] > 0
+    assert told["places"][0]["violation_rate"]["verdict"] == "cannot_tell"
+    assert told["places"][0]["close_time_share"]["value"] > 0
     assert (told["weeks"], told["changes"]) == (2, []), "no change is logged"
     assert vsd("--week", "2026-W46", "--out", "-")[1] == page.read_text(encoding="utf-8")
 
@@ -54,7 +54,7 @@ def test_a_week_without_records_has_a_page_that_says_so(vsd, tmp_path: Path) -> 
     (told,) = json.loads(out)["planners"]
     assert told["before"] is None
     assert told["why_not_compared"] == "nothing of the other week is stored"
-    assert told["places"][0]["often"]["value"] is None
+    assert told["places"][0]["violation_rate"]["value"] is None
 
 
 @pytest.mark.parametrize(

@@ -71,9 +71,9 @@ def test_the_report_s_figures_are_there_without_script(masked: PlannerData, text
     table = re.search(r'id="figures">(.*?)</table>', texts["masked"], flags=re.DOTALL)
     assert table is not None
     for row in masked.places:
-        assert row.often.value is not None
+        assert row.violation_rate.value is not None
         assert f">{row.name}<" in table[1]
-        assert f"<td>{row.often.value:.0f} <small>likely between" in table[1]
+        assert f"<td>{row.violation_rate.value:.0f} <small>likely between" in table[1]
 
 
 def test_no_small_count_is_in_the_file(masked: PlannerData, texts: dict[str, str], exact: PlannerData) -> None:

@@ -18,8 +18,8 @@ from vsd_analytics.figures.panels import FloorHours, Panel, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.planner.planner_data import PlannerData
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.changes import compare_encounter_rates, compare_violation_rates
 from vsd_analytics.stats.rates import encounter_rate, violation_rate
@@ -87,35 +87,37 @@ def assert_same(told: dict[str, str], *expected: float | None) -> None:
 def test_the_whole_week_has_the_report_s_rates_for_the_floor_and_each_area(
     page_of: Any, report: WeekReport, name: str
 ) -> None:
-    places: list[tuple[str, Estimate, Estimate | None]] = [("floor", report.level.often, report.level.risky)]
+    places: list[tuple[str, Estimate, Estimate | None]] = [
+        ("floor", report.level.violation_rate, report.level.encounter_rate)
+    ]
     for area in report.areas:
         place = "rest" if area.area_id is None else f"area%3A{area.area_id}"
-        places.append((place, area.often, area.risky))
+        places.append((place, area.violation_rate, area.encounter_rate))
     assert len(places) == 4
-    for place, often, risky in places:
+    for place, per_open_h, per_person_h in places:
         told = page_of(name).evaluate(READ, f"place={place}")
-        assert_same(told["now-often"], often.value, often.lo, often.hi)
-        assert risky is not None
-        assert_same(told["now-risky"], risky.value, risky.lo, risky.hi)
-        assert often.change is not None
-        assert often.change_lo is not None
-        assert often.change_hi is not None
-        assert_same(told["change-often"], 1 + often.change, 1 + often.change_lo, 1 + often.change_hi)
-        assert number(told["change-often"]["a"]) == pytest.approx(often.previous, rel=SIX_DIGITS)
+        assert_same(told["now-often"], per_open_h.value, per_open_h.lo, per_open_h.hi)
+        assert per_person_h is not None
+        assert_same(told["now-risky"], per_person_h.value, per_person_h.lo, per_person_h.hi)
+        assert per_open_h.change is not None
+        assert per_open_h.change_lo is not None
+        assert per_open_h.change_hi is not None
+        assert_same(told["change-often"], 1 + per_open_h.change, 1 + per_open_h.change_lo, 1 + per_open_h.change_hi)
+        assert number(told["change-often"]["a"]) == pytest.approx(per_open_h.previous, rel=SIX_DIGITS)
 
 
 @pytest.mark.parametrize("name", ["exact", "masked"])
 def test_the_share_of_time_too_close_is_the_report_s_for_the_floor_and_each_area(
     page_of: Any, report: WeekReport, exact: PlannerData, name: str
 ) -> None:
-    shares = {"floor": report.level.close_share} | {
-        "rest" if a.area_id is None else f"area:{a.area_id}": a.close_share for a in report.areas
+    shares = {"floor": report.level.close_time_share} | {
+        "rest" if a.area_id is None else f"area:{a.area_id}": a.close_time_share for a in report.areas
     }
     for place in exact.places:
         told, share = page_of(name).evaluate(READ, f"place={quote(place.place_id)}"), shares[place.place_id]
         assert share is not None
         assert_same(told["now-close"], share.value, share.lo, share.hi)
-        change = place.close_share
+        change = place.close_time_share
         assert change.change is not None
         assert number(told["change-close"]["rate"]) == pytest.approx(1 + change.change, rel=SIX_DIGITS)
         assert number(told["change-close"]["a"]) == pytest.approx(change.previous, rel=SIX_DIGITS)
@@ -174,7 +176,7 @@ class Oracle:
         past, past_weekday = self.panel(place, self.this.history_days if has_history else [], days, hours)
         counts, shown_h = past.n.sum(axis=0), past.exposure_h.sum(axis=0)
         known = bool(past.n.shape[1])
-        often = violation_rate(
+        per_open_h = violation_rate(
             panel.n,
             panel.x_h,
             weekday=weekday,
@@ -182,7 +184,7 @@ class Oracle:
             history_x_h=past.x_h if known else None,
             history_weekday=past_weekday if known else None,
         )
-        risky = encounter_rate(
+        per_person_h = encounter_rate(
             panel.n.sum(axis=0),
             panel.exposure_h.sum(axis=0),
             weekday=weekday,
@@ -191,7 +193,7 @@ class Oracle:
             history_weekday=past_weekday if known else None,
             min_exposure_h=self.settings.min_exposure_h,
         )
-        return often, risky
+        return per_open_h, per_person_h
 
     def change(self, place: Place, days: frozenset[int], hours: range) -> tuple[Any, Any]:
         sides = []
@@ -241,10 +243,10 @@ def test_any_days_and_hours_have_the_rates_of_the_analysis(page_of: Any, oracle:
     places = {"floor": oracle.this.whole, "area%3Adoor": oracle.this.area("door"), "rest": oracle.this.area(None)}
     for (address, days, hours), (name, place) in itertools.product(selections(), places.items()):
         told = page.evaluate(READ, f"{address}&place={name}")
-        often, risky = oracle.rates(place, days, hours)
-        assert_same(told["now-often"], often.value, often.lo, often.hi)
-        assert_same(told["now-risky"], risky.value, risky.lo, risky.hi)
-        n_intervals += often.lo is not None
+        per_open_h, per_person_h = oracle.rates(place, days, hours)
+        assert_same(told["now-often"], per_open_h.value, per_open_h.lo, per_open_h.hi)
+        assert_same(told["now-risky"], per_person_h.value, per_person_h.lo, per_person_h.hi)
+        n_intervals += per_open_h.lo is not None
         if len(days) == 7 and len(hours) == 2:
             continue  # there the page tells the report's own change
         for kind, change in zip(("change-often", "change-risky"), oracle.change(place, days, hours), strict=True):
@@ -259,9 +261,9 @@ def test_a_rectangle_has_the_rates_of_what_lies_in_it(page_of: Any, oracle: Orac
         place = oracle.rectangle(box)
         for address, days, hours in selections()[:6]:
             told = page.evaluate(READ, f"{address}&place=rect&rect={','.join(map(str, box))}")
-            often, risky = oracle.rates(place, days, hours, has_history=False)
-            assert_same(told["now-often"], often.value, often.lo, often.hi)
-            assert_same(told["now-risky"], risky.value, risky.lo, risky.hi)
+            per_open_h, per_person_h = oracle.rates(place, days, hours, has_history=False)
+            assert_same(told["now-often"], per_open_h.value, per_open_h.lo, per_open_h.hi)
+            assert_same(told["now-risky"], per_person_h.value, per_person_h.lo, per_person_h.hi)
 
 
 def test_a_hotspot_has_the_rates_of_its_squares(page_of: Any, oracle: Oracle, exact: PlannerData) -> None:
@@ -281,9 +283,9 @@ def test_a_hotspot_has_the_rates_of_its_squares(page_of: Any, oracle: Oracle, ex
         place = Place(n, exposure_h, np.any([p.cameras for p in inside], axis=0))
         for address, days, hours in selections()[:3]:
             told = page_of("exact").evaluate(READ, f"{address}&place=spot%3A{spot.number}")
-            often, risky = oracle.rates(place, days, hours, has_history=False)
-            assert_same(told["now-often"], often.value, often.lo, often.hi)
-            assert_same(told["now-risky"], risky.value, risky.lo, risky.hi)
+            per_open_h, per_person_h = oracle.rates(place, days, hours, has_history=False)
+            assert_same(told["now-often"], per_open_h.value, per_open_h.lo, per_open_h.hi)
+            assert_same(told["now-risky"], per_person_h.value, per_person_h.lo, per_person_h.hi)
 
 
 def test_small_counts_put_together_move_rectangles_by_little(page_of: Any, oracle: Oracle, masked: PlannerData) -> None:

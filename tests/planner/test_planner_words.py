@@ -82,8 +82,10 @@ def test_a_page_of_another_language_has_no_word_of_this_one(
     path = tmp_path / "marked.html"
     path.write_text(render_planner(masked), encoding="utf-8")
     names = {masked.site.name, masked.floor.name, *(p.name for p in masked.places), "vsd-analytics"}
-    names |= {reason_text(p.close_share.reason) for p in masked.places}
-    names |= {reason_text(p.often.reason) for p in masked.places} | {reason_text(p.risky.reason) for p in masked.places}
+    names |= {reason_text(p.close_time_share.reason) for p in masked.places}
+    names |= {reason_text(p.violation_rate.reason) for p in masked.places} | {
+        reason_text(p.encounter_rate.reason) for p in masked.places
+    }
     names |= {reason_text(masked.hotspots.reason), "JSON"}
     assert masked.shown is not None
     names |= {f.name for f in masked.shown.fixtures}

@@ -28,8 +28,8 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from vsd_analytics.figures import hotspots as analysis
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
@@ -229,37 +229,39 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
     source = f"{told['week']['iso']} json"
     every = keys_of(week)
     level = told["level"]
-    _rate(known, world, week, True, level["often"], f"{source} level.often")
+    _rate(known, world, week, True, level["violation_rate"], f"{source} level.often")
     if level["violations"] is not None:
         known.exact(every, level["violations"], f"{source} level.violations")
-    _per_person_hour(known, every, level["risky"], level["exposure_h"], f"{source} level.risky")
-    _time_close(known, every, level["close_share"], level["exposure_h"], f"{source} level.close_share")
+    _per_person_hour(known, every, level["encounter_rate"], level["exposure_h"], f"{source} level.risky")
+    _time_close(known, every, level["close_time_share"], level["exposure_h"], f"{source} level.close_share")
     for row in told["areas"]:
         place, name = row["area_id"], f"{source} areas.{row['area_id']}"
         keys = keys_of(week, place=place)
         _label(known, keys, row["counted"], row, name)
-        _rate(known, world, week, place, row["often"], f"{name}.often")
-        _per_person_hour(known, keys, row["risky"], row["exposure_h"], f"{name}.risky")
-        _time_close(known, keys, row["close_share"], row["exposure_h"], f"{name}.close_share")
-        if row["close_share"] is not None and place is None:
-            _time_close_before(known, world, week, row["close_share"].get("previous"), f"{name}.close_share.previous")
+        _rate(known, world, week, place, row["violation_rate"], f"{name}.often")
+        _per_person_hour(known, keys, row["encounter_rate"], row["exposure_h"], f"{name}.risky")
+        _time_close(known, keys, row["close_time_share"], row["exposure_h"], f"{name}.close_share")
+        if row["close_time_share"] is not None and place is None:
+            _time_close_before(
+                known, world, week, row["close_time_share"].get("previous"), f"{name}.close_share.previous"
+            )
     for cell in told["when"]["cells"]:
         day = (date.fromisoformat(cell["day"]) - monday(week)).days
         if day < N_DAYS:
             keys = keys_of(week, day=day, hour=cell["hour"])
             _label(known, keys, cell["violations"], cell, f"{source} when {day} {cell['hour']}")
-            share = cell["close_share"]
+            share = cell["close_time_share"]
             if share is not None and share < 1 and (week, 0, day) not in world.lost:  # one person stands alone: 1 h
                 hours = dict.fromkeys(keys, 2 * CLOSE_H)
                 known.rounded(hours, share / (1 - share), f"{source} when close_share", digits=5)
     for row in told["trend"]["weeks"] if told["trend"] else []:
         of = (date.fromisoformat(row["monday"]) - FIRST).days // 7
-        if row["often"] is not None:
-            _rate(known, world, of, True, {"value": row["often"]["value"]}, f"{source} trend {of}")
+        if row["violation_rate"] is not None:
+            _rate(known, world, of, True, {"value": row["violation_rate"]["value"]}, f"{source} trend {of}")
     figures = told["figures"]
     for row in figures["M28"]["rows"] or []:
         of = (date.fromisocalendar(int(row["week"][:4]), int(row["week"][-2:]), 1) - FIRST).days // 7
-        _rate(known, world, of, True, {"value": row["often"]}, f"{source} M28 {of}")
+        _rate(known, world, of, True, {"value": row["violation_rate"]}, f"{source} M28 {of}")
     for name in ("M8", "M0", "M10"):
         n = figures[name]["value"] if name == "M8" else figures[name]["denominator"] if name == "M10" else None
         if n is not None:
@@ -267,7 +269,7 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
     if figures["M6"]["value"] is not None:
         _time_close(known, every, figures["M6"], figures["M6"]["denominator"], f"{source} M6")
     for row in figures["M15"]["rows"] or []:
-        _rate(known, world, week, row["area"], {"value": row["often"]}, f"{source} M15")
+        _rate(known, world, week, row["area"], {"value": row["violation_rate"]}, f"{source} M15")
     for row in figures["M9"]["rows"] or []:
         if row["reading"] == "all" and row["n"] is not None:
             known.exact(every, row["n"], f"{source} M9")

@@ -20,9 +20,9 @@ from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.planner.cell_counts import CELL_M, grid_of
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.wording.reasons import reason_text
 
@@ -94,13 +94,13 @@ def test_time_too_close_is_hidden_with_the_count_of_its_place_and_hour(
     assert "door" in hidden_areas
     for rows in (hidden_areas.values(), (r for r in told["figures"]["M15"]["rows"] if r["area"] in hidden_areas)):
         for row in rows:
-            share = row["close_share"]
+            share = row["close_time_share"]
             assert (share["value"] if isinstance(share, dict) else share) is None
-    assert all(a["close_share"]["value"] is not None for a in json.loads(to_json(reports[2]))["areas"])
+    assert all(a["close_time_share"]["value"] is not None for a in json.loads(to_json(reports[2]))["areas"])
     for cell in told["when"]["cells"]:
-        assert cell["close_share"] is None or not (cell["is_masked"] or cell["is_held_back"])
+        assert cell["close_time_share"] is None or not (cell["is_masked"] or cell["is_held_back"])
     [door] = [p for p in pages[3].places if p.place_id == "area:door"]
-    assert door.close_share.value is None
+    assert door.close_time_share.value is None
 
 
 def test_the_planner_s_cells_sum_to_their_area_and_never_to_more(

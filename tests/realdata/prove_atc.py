@@ -18,8 +18,8 @@ from typing import Any
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.warehouse.sqlfiles import figure_headers
 
 MONDAY = date(2012, 10, 22)
@@ -146,10 +146,10 @@ ROWS: Mapping[str, Callable[[Rows], str]] = {
     "M5": named("what", "people"),
     "M6": named("reading", "value"),
     "M8": named("what", "n"),
-    "M9": named("reading", "often| an hour", "risky| a person-hour"),
+    "M9": named("reading", "violation_rate| an hour", "encounter_rate| a person-hour"),
     "M10": named("what", "value"),
     "M11": shares,
-    "M15": named("name", "often| an hour", "risky| a person-hour"),
+    "M15": named("name", "violation_rate| an hour", "encounter_rate| a person-hour"),
     **dict.fromkeys(("M16", "M17", "M18", "M19"), cells),
     "M21": shares,
     "M22": lambda rows: f"the largest: {max(row['n_people'] for row in rows)} people",

@@ -152,11 +152,15 @@ def workplace(folder: Path, root: Path) -> None:
         [*vsd, "compare", "2013-W26", "2013-W27", "--json"], check=False, capture_output=True, text=True
     )
     found = json.loads(done.stdout)
-    often = found["places"][0]["split"]["often"]
+    violation_rate = found["places"][0]["split"]["violation_rate"]
     print("| workplace, badges | week 1 | week 2 | ratio | likely between | verdict |\n|---|--:|--:|--:|---|---|")
-    rates, bounds = (often["rate_a"], often["rate_b"], often["theta"]), (often["lo"], often["hi"])
-    cells = [*(f"{v:.3g}" for v in rates), " and ".join(f"{v:.2f}" for v in bounds), often["verdict"]]
-    print(f"| violations per open hour, {often['n_a']:.0f} and {often['n_b']:.0f} of them | {' | '.join(cells)} |")
+    rates, bounds = (
+        (violation_rate["rate_a"], violation_rate["rate_b"], violation_rate["theta"]),
+        (violation_rate["lo"], violation_rate["hi"]),
+    )
+    cells = [*(f"{v:.3g}" for v in rates), " and ".join(f"{v:.2f}" for v in bounds), violation_rate["verdict"]]
+    n_a, n_b = violation_rate["n_a"], violation_rate["n_b"]
+    print(f"| violations per open hour, {n_a:.0f} and {n_b:.0f} of them | {' | '.join(cells)} |")
     print("| M6, M7 | – | – | – | – | not measurable: badges send no positions, so person-time is unknown |")
 
 

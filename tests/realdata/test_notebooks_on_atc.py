@@ -41,7 +41,7 @@ assert [f"{{hour:%a %H}}" for hour in silent] == ["Wed 10", "Wed 11"], "open, an
 assert counts.iloc[0] == len(week.violations) > 100
 assert risk.note and shown.kind == "burden", "an hour is too little for shares, cell by cell"
 assert -60 < x_m < 80 and -40 < y_m < 20, "on the plan"
-assert known.empty and areas["close_share"].notna().any(), "one day has levels and no interval"
+assert known.empty and areas["close_time_share"].notna().any(), "one day has levels and no interval"
 """
     done = execute("first-look", tmp_path, monkeypatch, then=then, VSD_PROJECT=str(project), VSD_WEEK=WEEK)
     assert figures(done) == 2  # the site has no picture of a camera

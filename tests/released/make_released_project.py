@@ -23,8 +23,8 @@ from simulate.small_scenes import make_week
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.version import VERSION
 
 HERE = Path(__file__).resolve().parent

@@ -19,8 +19,8 @@ import msgspec
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest import pipeline
 from vsd_analytics.ingest.adapter import IngestOptions
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
 
 MONDAY = date(2026, 11, 9)

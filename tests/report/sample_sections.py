@@ -31,9 +31,9 @@ def trend(report: page_model.WeekReport, *, n: int = 10) -> m.Trend:
                 iso=f"2026-W{37 + k}",
                 number=37 + k,
                 monday=monday,
-                often=None if level is None else weeks.estimate(level),
+                violation_rate=None if level is None else weeks.estimate(level),
                 close=None if level is None else weeks.estimate(level / 584.0),
-                risky=None if level is None else weeks.estimate(level / 292.0),
+                encounter_rate=None if level is None else weeks.estimate(level / 292.0),
                 coverage=0.41 if level is None else 0.98,
                 reason=read_reason("41% of open hours were recorded, and a week needs 60%") if level is None else None,
             )
@@ -42,9 +42,9 @@ def trend(report: page_model.WeekReport, *, n: int = 10) -> m.Trend:
         iso="2026-W46",
         number=46,
         monday=weeks.MONDAY,
-        often=report.level.often,
-        close=report.level.close_share,
-        risky=report.level.risky,
+        violation_rate=report.level.violation_rate,
+        close=report.level.close_time_share,
+        encounter_rate=report.level.encounter_rate,
         coverage=report.coverage.share,
     )
     marks = (
@@ -60,7 +60,7 @@ def trend(report: page_model.WeekReport, *, n: int = 10) -> m.Trend:
     is_short = n < 3
     return m.Trend(
         weeks=kept,
-        usual_often=_usual([w.often for w in kept]),
+        usual_violation_rate=_usual([w.violation_rate for w in kept]),
         usual_close=_usual([w.close for w in kept]),
         marks=() if is_short else marks,
         state="not_enough_data" if is_short else "ok",
@@ -106,7 +106,7 @@ def busiest(report: page_model.WeekReport) -> m.Spots:
                 name=areas[0].name,
                 at=(17.4, 5.3),
                 area_id="a0",
-                often=areas[0].often,
+                violation_rate=areas[0].violation_rate,
                 usual=late,
                 evidence=evidence(),
                 ask="Could the queue end at the other wall?",
@@ -117,7 +117,7 @@ def busiest(report: page_model.WeekReport) -> m.Spots:
                 name=areas[1].name,
                 at=(4.1, 5.4),
                 area_id="a1",
-                often=areas[1].often,
+                violation_rate=areas[1].violation_rate,
                 usual=noon,
                 evidence=some,
                 ask="Could Main entrance be kept free of things that make people stop?",
@@ -127,7 +127,7 @@ def busiest(report: page_model.WeekReport) -> m.Spots:
                 name=areas[2].name,
                 at=(6.1, 9.7),
                 area_id="a2",
-                often=areas[2].often,
+                violation_rate=areas[2].violation_rate,
                 evidence=down,
                 ask="Nothing yet. Fix Camera “Aisles” first, and look again next week.",
             ),
@@ -147,7 +147,7 @@ def tested(report: page_model.WeekReport) -> m.Spots:
                 name=report.areas[0].name,
                 at=(17.4, 5.3),
                 area_id="a0",
-                often=report.areas[0].often,
+                violation_rate=report.areas[0].violation_rate,
                 ratio=m.Estimate(value=2.67, lo=2.41, hi=2.93),
                 excess_min_per_week=1204.0,
                 is_new=False,
@@ -173,16 +173,16 @@ def tested(report: page_model.WeekReport) -> m.Spots:
 
 
 def readings(report: page_model.WeekReport) -> m.Readings:
-    between = m.Reading(often=weeks.estimate(98.2), risky=weeks.estimate(0.336))
+    between = m.Reading(violation_rate=weeks.estimate(98.2), encounter_rate=weeks.estimate(0.336))
     return m.Readings(
-        all=m.Reading(often=report.level.often, risky=report.level.risky),
+        all=m.Reading(violation_rate=report.level.violation_rate, encounter_rate=report.level.encounter_rate),
         between=between,
         between_share=0.81,
         between_lo=0.78,
         between_hi=0.84,
         areas=(
-            m.AreaReading(area_id="a0", often=weeks.estimate(37.6)),
-            m.AreaReading(area_id=None, often=weeks.estimate(16.2)),
+            m.AreaReading(area_id="a0", violation_rate=weeks.estimate(37.6)),
+            m.AreaReading(area_id=None, violation_rate=weeks.estimate(16.2)),
         ),
         precision_lo=0.84,
         recall_lo=0.79,
@@ -204,7 +204,7 @@ def redesigns() -> tuple[m.Redesign, ...]:
             before=(date(2026, 9, 7), date(2026, 10, 4)),
             after=(date(2026, 10, 12), date(2026, 11, 8)),
             effect=effect,
-            often=m.Estimate(value=None, change=-0.27, change_lo=-0.39, change_hi=-0.12, verdict="clear_fall"),
+            violation_rate=m.Estimate(value=None, change=-0.27, change_lo=-0.39, change_hi=-0.12, verdict="clear_fall"),
             close=m.Estimate(value=None, change=-0.31, change_lo=-0.42, change_hi=-0.18, verdict="clear_fall"),
             people=people,
             compared_with=("End of aisle 2", "Pharmacy counter"),
@@ -314,7 +314,7 @@ def with_tested_spots() -> page_model.WeekReport:
     assert report.readings is not None
     apart = replace(
         report.readings,
-        all=m.Reading(often=weeks.estimate(101.0), risky=weeks.estimate(0.4)),
+        all=m.Reading(violation_rate=weeks.estimate(101.0), encounter_rate=weeks.estimate(0.4)),
         left_out=("Aisles",),
         between_share=None,
         between_lo=None,
@@ -423,7 +423,7 @@ def very_few() -> page_model.WeekReport:
         reason=read_reason("fewer than 5 violations were counted"),
         verdict="too_little_data",
     )
-    level = replace(report.level, often=few, risky=few, violations=None)
+    level = replace(report.level, violation_rate=few, encounter_rate=few, violations=None)
     return replace(report, level=level, areas=(), busiest_spot=None, busiest_hour=None, log=())
 
 
@@ -431,7 +431,7 @@ def not_measurable() -> page_model.WeekReport:
     """A floor whose engine sends no ids."""
     report = weeks.normal()
     why = m.Estimate(value=None, state="not_measurable", reason=read_reason("the engine sends no track ids"))
-    level = replace(report.level, often=why, risky=why, violations=None)
+    level = replace(report.level, violation_rate=why, encounter_rate=why, violations=None)
     return replace(report, level=level, areas=(), busiest_spot=None, busiest_hour=None, log=(), maps=())
 
 

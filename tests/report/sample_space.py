@@ -35,14 +35,14 @@ def five_areas() -> page_model.WeekReport:
 
 def visits() -> dict[str, Figure]:
     """Return visits and stays of the five areas, which the planner shows."""
-    often, stays = [], []
+    violation_rate, stays = [], []
     for area, name in AREAS.items():
         where = {"area": area, "place": name}
-        often.append({**where, **_limits(12.5), "recorded_share": 0.98})
+        violation_rate.append({**where, **_limits(12.5), "recorded_share": 0.98})
         stays += [{**where, "what": what, **_limits(v)} for what, v in (("median", 95.0), ("p90", 310.0))]
         stays.append({**where, "what": "share of long visits", "longer_than_s": 300.0, **_limits(0.2)})
     return {
-        "M35": Figure(unit=read_reason("visits per open hour"), rows=tuple(often)),
+        "M35": Figure(unit=read_reason("visits per open hour"), rows=tuple(violation_rate)),
         "M36": Figure(unit=read_reason("seconds"), rows=tuple(stays)),
     }
 

@@ -241,8 +241,8 @@ def areas(names: tuple[str, ...] = AREA_NAMES) -> tuple[m.AreaRow, ...]:
             area_id=None if k == 4 else f"a{k}",
             name=names[k],
             counted=n,
-            often=e,
-            risky=estimate((e.value or 0) / 31.0),
+            violation_rate=e,
+            encounter_rate=estimate((e.value or 0) / 31.0),
             exposure_h=(e.value or 0) * 2.4,
             share=s,
             difference=None if e.change is None or e.previous is None else e.previous * e.change,
@@ -256,7 +256,11 @@ def areas(names: tuple[str, ...] = AREA_NAMES) -> tuple[m.AreaRow, ...]:
 def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = CAMERA_NAMES) -> page_model.WeekReport:
     """Four cameras, five areas, an outage, a low-data hour, a logged change with a clear fall."""
     hours = cells()
-    often, risky, people = estimate(121.3, -0.14), estimate(0.415, -0.12, 0.05), estimate(292.0, -0.02, 0.03)
+    violation_rate, encounter_rate, people = (
+        estimate(121.3, -0.14),
+        estimate(0.415, -0.12, 0.05),
+        estimate(292.0, -0.02, 0.03),
+    )
     close = estimate(0.23, -0.04, 0.05)
     return page_model.WeekReport(
         site=m.SiteRef(
@@ -276,7 +280,14 @@ def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = 
         rules=m.Rules(distance_m=2.0, retention_days=14),
         state="normal",
         coverage=coverage(hours, names=camera_names),
-        level=m.Level(often=often, risky=risky, close_share=close, people=people, exposure_h=23486.0, violations=9747),
+        level=m.Level(
+            violation_rate=violation_rate,
+            encounter_rate=encounter_rate,
+            close_time_share=close,
+            people=people,
+            exposure_h=23486.0,
+            violations=9747,
+        ),
         busiest_spot=m.BusiestSpot(area_id="a0", name=names[0], share=0.36, floor_share=0.06),
         busiest_hour=m.BusiestHour(start=datetime(2026, 11, 14, 17, tzinfo=ROME), violations=242, ratio_to_mean=2.01),
         areas=areas(names),
@@ -357,7 +368,7 @@ def no_data() -> page_model.WeekReport:
         report,
         state="no_data",
         coverage=replace(report.coverage, share=0.0, recorded_h=0.0, seen_h=None, cameras=cameras, outages=(whole,)),
-        level=m.Level(often=nothing, risky=nothing, people=nothing),
+        level=m.Level(violation_rate=nothing, encounter_rate=nothing, people=nothing),
         busiest_spot=None,
         busiest_hour=None,
         areas=(),
@@ -376,7 +387,7 @@ def too_incomplete() -> page_model.WeekReport:
         report,
         state="too_incomplete",
         coverage=replace(report.coverage, share=0.381, recorded_h=131.0),
-        level=m.Level(often=rough, risky=estimate(None), people=estimate(None)),
+        level=m.Level(violation_rate=rough, encounter_rate=estimate(None), people=estimate(None)),
         busiest_spot=None,
         busiest_hour=None,
     )
@@ -392,7 +403,7 @@ def not_over() -> page_model.WeekReport:
     return replace(
         report,
         coverage=replace(report.coverage, share=0.98, not_over_from=datetime(2026, 11, 12, 12, tzinfo=ROME)),
-        level=replace(report.level, often=rough),
+        level=replace(report.level, violation_rate=rough),
     )
 
 
@@ -404,12 +415,12 @@ def first_week() -> page_model.WeekReport:
 
     level = replace(
         report.level,
-        often=alone(report.level.often),
-        risky=alone(report.level.risky),
-        close_share=alone(report.level.close_share or estimate(None)),
+        violation_rate=alone(report.level.violation_rate),
+        encounter_rate=alone(report.level.encounter_rate),
+        close_time_share=alone(report.level.close_time_share or estimate(None)),
         people=alone(report.level.people),
     )
-    rows = tuple(replace(a, often=alone(a.often)) for a in report.areas)
+    rows = tuple(replace(a, violation_rate=alone(a.violation_rate)) for a in report.areas)
     return replace(report, state="first_week", previous=None, level=level, areas=rows, log=())
 
 
@@ -427,8 +438,8 @@ def empty() -> page_model.WeekReport:
         state="empty",
         coverage=coverage(hours, names=CAMERA_NAMES, outages=False),
         level=m.Level(
-            often=zero,
-            risky=m.Estimate(value=0.0, lo=0.0, hi=3 / 9120),
+            violation_rate=zero,
+            encounter_rate=m.Estimate(value=0.0, lo=0.0, hi=3 / 9120),
             people=estimate(106.0),
             exposure_h=9120.0,
             violations=0,
@@ -453,8 +464,8 @@ def settings_changed() -> page_model.WeekReport:
             before="1.5 m",
             after="2 m",
             at=datetime(2026, 11, 11, 0, 0, tzinfo=ROME),
-            often_before=estimate(74.2),
-            often_after=estimate(126.1),
+            violation_rate_before=estimate(74.2),
+            violation_rate_after=estimate(126.1),
             command="vsd report --week 2026-W46 --set distance_m=2.0",
         ),
     )
@@ -463,8 +474,8 @@ def settings_changed() -> page_model.WeekReport:
 def exposure_unknown() -> page_model.WeekReport:
     report = normal()
     unknown = m.Estimate(value=None, state="not_measurable", reason=read_reason("the engine sends no positions"))
-    level = replace(report.level, risky=unknown, close_share=unknown, people=unknown, exposure_h=None)
-    rows = tuple(replace(a, risky=unknown, exposure_h=None) for a in report.areas)
+    level = replace(report.level, encounter_rate=unknown, close_time_share=unknown, people=unknown, exposure_h=None)
+    rows = tuple(replace(a, encounter_rate=unknown, exposure_h=None) for a in report.areas)
     return replace(report, level=level, areas=rows)
 
 
@@ -514,8 +525,8 @@ def masked() -> page_model.WeekReport:
         counted=None,
         is_masked=True,
         share=None,
-        often=m.Estimate(value=None),
-        risky=None,
+        violation_rate=m.Estimate(value=None),
+        encounter_rate=None,
         exposure_h=None,
     )
     return replace(report, areas=(*report.areas[:3], row, report.areas[4]))

@@ -16,9 +16,9 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import DiskError
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.pages.duckdb_file import export_duckdb, exported_tables
 from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.store import durable
 
 MONDAY = date(2026, 11, 9)
@@ -82,11 +82,11 @@ def test_hours_are_those_of_the_report_with_small_counts_hidden(export: Path, re
 
 def test_headline_and_figures_are_those_of_the_json_file(export: Path, report: dict[str, Any]) -> None:
     [week] = rows(export, "from weeks")
-    often = report["level"]["often"]
+    violation_rate = report["level"]["violation_rate"]
     assert (week["violations_per_open_h"], week["violations_per_open_h_lo"], week["violations_per_open_h_hi"]) == (
-        often["value"],
-        often["lo"],
-        often["hi"],
+        violation_rate["value"],
+        violation_rate["lo"],
+        violation_rate["hi"],
     )
     figures = {f["metric"]: f for f in rows(export, "from figures")}
     assert figures.keys() == report["figures"].keys()

@@ -11,10 +11,10 @@ import pytest
 from report import ingested_worlds as w
 
 from vsd_analytics.cli import cli, run
-from vsd_analytics.report.model.assemble import days_report, week_report
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import from_json, to_csv, to_json
 from vsd_analytics.report.pages.mail import make_mail
+from vsd_analytics.report.pages.story import days_report, week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.site.model import LANGUAGES, Site
 from vsd_analytics.site_index.read_reports import find_reports
@@ -76,8 +76,8 @@ def test_seven_days_from_a_monday_have_the_numbers_of_their_week(site: Site, wee
 
 def test_a_day_is_counted_and_compared_with_nothing(day: WeekReport) -> None:
     assert day.level.violations == sum(counts(WEEKS - 1)(2, 9).values())
-    assert (day.previous, day.level.often.verdict, day.level.often.previous) == (None, None, None)
-    assert day.level.often.lo is None, "one day has no likely range"
+    assert (day.previous, day.level.violation_rate.verdict, day.level.violation_rate.previous) == (None, None, None)
+    assert day.level.violation_rate.lo is None, "one day has no likely range"
     assert {c.day for c in day.when.cells} == {WEDNESDAY}
     assert "compared with nothing" in render_html(day)
 
@@ -88,7 +88,7 @@ def test_whole_weeks_of_days_are_compared_with_as_many_days_before(fortnight: We
     assert (fortnight.previous.monday, fortnight.previous.sunday) == (
         w.BEFORE - timedelta(days=14), w.BEFORE - timedelta(days=1),
     )  # fmt: skip
-    assert fortnight.level.often.change == pytest.approx(fall[1] / fall[0] - 1)
+    assert fortnight.level.violation_rate.change == pytest.approx(fall[1] / fall[0] - 1)
     assert len({c.day for c in fortnight.when.cells}) == 14
     page = render_html(fortnight)
     assert "2–15 Nov" in page
@@ -98,7 +98,7 @@ def test_whole_weeks_of_days_are_compared_with_as_many_days_before(fortnight: We
 
 def test_ten_days_have_other_days_of_the_week_before_them(site: Site) -> None:
     found = days_report(site, SUNDAY - timedelta(days=9), SUNDAY)
-    assert (found.previous, found.level.often.change, found.change_maps) == (None, None, None)
+    assert (found.previous, found.level.violation_rate.change, found.change_maps) == (None, None, None)
 
 
 def test_sections_that_need_weeks_are_left_out(fortnight: WeekReport) -> None:

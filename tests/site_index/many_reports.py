@@ -36,7 +36,7 @@ def report(
     site_id, name, floor_id, floor_name = address
     level, coverage = made.level, made.coverage
     if value is not None:
-        level = replace(level, often=weeks.estimate(value, change, half))
+        level = replace(level, violation_rate=weeks.estimate(value, change, half))
     if share is not None:
         coverage = replace(coverage, share=share)
     return replace(

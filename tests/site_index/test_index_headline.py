@@ -12,11 +12,11 @@ from site_index import many_reports as many
 
 from vsd_analytics.report.model import week as page_model
 from vsd_analytics.report.pages.json_and_csv import to_json
-from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.headline import finish
+from vsd_analytics.report.pages.story import finish
 from vsd_analytics.site_index.floor_weeks import FloorWeeks, catalogue, standing
 from vsd_analytics.site_index.read_reports import Entry, IndexedReport, read_report_json
 from vsd_analytics.site_index.summary import headline, in_words, lead, week_line
+from vsd_analytics.wording import terms
 
 
 @pytest.fixture

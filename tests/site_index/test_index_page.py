@@ -259,14 +259,14 @@ def test_rules_of_several_sites_are_all_named(tmp_path: Path) -> None:
 def test_absurd_figures_are_drawn_within_the_bars(tmp_path: Path, value: float) -> None:
     path = many.write(tmp_path, many.report())
     twin = read_report_json(path)
-    twin = replace(twin, level=replace(twin.level, often=m.Estimate(value=value)))
+    twin = replace(twin, level=replace(twin.level, violation_rate=m.Estimate(value=value)))
     drawn = str(week_bars.bars([(many.LAST, twin)], label="x"))
     assert all(0 <= float(v) <= week_bars.HEIGHT for v in re.findall(r'(?:height|y)="([-\d.e+]+)"', drawn))
 
 
 def test_an_incomplete_week_without_a_violation_is_drawn_when_it_is_the_only_one(tmp_path: Path) -> None:
     twin = read_report_json(many.write(tmp_path, many.report()))
-    level = replace(twin.level, often=m.Estimate(value=0.0))
+    level = replace(twin.level, violation_rate=m.Estimate(value=0.0))
     drawn = str(week_bars.bars([(many.LAST, replace(twin, state="too_incomplete", level=level))], label="x"))
     assert "wkr" in drawn
 

@@ -67,7 +67,7 @@ def test_what_the_index_takes_from_a_json_file_is_what_the_report_says(tmp_path:
     twin = read_report_json(many.write(tmp_path, report))
     said = json.loads(data)
     assert twin.state == report.state
-    assert twin.level.often.value == said["level"]["often"]["value"]
+    assert twin.level.violation_rate.value == said["level"]["violation_rate"]["value"]
     assert twin.coverage.share == said["coverage"]["share"]
     assert twin.story.headline == said["story"]["headline"]
 
@@ -92,7 +92,7 @@ def test_a_later_addition_to_the_schema_is_no_reason_to_refuse(shop: Path) -> No
         (b'{"schema": 1}', "W511"),
         (b'{"schema": "vsd.report.week/0"}', "W511"),
         (b'{"schema": "vsd.report.weekly/1"}', "W511"),
-        (b'{"schema": "vsd.report.week/2"}', "W512"),
+        (b'{"schema": "vsd.report.week/3"}', "W512"),
     ],
 )
 def test_a_file_that_is_no_json_file_is_named_and_the_others_go_on(shop: Path, data: bytes, code: str) -> None:
@@ -110,7 +110,7 @@ def test_a_file_that_is_no_json_file_is_named_and_the_others_go_on(shop: Path, d
         ("week.year", 2025, "W510"),
         ("state", "fine", "W510"),
         ("coverage.share", "much", "W510"),
-        ("level.often.verdict", "<b>", "W510"),
+        ("level.violation_rate.verdict", "<b>", "W510"),
         ("story", None, "W510"),
         ("generated_at", "2026-11-16T06:00:00", "W510"),
     ],

@@ -197,13 +197,13 @@ def run_levels(world: World, *, weeks: int, seed: int) -> dict[str, Score]:
         risk = float((world.expected * up).sum() / (world.expected_people * up).sum())
         days = n[i].sum(axis=0), people[i].sum(axis=0)
         history["history_n"] = past_n[i].sum(axis=1).ravel()
-        risky = encounter_rate(*days, history_exposure_h=past_people[i].sum(axis=1).ravel(), **history)
+        per_person_h = encounter_rate(*days, history_exposure_h=past_people[i].sum(axis=1).ravel(), **history)
         for name, estimate, truth in (
             ("M0, first weeks", plain, whole_week),
             ("M0, four weeks of history", informed, whole_week),
             ("M0, four weeks, truth of recorded hours", informed, recorded),
             ("M7, first weeks", encounter_rate(*days), risk),
-            ("M7, four weeks of history", risky, risk),
+            ("M7, four weeks of history", per_person_h, risk),
             ("naive", naive_level(rng, n[i], x[i]), whole_week),
         ):
             found.setdefault(name, []).append((estimate, truth))
@@ -223,16 +223,16 @@ def run_changes(world: World, *, weeks: int, seed: int, effect: float = 1.0) -> 
     found: dict[str, list[tuple[Any, float]]] = {}
     for i in range(weeks):
         sums = [array[i].sum(axis=0) for array in (n_a, people_a, n_b, people_b)]
-        often, people = (n_a[i], x[i], n_b[i], x[i]), (people_a[i], x[i], people_b[i], x[i])
-        risky_past = {"history_n": past_n[i].sum(axis=1), "history_exposure_h": past_people[i].sum(axis=1)}
+        per_open_h, people = (n_a[i], x[i], n_b[i], x[i]), (people_a[i], x[i], people_b[i], x[i])
+        encounter_rate_past = {"history_n": past_n[i].sum(axis=1), "history_exposure_h": past_people[i].sum(axis=1)}
         for name, estimate, truth in (
-            ("M0, first weeks", compare_violation_rates(*often), effect),
-            ("M0, four weeks", compare_violation_rates(*often, history_n=past_n[i], history_x_h=past_x), effect),
+            ("M0, first weeks", compare_violation_rates(*per_open_h), effect),
+            ("M0, four weeks", compare_violation_rates(*per_open_h, history_n=past_n[i], history_x_h=past_x), effect),
             ("M7, first weeks", compare_encounter_rates(*sums), effect),
-            ("M7, four weeks", compare_encounter_rates(*sums, **risky_past), effect),
+            ("M7, four weeks", compare_encounter_rates(*sums, **encounter_rate_past), effect),
             ("people, four weeks", compare_exposure(*people, history_h=past_people[i], history_x_h=past_x), 1.0),
-            ("D/(D-1)", per_camera_change(often[:2], often[2:]), effect),
-            ("naive", naive_change(rng, often[:2], often[2:]), effect),
+            ("D/(D-1)", per_camera_change(per_open_h[:2], per_open_h[2:]), effect),
+            ("naive", naive_change(rng, per_open_h[:2], per_open_h[2:]), effect),
         ):
             found.setdefault(name, []).append((estimate, truth))
     return {name: score(estimates) for name, estimates in found.items()}

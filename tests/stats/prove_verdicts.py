@@ -36,7 +36,9 @@ class Row:
     after: str
 
 
-def often(drawn: Drawn, site: int, week: int, *, history: int = HISTORY, place: int | None = None) -> ChangeEstimate:
+def per_open_h(
+    drawn: Drawn, site: int, week: int, *, history: int = HISTORY, place: int | None = None
+) -> ChangeEstimate:
     """Return the change of M0 from the week before to `week`, of one place or the floor (as one camera)."""
     n = drawn.floor_n[site] if place is None else drawn.n[site, :, place]
     x = np.broadcast_to(drawn.x_h[0], n.shape)
@@ -46,7 +48,9 @@ def often(drawn: Drawn, site: int, week: int, *, history: int = HISTORY, place: 
     )  # fmt: skip
 
 
-def risky(drawn: Drawn, site: int, week: int, *, history: int = HISTORY, place: int | None = None) -> ChangeEstimate:
+def encounter_rate(
+    drawn: Drawn, site: int, week: int, *, history: int = HISTORY, place: int | None = None
+) -> ChangeEstimate:
     """Return the change of violations per person-hour, likewise."""
     n = drawn.floor_n[site] if place is None else drawn.n[site, :, place]
     people = drawn.floor_person_h[site] if place is None else drawn.person_h[site, :, place]
@@ -63,7 +67,7 @@ def share(found: list[bool]) -> str:
 
 
 def verdicts(
-    world: World, runs: int, *, seed: int, history: int = HISTORY, figure: Callable[..., ChangeEstimate] = often,
+    world: World, runs: int, *, seed: int, history: int = HISTORY, figure: Callable[..., ChangeEstimate] = per_open_h,
     effect: float = 1.0, step_before: float = 1.0,
 ) -> list[ChangeEstimate]:  # fmt: skip
     """Return the change of the last week of `runs` sites; `step_before` changes something six weeks earlier."""
@@ -86,7 +90,7 @@ def null_rows(runs: int, seed: int) -> Iterator[Row]:
         after = clear(verdicts(world, runs, seed=seed))
         yield Row(f"M0, clear verdict, nothing changes: {name}", "at most 6 %", before.get(name, "-"), after)
     for name in ("office", "museum"):
-        after = clear(verdicts(FLOORS[name], runs, seed=seed, figure=risky))
+        after = clear(verdicts(FLOORS[name], runs, seed=seed, figure=encounter_rate))
         yield Row(f"M7, the same: {name}", "at most 6 %", {"museum": "15.9 %"}.get(name, "-"), after)
     for history in (0, 2, 4, 8):
         for name in ("office", "days correlated .3, week sd .10", "museum"):
@@ -164,7 +168,7 @@ def family(drawn: Drawn, close: Drawn, site: int, week: int) -> tuple[list[str],
     places = range(drawn.n.shape[2])
     figures = [
         (figure(of, site, week), [figure(of, site, week, place=place) for place in places])
-        for figure, of in ((often, drawn), (risky, close), (risky, drawn))
+        for figure, of in ((per_open_h, drawn), (encounter_rate, close), (encounter_rate, drawn))
     ]
     judged, beside = judge_family(figures[:2]), judge_family(figures[2:])
     floor = [change.verdict for change, _ in figures[:2]]

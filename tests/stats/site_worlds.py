@@ -167,7 +167,7 @@ def _entry(k: int, monday: date, found: CloseByCrowding, shares: tuple[float, ..
             share=float(np.mean(shares)),
             cameras=tuple(RecordedCamera(share=s, scheduled_h=open_h, recorded_h=s * open_h) for s in shares),
         ),
-        level=Levels(often=_PLAIN.level.often, risky=_PLAIN.level.risky),
+        level=Levels(violation_rate=_PLAIN.level.violation_rate, encounter_rate=_PLAIN.level.encounter_rate),
         story=IndexedStory(headline="A week"),
         close_by_crowding=found,
     )

@@ -29,13 +29,13 @@ def test_each_week_is_what_its_own_report_says(world: tuple[np.ndarray, ...]) ->
     now, past = slice(63, 70), slice(28, 63)
     weekday = np.arange(7)
     history = {"weekday": weekday, "history_weekday": np.tile(weekday, 5)}
-    often = violation_rate(n[:, now], x_h[:, now], history_n=n[:, past], history_x_h=x_h[:, past], **history)
+    per_open_h = violation_rate(n[:, now], x_h[:, now], history_n=n[:, past], history_x_h=x_h[:, past], **history)
     sums = [a.sum(axis=0) for a in (n, exposure_h)]
-    risky = encounter_rate(
+    per_person_h = encounter_rate(
         sums[0][now], sums[1][now], history_n=sums[0][past], history_exposure_h=sums[1][past], **history
     )
-    assert made[-1].often == often
-    assert made[-1].risky == risky
+    assert made[-1].violation_rate == per_open_h
+    assert made[-1].encounter_rate == per_person_h
 
 
 def test_a_week_recorded_too_little_is_a_gap_and_says_so(world: tuple[np.ndarray, ...]) -> None:
@@ -45,7 +45,7 @@ def test_a_week_recorded_too_little_is_a_gap_and_says_so(world: tuple[np.ndarray
     x_h[:, 49:56] = 0
     made = weekly_trend(n, x_h, exposure_h, OPEN, coverage=coverage, mondays=MONDAYS[-5:])
     assert [w.state for w in made] == ["ok", *["not_enough_data"] * 3, "ok"]
-    assert [w.often is None for w in made] == [False, True, True, True, False]
+    assert [w.violation_rate is None for w in made] == [False, True, True, True, False]
     assert [reason_text(w.reason) for w in made[1:4]] == [
         "40% of the open hours were recorded, a rate needs 60%",
         "nothing or too little was recorded",
@@ -57,7 +57,7 @@ def test_a_week_recorded_too_little_is_a_gap_and_says_so(world: tuple[np.ndarray
 def test_without_positions_there_is_no_risk_but_how_often(world: tuple[np.ndarray, ...]) -> None:
     n, x_h, _ = world
     made = weekly_trend(n, x_h, None, OPEN, coverage=np.ones(10), mondays=MONDAYS[-3:])
-    assert all(w.risky is None and w.often is not None for w in made)
+    assert all(w.encounter_rate is None and w.violation_rate is not None for w in made)
 
 
 def test_a_camera_that_broke_is_left_out_of_all_weeks_so_that_it_is_no_fall(world: tuple[np.ndarray, ...]) -> None:
@@ -66,7 +66,7 @@ def test_a_camera_that_broke_is_left_out_of_all_weeks_so_that_it_is_no_fall(worl
         values[0, -7:] = 0
     made = weekly_trend(n, x_h, exposure_h, OPEN, coverage=np.ones(10), mondays=MONDAYS[-4:])
     alone = weekly_trend(n[1:], x_h[1:], exposure_h[1:], OPEN, coverage=np.ones(10), mondays=MONDAYS[-4:])
-    assert [w.often for w in made] == [w.often for w in alone]
+    assert [w.violation_rate for w in made] == [w.violation_rate for w in alone]
     assert [w.missing for w in made] == [()] * 4
 
 
@@ -89,7 +89,10 @@ def test_the_share_of_time_too_close_is_that_of_its_own_week(world: tuple[np.nda
         assert week.close.n_events is None
         assert week.close.lo is not None
         assert week.close.lo < week.close.value
-    assert made[0].risky == weekly_trend(n, x_h, exposure_h, OPEN, coverage=np.ones(10), mondays=MONDAYS[-4:])[0].risky
+    assert (
+        made[0].encounter_rate
+        == weekly_trend(n, x_h, exposure_h, OPEN, coverage=np.ones(10), mondays=MONDAYS[-4:])[0].encounter_rate
+    )
 
 
 def test_days_must_make_weeks(world: tuple[np.ndarray, ...]) -> None:

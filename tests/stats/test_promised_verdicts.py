@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from day_worlds import FLOORS, LEVELS, WEEKDAYS_OFFICE, Variation, World
-from prove_verdicts import CLEAR, held, often, risky, verdicts
+from prove_verdicts import CLEAR, encounter_rate, held, verdicts, violation_rate
 
 pytestmark = pytest.mark.simulation
 SITES = 800
 
 
-def clear(world: World, *, history: int, effect: float = 1.0, figure: object = often) -> float:
+def clear(world: World, *, history: int, effect: float = 1.0, figure: object = violation_rate) -> float:
     found = verdicts(world, SITES, seed=11, history=history, effect=effect, figure=figure)
     return float(np.mean([change.verdict in CLEAR for change in found]))
 
@@ -32,7 +32,7 @@ def test_the_restless_floors_do_so_too_in_their_first_weeks(name: str, history: 
 
 @pytest.mark.parametrize("history", [0, 12])
 def test_violations_per_person_hour_give_as_few_false_verdicts(history: int) -> None:
-    assert clear(FLOORS["museum"], history=history, figure=risky) <= 0.06
+    assert clear(FLOORS["museum"], history=history, figure=encounter_rate) <= 0.06
 
 
 def test_an_office_finds_a_fall_of_30_percent_in_one_week() -> None:

@@ -24,7 +24,7 @@ hours = arrays(np.float64, (2, 7), elements=st.floats(1, 24))
 
 
 def brute_force_change(n_a: np.ndarray, n_b: np.ndarray, x: np.ndarray) -> tuple[float, float, float]:
-    """House plan 7.3 and the prior of weekly steps, with loops, for cameras that all recorded all days."""
+    """The paired change with the prior of weekly steps, by loops, for cameras that all recorded all days."""
     influences, rates = [], []
     for n in (n_a, n_b):
         rate = sum(n[c].sum() / x[c].sum() for c in range(len(n)))
@@ -154,11 +154,11 @@ def test_more_people_at_the_same_risk_explain_the_whole_rise() -> None:
     rng = np.random.default_rng(2)
     people = PROFILE * 10.0 * rng.uniform(0.98, 1.02, 7)
     n = np.round(people * 2)
-    often = compare_violation_rates(n, HOURS[0], n * 1.5, HOURS[0])
+    per_open_h = compare_violation_rates(n, HOURS[0], n * 1.5, HOURS[0])
     crowd = compare_exposure(people, HOURS[0], people * 1.5, HOURS[0])
-    risky = compare_encounter_rates(n, people, n * 1.5, people * 1.5)
-    split = split_change(often=often, people=crowd, risky=risky)
-    assert (often.verdict, crowd.verdict, risky.verdict) == ("clear_rise", "clear_rise", "cannot_tell")
+    encounter_rate = compare_encounter_rates(n, people, n * 1.5, people * 1.5)
+    split = split_change(violation_rate=per_open_h, people=crowd, encounter_rate=encounter_rate)
+    assert (per_open_h.verdict, crowd.verdict, encounter_rate.verdict) == ("clear_rise", "clear_rise", "cannot_tell")
     assert split.people_share == pytest.approx(1)
     assert split.rest == pytest.approx(1)
     assert crowd.rate_a == pytest.approx(people.sum() / 86)
@@ -169,18 +169,18 @@ def test_split_multiplies_back_to_the_whole_change() -> None:
     n_a, n_b = rng.poisson(PROFILE * 20), rng.poisson(PROFILE * 25)
     people_a, people_b = PROFILE * rng.gamma(50, 0.2, 7), PROFILE * rng.gamma(50, 0.22, 7)
     split = split_change(
-        often=compare_violation_rates(n_a, HOURS[0], n_b, HOURS[0]),
+        violation_rate=compare_violation_rates(n_a, HOURS[0], n_b, HOURS[0]),
         people=compare_exposure(people_a, HOURS[0], people_b, HOURS[0]),
-        risky=compare_encounter_rates(n_a, people_a, n_b, people_b),
+        encounter_rate=compare_encounter_rates(n_a, people_a, n_b, people_b),
     )
-    assert split.people.value * split.risky.value * split.rest == pytest.approx(split.often.value)
+    assert split.people.value * split.encounter_rate.value * split.rest == pytest.approx(split.violation_rate.value)
     assert split.rest == pytest.approx(1)
 
 
 def test_split_of_an_unclear_change_names_no_share() -> None:
     same = compare_violation_rates([PROFILE], HOURS[:1], [PROFILE[::-1]], HOURS[:1])
     assert same.verdict == "cannot_tell"
-    assert split_change(often=same, people=same, risky=same).people_share is None
+    assert split_change(violation_rate=same, people=same, encounter_rate=same).people_share is None
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ def brute_force_inflation(r: float, n_days: int) -> float:
 
 
 def brute_force_m0(n: np.ndarray, x: np.ndarray) -> tuple[float, float, float]:
-    """House plan 7.2, written with loops: rate, lo, hi of cameras that all recorded all days."""
+    """The sum over cameras of rates, written with loops: rate, lo, hi of cameras that all recorded all days."""
     n_cameras, n_days = n.shape
     rate = sum(n[c].sum() / x[c].sum() for c in range(n_cameras))
     variance = 0.0

@@ -77,13 +77,13 @@ def test_a_steady_past_narrows_a_change_and_moves_nothing_else() -> None:
 def test_all_three_changes_use_the_past_alike() -> None:
     past, hours = steady(5, sd=0.05), np.broadcast_to(HOURS, (N_WEEKS, 1, N_DAYS))
     a, b = steady(6, sd=0.05, weeks=2)
-    often = compare_violation_rates(a, HOURS, b, HOURS, history_n=past, history_x_h=hours)
-    risky = compare_encounter_rates(
+    violation_rate = compare_violation_rates(a, HOURS, b, HOURS, history_n=past, history_x_h=hours)
+    encounter_rate = compare_encounter_rates(
         a[0], HOURS[0], b[0], HOURS[0], history_n=past[:, 0], history_exposure_h=hours[:, 0]
     )
     people = compare_exposure(a, HOURS, b, HOURS, history_h=past, history_x_h=hours)
-    assert (often.lo, often.hi) == pytest.approx((risky.lo, risky.hi))
-    assert (often.lo, often.hi) == pytest.approx((people.lo, people.hi))
+    assert (violation_rate.lo, violation_rate.hi) == pytest.approx((encounter_rate.lo, encounter_rate.hi))
+    assert (violation_rate.lo, violation_rate.hi) == pytest.approx((people.lo, people.hi))
 
 
 def test_a_camera_that_missed_a_day_is_judged_by_weeks_over_the_camera_days_it_has() -> None:

@@ -35,8 +35,8 @@ def test_a_level_by_hand() -> None:
     assert level.log_se == pytest.approx(math.sqrt(variance), rel=1e-9)
     half = 2.7764451051977934 * math.sqrt(variance)  # Student's t at .975 on 4 degrees of freedom
     assert (level.lo, level.hi) == pytest.approx((4 * math.exp(-half), 4 * math.exp(half)), rel=1e-6)
-    risky = encounter_rate(A, X)
-    assert (risky.lo, risky.hi) == pytest.approx((level.lo, level.hi))
+    per_person_h = encounter_rate(A, X)
+    assert (per_person_h.lo, per_person_h.hi) == pytest.approx((level.lo, level.hi))
 
 
 def test_a_change_without_history_by_hand() -> None:

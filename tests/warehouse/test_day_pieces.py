@@ -13,7 +13,7 @@ import pytest
 
 from vsd_analytics.bench.made_up_site import write_site
 from vsd_analytics.planner.planner_data import planner_pages
-from vsd_analytics.report.model.assemble import week_report
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse import sources
 from vsd_analytics.warehouse import warehouse as warehouse_module

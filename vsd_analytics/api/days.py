@@ -153,7 +153,7 @@ class Days:
         """Return one row for each floor, area and rest of a floor, with intervals.
 
         Columns: `floor_id`, `kind` (floor, area or rest), `area_id`, `name`; violations per open hour (M0) and share of
-        person-time too close (M6) as `violations_per_open_h`, `close_share`, each with `_lo`, `_hi`, `_state` and
+        person-time too close (M6) as `violations_per_open_h`, `close_time_share`, each with `_lo`, `_hi`, `_state` and
         `_reason`.
 
         Example:
@@ -175,16 +175,18 @@ class Days:
                 for where in places:
                     is_floor = isinstance(where, Floor)
                     area_id = where.area_id if isinstance(where, Area) else None
-                    often = rates.violation_rate_level(period, period.whole if is_floor else period.area(area_id))
-                    close = close_time.close_share(period, close_time.close_time(period, where))
+                    violation_rate = rates.violation_rate_level(
+                        period, period.whole if is_floor else period.area(area_id)
+                    )
+                    close = close_time.close_time_share(period, close_time.close_time(period, where))
                     rows.append(
                         {
                             "floor_id": floor.floor_id,
                             "kind": "floor" if is_floor else "area" if where is not None else "rest",
                             "area_id": area_id,
                             "name": "Rest of the floor" if where is None else where.name,
-                            **_estimate("violations_per_open_h", often),
-                            **_estimate("close_share", close),
+                            **_estimate("violations_per_open_h", violation_rate),
+                            **_estimate("close_time_share", close),
                         }
                     )
         return Table(pa.Table.from_pylist(rows), title=f"Areas, {self.name}")

@@ -29,7 +29,7 @@ _COMPARED = pa.schema(
     [(name, pa.string()) for name in ("kind", "area_id", "name")]
     + [
         (f"{figure}_{part}", pa.string() if part == "verdict" else pa.float64())
-        for figure in ("violations_per_open_h", "close_share")
+        for figure in ("violations_per_open_h", "close_time_share")
         for part in ("before", "after", "change", "change_lo", "change_hi", "verdict")
     ]
 )
@@ -127,8 +127,8 @@ class OpenProject:
 
         Example:
             >>> changed = site.compare("2026-11-09", "2026-11-10")
-            >>> [name for name in changed.columns if name.startswith("close_share_change")]
-            ['close_share_change', 'close_share_change_lo', 'close_share_change_hi']
+            >>> [name for name in changed.columns if name.startswith("close_time_share_change")]
+            ['close_time_share_change', 'close_time_share_change_lo', 'close_time_share_change_hi']
         """
         from vsd_analytics.figures import compare as figures
 
@@ -140,12 +140,12 @@ class OpenProject:
                 "kind": place.kind,
                 "area_id": place.area_id,
                 "name": place.name if isinstance(place.name, str) else reason_text(place.name),
-                "violations_per_open_h_before": place.often_a.value,
-                "violations_per_open_h_after": place.often_b.value,
-                **_change("violations_per_open_h", place.split.often),
-                "close_share_before": place.close_share_a.value,
-                "close_share_after": place.close_share_b.value,
-                **_change("close_share", place.close_share),
+                "violations_per_open_h_before": place.violation_rate_a.value,
+                "violations_per_open_h_after": place.violation_rate_b.value,
+                **_change("violations_per_open_h", place.split.violation_rate),
+                "close_time_share_before": place.close_time_share_a.value,
+                "close_time_share_after": place.close_time_share_b.value,
+                **_change("close_time_share", place.close_time_share),
             }
             for place in found.places
         ]
@@ -179,7 +179,7 @@ class OpenProject:
             return before_after.before_after(warehouse, number, area_id=area_id, weeks=weeks)
 
     def plan(self, area_id: str, *, effect: float, power: float = 0.8, weeks_max: int = 26) -> ExperimentPlan:
-        """Return how many weeks a change of an area must be watched until an effect is clear (J11); stores nothing.
+        """Return how many weeks a change of an area must be watched until an effect is clear; stores nothing.
 
         Args:
             area_id: The area to be changed.

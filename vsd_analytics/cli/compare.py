@@ -146,7 +146,10 @@ def _text(found: Comparison) -> str:
         return "\n".join([*lines, "", why_none(found.state, found.reason), *_notes(found)])
     lines.append(f"compared: {found.n_pairs} pairs of days, {found.hours_compared:,.1f} camera-hours recorded in both")
     floor = found.places[0]
-    if any(round(rate.exposure_h - found.hours_compared, 1) > 0 for rate in (floor.often_a, floor.often_b)):
+    if any(
+        round(rate.exposure_h - found.hours_compared, 1) > 0
+        for rate in (floor.violation_rate_a, floor.violation_rate_b)
+    ):
         lines.append("columns A and B hold all recorded hours of each period, B against A those recorded in both")
     lines += ["", *_place(found.places[0]), "", *_mixing(found)]
     if found.places[1:]:
@@ -158,19 +161,20 @@ def _place(place: PlaceChange) -> list[str]:
     split = place.split
     rows = [
         ("", "A", "B", "B against A", "verdict"),
-        ("violations per open hour", level(place.often_a), level(place.often_b), *change(split.often)),
-        ("share of time too close", _share_level(place.close_share_a), _share_level(place.close_share_b),
-         *change(place.close_share)),
+        ("violations per open hour", level(place.violation_rate_a), level(place.violation_rate_b),
+         *change(split.violation_rate)),
+        ("share of time too close", _share_level(place.close_time_share_a), _share_level(place.close_time_share_b),
+         *change(place.close_time_share)),
         ("person-minutes too close per open hour", level(place.burden_a), level(place.burden_b), *change(place.burden)),
         ("people in view", figure(split.people.rate_a), figure(split.people.rate_b), *change(split.people)),
-        (ENCOUNTERS, level(place.risky_a), level(place.risky_b), *change(split.risky)),
+        (ENCOUNTERS, level(place.encounter_rate_a), level(place.encounter_rate_b), *change(split.encounter_rate)),
     ]  # fmt: skip
     lines = table(rows)
-    if split.people_share is not None and split.people.change is not None and split.risky.change is not None:
+    if split.people_share is not None and split.people.change is not None and split.encounter_rate.change is not None:
         lines += [
             "",
-            f"Of the change {percent(split.often.change)}: people {percent(split.people.change)}, "
-            f"encounters per person-hour {percent(split.risky.change)}. {_share(split.people_share)}",
+            f"Of the change {percent(split.violation_rate.change)}: people {percent(split.people.change)}, "
+            f"encounters per person-hour {percent(split.encounter_rate.change)}. {_share(split.people_share)}",
         ]
     return lines
 
@@ -215,11 +219,18 @@ def _areas(places: Sequence[PlaceChange]) -> list[str]:
     reasons = []
     for place in places:
         name = place.name if isinstance(place.name, str) else reason_text(place.name)
-        often, close = place.split.often, place.close_share
-        levels = (figure(place.often_a.value), figure(place.often_b.value))
-        changed = (change(often)[0], verdict_text(often.verdict), change(close)[0], verdict_text(close.verdict))
+        violation_rate, close = place.split.violation_rate, place.close_time_share
+        levels = (figure(place.violation_rate_a.value), figure(place.violation_rate_b.value))
+        changed = (
+            change(violation_rate)[0],
+            verdict_text(violation_rate.verdict),
+            change(close)[0],
+            verdict_text(close.verdict),
+        )
         rows.append((name, *levels, *changed, percent(place.split.people.change)))
-        unknown = [(word, e.reason) for word, e in (("violations", often), ("time too close", close)) if e.reason]
+        unknown = [
+            (word, e.reason) for word, e in (("violations", violation_rate), ("time too close", close)) if e.reason
+        ]
         reasons += [f"{name}, {word}: {reason_text(why)}" for word, why in unknown]
     return [*table(rows), *reasons]
 

@@ -75,7 +75,7 @@ def change_text(found: BeforeAfterFigure) -> str:
         if estimate is not None:
             rows.append((name, change(estimate)[0], ""))
     if (near := found.neighbours) is not None:
-        rows.append(("2 to 5 m around the area", change(near.risky)[0], ""))
+        rows.append(("2 to 5 m around the area", change(near.encounter_rate)[0], ""))
         if near.effect is not None and near.effect.value is not None:
             relative = ratio(near.effect.value, near.effect.lo, near.effect.hi)
             rows.append(("  relative to the comparison areas", relative, ""))
@@ -106,7 +106,7 @@ def score_text(scored: PlanScore) -> str:
 
 
 def _effect(found: BeforeAfterFigure) -> list[str]:
-    if found.effect is None or found.often is None:
+    if found.effect is None or found.violation_rate is None:
         return []
     word = "effect" if found.is_credible else "for what it is worth, effect"
     n = found.effect.n_areas
@@ -114,7 +114,7 @@ def _effect(found: BeforeAfterFigure) -> list[str]:
     measured = (
         ("time too close per open hour", found.burden),
         ("share of their time that people are too close", found.close),
-        ("violations per open hour", found.often),
+        ("violations per open hour", found.violation_rate),
         (ENCOUNTERS, found.effect),
     )
     for name, effect in measured:
@@ -135,7 +135,7 @@ def _effect(found: BeforeAfterFigure) -> list[str]:
             f"  of the change in time too close ({percent(found.burden.value - 1)}), people who went elsewhere or came "
             f"make {people}, people who keep another distance {closeness}"
         )
-    if (trend := (found.burden or found.effect).trend or found.often.trend) is not None:
+    if (trend := (found.burden or found.effect).trend or found.violation_rate.trend) is not None:
         per_week = ratio(1 + trend.value, 1 + trend.lo, 1 + trend.hi)
         lines.append(f"  before the change, against the comparison areas: {per_week} a week over {trend.n_weeks} weeks")
         if trend.detectable_per_week is not None:

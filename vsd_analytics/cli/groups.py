@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 _SIZES_SHOWN = 5
 _RATES = (
-    ("M0", "violations per open hour", "often"),
-    ("M7", "violations per person-hour", "risky"),
+    ("M0", "violations per open hour", "violation_rate"),
+    ("M7", "violations per person-hour", "encounter_rate"),
 )
 
 

@@ -120,9 +120,9 @@ def _as_dict(data: PlannerData, path: Path) -> dict[str, object]:
                 "id": row.place_id,
                 "name": row.name,
                 "held_back": hidden.get(k),
-                "often": None if k in hidden else asdict(row.often),
-                "close_share": None if k in hidden else asdict(row.close_share),
-                "risky": None if k in hidden else asdict(row.risky),
+                "violation_rate": None if k in hidden else asdict(row.violation_rate),
+                "close_time_share": None if k in hidden else asdict(row.close_time_share),
+                "encounter_rate": None if k in hidden else asdict(row.encounter_rate),
             }
             for k, row in enumerate(data.places)
         ],

@@ -172,7 +172,7 @@ def _say_what_lacks(project: Project, report: WeekReport) -> None:
 def remember_questions(project: Project, reports: list[WeekReport]) -> None:
     """Store the questions of the pages for later weeks; a read-only project only warns."""
     from vsd_analytics.config.asked_questions import remember
-    from vsd_analytics.report.words.questions import choose, may_ask
+    from vsd_analytics.report.pages.questions import choose, may_ask
 
     try:
         remember(project.site, [choose(report) for report in reports if may_ask(report)])
@@ -202,7 +202,7 @@ def make_reports(
     Raises:
         UsageError: E101, a week and days, no range of days, or too many of them; an unknown floor.
     """
-    from vsd_analytics.report.model.assemble import days_report, week_report
+    from vsd_analytics.report.pages.story import days_report, week_report
 
     project.speak()
     if days is not None and week is not None:

@@ -60,7 +60,7 @@ def _text(found: FloorSelfCheck) -> str:
         return f"false alarms here: unknown; {reason_text(found.reason)}"
     n, lo, hi = found.false_a_year
     rows = [("verdict on", "false alarms", "likely between")]
-    for name, figure in (("violation rate", found.often), ("risk per person-hour", found.risky)):
+    for name, figure in (("violation rate", found.violation_rate), ("risk per person-hour", found.encounter_rate)):
         if figure is not None:
             rows.append((name, f"{figure.value:.0%}", f"{figure.lo:.0%} and {figure.hi:.0%}"))
     first, last = found.weeks

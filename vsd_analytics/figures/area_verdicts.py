@@ -22,19 +22,19 @@ class AreaChanges:
     """The changes of one place.
 
     Attributes:
-        often: How often, M0.
+        violation_rate: How often, M0.
         close: The share of person-time too close, M6.
-        risky: Encounters per person-hour, M7.
+        encounter_rate: Encounters per person-hour, M7.
         burden: Person-minutes too close per open hour.
     """
 
-    often: ChangeEstimate
+    violation_rate: ChangeEstimate
     close: ChangeEstimate
-    risky: ChangeEstimate
+    encounter_rate: ChangeEstimate
     burden: ChangeEstimate
 
 
-FAMILIES = (("often", "close"), ("risky",), ("burden",))
+FAMILIES = (("violation_rate", "close"), ("encounter_rate",), ("burden",))
 """Which changes of all areas are judged together; the first are the claims about a week."""
 
 
@@ -68,8 +68,8 @@ def area_changes(pair: TwoPeriods) -> Mapping[str | None, AreaChanges]:
 def _changes(pair: TwoPeriods, place: Place, where: Floor | Area | None) -> AreaChanges:
     close = close_time.close_time(pair.now, where)
     return AreaChanges(
-        often=rates.violation_rate_change(pair, place),
-        close=close_time.change_close_share(pair, close),
-        risky=rates.encounter_rate_change(pair, place),
+        violation_rate=rates.violation_rate_change(pair, place),
+        close=close_time.change_close_time_share(pair, close),
+        encounter_rate=rates.encounter_rate_change(pair, place),
         burden=close_time.change_burden(pair, close),
     )

@@ -68,12 +68,12 @@ class Neighbours:
     """What happened around the changed area: violations that only moved on.
 
     Attributes:
-        risky: Change of violations per person-hour, 2 to 5 m around it.
+        encounter_rate: Change of violations per person-hour, 2 to 5 m around it.
         people: Change of people there.
         effect: Its change relative to the comparison areas; None without any.
     """
 
-    risky: ChangeEstimate
+    encounter_rate: ChangeEstimate
     people: ChangeEstimate
     effect: test.BeforeAfter | None
 
@@ -115,7 +115,7 @@ class BeforeAfterFigure:
         running: The verdict that may be read every week; None without comparison areas.
         floor: What became of the whole floor; None where violation time is unknown.
         effect: The effect on violations per person-hour relative to the comparison areas; None without them.
-        often: The effect on violations per open hour, likewise: what moved people away lowers this alone.
+        violation_rate: The effect on violations per open hour, likewise: what moved people away lowers this alone.
         alone: Violations per person-hour in the area, after / before.
         comparison: The same in the comparison areas together; None without them.
         people: People in the area, after / before: fewer people is not a safer layout.
@@ -144,7 +144,7 @@ class BeforeAfterFigure:
     running: RunningVerdict | None = None
     floor: FloorEffect | None = None
     effect: test.BeforeAfter | None = None
-    often: test.BeforeAfter | None = None
+    violation_rate: test.BeforeAfter | None = None
     alone: ChangeEstimate | None = None
     comparison: ChangeEstimate | None = None
     people: ChangeEstimate | None = None
@@ -212,16 +212,16 @@ def before_after(
         )  # fmt: skip
     others = [pair.now.area(a.area_id) for a in chosen]
     effect = _effect(pair, place, others, windows=windows)
-    often = _effect(pair, place, others, windows=windows, per="x_h")
+    violation_rate = _effect(pair, place, others, windows=windows, per="x_h")
     burden = close = None
     if np.isfinite(data.violation_h).all():
         times = [timed(data, a.area_id) for a in (area, *chosen)]
         burden = _effect(pair, place, others, windows=windows, per="x_h", times=times)
         close = _effect(pair, place, others, windows=windows, times=times)
     whole, so_far = floor_effect(data, area, windows), running(data, area, chosen, windows)
-    if effect.value is None and often.value is None:
+    if effect.value is None and violation_rate.value is None:
         return replace(made, reason=effect.reason, areas_left_out=tuple(left_out.items()))
-    trend = effect.trend or often.trend
+    trend = effect.trend or violation_rate.trend
     if trend is not None and not trend.is_flat:
         doubts = [Reason("redesign.trend", per_week=trend.value, lo=trend.lo, hi=trend.hi), *doubts]
     if trend is None:
@@ -234,7 +234,7 @@ def before_after(
             burden or effect, whole, windows, [*unsteady, *changes_elsewhere(site, entry, area, windows)]
         ),
         burden=burden, close=close, routes=_routes(burden, close), running=so_far,
-        floor=whole, effect=effect, often=often, alone=alone,
+        floor=whole, effect=effect, violation_rate=violation_rate, alone=alone,
         comparison=rates.encounter_rate_change(pair, _together(others)), people=people,
         neighbours=_neighbours(pair, area, others), comparison_areas=tuple(a.area_id for a in chosen),
         areas_left_out=tuple(left_out.items()), assumptions=ASSUMPTIONS, notes=notes,
@@ -377,7 +377,7 @@ def _neighbours(pair: TwoPeriods, area: Area, others: Sequence[Place]) -> Neighb
     if not place.exposure_h.any():
         return None
     return Neighbours(
-        risky=rates.encounter_rate_change(pair, place),
+        encounter_rate=rates.encounter_rate_change(pair, place),
         people=rates.change_people(pair, place),
         effect=_effect(pair, place, others) if others else None,
     )

@@ -40,7 +40,7 @@ def close_time(period: Period, where: Floor | Area | None) -> Place:
     return Place(violation_h * SECONDS, exposure_h, cameras & knows_distances(period), is_there)
 
 
-def close_share(period: Period, place: Place, *, has_history: bool = True) -> RateEstimate:
+def close_time_share(period: Period, place: Place, *, has_history: bool = True) -> RateEstimate:
     """Return the share of person-time in violation (M6) of a place made by `close_time`, with the interval of M7.
 
     Args:
@@ -72,7 +72,7 @@ def close_share(period: Period, place: Place, *, has_history: bool = True) -> Ra
     return at_most_one(found)
 
 
-def close_share_by_hour(period: Period) -> Array:
+def close_time_share_by_hour(period: Period) -> Array:
     """Return the share of the floor's person-time in violation (M6) in each hour of the data, shape (n_hours,).
 
     Of the camera-hours that enter rates; NaN in hours without any, and where nobody was in view. One hour is one
@@ -98,7 +98,7 @@ def burden(period: Period, place: Place) -> RateEstimate:
     return in_units(found, MINUTES, Reason("nobody.close"))
 
 
-def change_close_share(pair: TwoPeriods, place: Place) -> ChangeEstimate:
+def change_close_time_share(pair: TwoPeriods, place: Place) -> ChangeEstimate:
     """Return the change of the share of person-time in violation (M6) over the camera-hours compared."""
     return _change_in_units(encounter_rate_change(pair, _with_known_distances(pair, place)), SECONDS)
 

@@ -62,10 +62,10 @@ class PlaceChange:
         kind: The whole floor, an area, or the rest of the floor.
         area_id: The area's id.
         name: Its name.
-        often_a, often_b: How often in each period (M0), over all hours that enter rates.
-        risky_a, risky_b: Encounters per person-hour (M7), likewise.
-        close_share_a, close_share_b: Share of person-time too close (M6), of anybody.
-        close_share: Its change over the hours compared.
+        violation_rate_a, violation_rate_b: How often in each period (M0), over all hours that enter rates.
+        encounter_rate_a, encounter_rate_b: Encounters per person-hour (M7), likewise.
+        close_time_share_a, close_time_share_b: Share of person-time too close (M6), of anybody.
+        close_time_share: Its change over the hours compared.
         burden_a, burden_b: Person-minutes too close per open hour.
         burden: Its change over the hours compared.
         split: The changes of how often, people and how risky over the hours compared, and what people explain.
@@ -74,13 +74,13 @@ class PlaceChange:
     kind: PlaceKind
     area_id: str | None
     name: str | Reason
-    often_a: RateEstimate
-    often_b: RateEstimate
-    risky_a: RateEstimate
-    risky_b: RateEstimate
-    close_share_a: RateEstimate
-    close_share_b: RateEstimate
-    close_share: ChangeEstimate
+    violation_rate_a: RateEstimate
+    violation_rate_b: RateEstimate
+    encounter_rate_a: RateEstimate
+    encounter_rate_b: RateEstimate
+    close_time_share_a: RateEstimate
+    close_time_share_b: RateEstimate
+    close_time_share: ChangeEstimate
     burden_a: RateEstimate
     burden_b: RateEstimate
     burden: ChangeEstimate
@@ -237,26 +237,36 @@ def _place(
     before, now = (p.whole if isinstance(where, Floor) else p.area(area_id) for p in periods)
     close = close_time.close_time(pair.now, where)
     if isinstance(where, Floor) or area_id not in family:
-        often, risky = rates.violation_rate_change(pair, now), rates.encounter_rate_change(pair, now)
-        close_share, burden = close_time.change_close_share(pair, close), close_time.change_burden(pair, close)
+        violation_rate, encounter_rate = rates.violation_rate_change(pair, now), rates.encounter_rate_change(pair, now)
+        close_time_share, burden = (
+            close_time.change_close_time_share(pair, close),
+            close_time.change_burden(pair, close),
+        )
     else:
         changes = family[area_id]
-        often, risky, close_share, burden = changes.often, changes.risky, changes.close, changes.burden
+        violation_rate, encounter_rate, close_time_share, burden = (
+            changes.violation_rate,
+            changes.encounter_rate,
+            changes.close,
+            changes.burden,
+        )
     return PlaceChange(
         kind="floor" if isinstance(where, Floor) else "rest" if where is None else "area",
         area_id=area_id,
         name=Reason("row.rest") if where is None else where.name,
-        often_a=rates.violation_rate_level(pair.before, before),
-        often_b=rates.violation_rate_level(pair.now, now),
-        risky_a=rates.encounter_rate_level(pair.before, before),
-        risky_b=rates.encounter_rate_level(pair.now, now),
-        close_share_a=close_time.close_share(pair.before, close_time.close_time(pair.before, where)),
-        close_share_b=close_time.close_share(pair.now, close),
-        close_share=close_share,
+        violation_rate_a=rates.violation_rate_level(pair.before, before),
+        violation_rate_b=rates.violation_rate_level(pair.now, now),
+        encounter_rate_a=rates.encounter_rate_level(pair.before, before),
+        encounter_rate_b=rates.encounter_rate_level(pair.now, now),
+        close_time_share_a=close_time.close_time_share(pair.before, close_time.close_time(pair.before, where)),
+        close_time_share_b=close_time.close_time_share(pair.now, close),
+        close_time_share=close_time_share,
         burden_a=close_time.burden(pair.before, close_time.close_time(pair.before, where)),
         burden_b=close_time.burden(pair.now, close),
         burden=burden,
-        split=split_change(often=often, people=rates.change_people(pair, now), risky=risky),
+        split=split_change(
+            violation_rate=violation_rate, people=rates.change_people(pair, now), encounter_rate=encounter_rate
+        ),
     )
 
 

@@ -1,4 +1,4 @@
-"""Experiments: how long a change of an area must be watched, what it is compared with, and how a plan came out (J11).
+"""Experiments: how long a change of an area must be watched, what it is compared with, and how a plan came out.
 
 The arithmetic is `vsd_analytics.stats.experiment`, on person-time in violation per open hour of an area beside
 its comparison areas, as the running verdict of `vsd compare --change` reads it.

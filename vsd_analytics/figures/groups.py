@@ -1,4 +1,4 @@
-"""People together: the groups of a range, and its violations in two readings, all and between groups (R4, M9).
+"""People together: the groups of a range, and its violations in two readings, all and between groups (M9).
 
 A violation is within a group when the marts `track_groups` put both its tracks into one; every other is between groups.
 Both readings are reported, side by side. Where track ids are cut, the filter says that it is not applicable, and no
@@ -89,15 +89,15 @@ class GroupReadings:
 
     Attributes:
         floor_id: The floor.
-        often, often_between: How often, M0, of all violations and of those between groups.
-        risky, risky_between: How risky, M7, likewise.
+        violation_rate, violation_rate_between: How often, M0, of all violations and of those between groups.
+        encounter_rate, encounter_rate_between: How risky, M7, likewise.
     """
 
     floor_id: str
-    often: RateEstimate
-    often_between: RateEstimate
-    risky: RateEstimate
-    risky_between: RateEstimate
+    violation_rate: RateEstimate
+    violation_rate_between: RateEstimate
+    encounter_rate: RateEstimate
+    encounter_rate_between: RateEstimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,10 +317,10 @@ def _readings(warehouse: Warehouse, able: set[str], days: _Days) -> tuple[GroupR
         made.append(
             GroupReadings(
                 floor_id=floor.floor_id,
-                often=violation_rate_level(period, whole),
-                often_between=violation_rate_level(period, between),
-                risky=encounter_rate_level(period, whole),
-                risky_between=encounter_rate_level(period, between),
+                violation_rate=violation_rate_level(period, whole),
+                violation_rate_between=violation_rate_level(period, between),
+                encounter_rate=encounter_rate_level(period, whole),
+                encounter_rate_between=encounter_rate_level(period, between),
             )
         )
     return tuple(made)

@@ -101,15 +101,15 @@ def week_profile(warehouse: Warehouse, monday: date, *, floor_id: str | None = N
     both = (violations.x_h > 0) & (people.x_h > 0) & is_estimated
     exposure = np.where(both, people.n * _same_hours(violations.x_h, people.x_h), 0)
     risk = slot_rates(np.where(exposure > 0, violations.n, 0), exposure, min_weeks=1, confidence=confidence)
-    why_often, why_risky = slots.why_no_violations, slots.why_no_violations or slots.why_no_people
+    why_violation_rate, why_encounter_rate = slots.why_no_violations, slots.why_no_violations or slots.why_no_people
     return WeekProfile(
         last_week=iso_week(monday),
         floor_id=floor_id,
         rows=_rows(slots, burden, risk),
-        by_burden=_peaks(burden, why_often),
-        by_risk=_peaks(risk, why_risky),
-        state=risk.state if why_risky is None else "not_measurable",
-        reason=_reason(risk) if why_risky is None else why_risky,
+        by_burden=_peaks(burden, why_violation_rate),
+        by_risk=_peaks(risk, why_encounter_rate),
+        state=risk.state if why_encounter_rate is None else "not_measurable",
+        reason=_reason(risk) if why_encounter_rate is None else why_encounter_rate,
     )
 
 

@@ -188,9 +188,9 @@ def _risk(data: CellHours) -> CellMap:
     if data.grid is None:
         return CellMap("M18", None, None, None, None, data.state, data.reason)
     exposure_h, violation_h = (data.summed(v) / 3600 for v in (data.exposure_s, data.violation_s))
-    near, risky = (test.smoothed(v, SIGMA_M / data.grid.cell_m) for v in (exposure_h, violation_h))
+    near, encounter_rate = (test.smoothed(v, SIGMA_M / data.grid.cell_m) for v in (exposure_h, violation_h))
     is_known = (near >= MIN_EXPOSURE_H) & (exposure_h > 0)
-    share = np.divide(risky, near, out=np.full(near.shape, np.nan), where=is_known)
+    share = np.divide(encounter_rate, near, out=np.full(near.shape, np.nan), where=is_known)
     return CellMap("M18", data.grid, np.minimum(share, 1.0), exposure_h, float(exposure_h.sum()), "ok", None)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.close_time import SECONDS, close_share, knows_distances
+from vsd_analytics.figures.close_time import SECONDS, close_time_share, knows_distances
 from vsd_analytics.figures.groups import PURGED
 from vsd_analytics.figures.panels import Array, Place
 from vsd_analytics.figures.periods import Period
@@ -95,7 +95,7 @@ def level_of(density: float) -> int:
 def _share(period: Period, hours: Array) -> RateEstimate:
     data = period.data
     place = Place(hours * SECONDS, data.everyone.exposure_h, data.everyone.cameras & knows_distances(period))
-    return close_share(period, place, has_history=False)
+    return close_time_share(period, place, has_history=False)
 
 
 def _by_number(period: Period) -> dict[int, Array] | None:

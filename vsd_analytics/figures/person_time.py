@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.close_time import SECONDS, close_share, close_time, in_units, knows_distances
+from vsd_analytics.figures.close_time import SECONDS, close_time, close_time_share, in_units, knows_distances
 from vsd_analytics.figures.groups import PURGED, camera_lives
 from vsd_analytics.figures.panels import Place
 from vsd_analytics.figures.periods import Period
@@ -50,7 +50,7 @@ class PersonTime:
         exposure_h: Person-hours (M3); None when unknown.
         peak: The fullest quarter-hour; None without one that was recorded.
         close: Share of person-time with somebody closer than the legal distance (M6), with the interval of M7.
-        close_between: The same, of somebody the person does not move together with (R4); its reason says why not.
+        close_between: The same, of somebody the person does not move together with; its reason says why not.
     """
 
     people: RateEstimate
@@ -86,7 +86,7 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
         people=_people(period),
         exposure_h=float(panel.exposure_h.sum()),
         peak=_peak(period),
-        close=close_share(period, close_time(period, data.floor)),
+        close=close_time_share(period, close_time(period, data.floor)),
         close_between=_close_between(period, able),
     )
 
@@ -116,7 +116,7 @@ def _close_between(period: Period, known: set[str] | None) -> RateEstimate:
     if (data.violation_h * counted)[able].sum() > 1.001 * (all_pairs_h * counted)[able].sum() + 1e-6:
         return no_rate(PURGED)
     between = Place(violation_h * SECONDS, data.everyone.exposure_h, able & knows_distances(period))
-    return close_share(period, between, has_history=False)
+    return close_time_share(period, between, has_history=False)
 
 
 def _peak(period: Period) -> PeakQuarter | None:

@@ -1,4 +1,4 @@
-"""How often the verdicts on a floor are false: its own past weeks, shuffled so that nothing changes on average (J10).
+"""How often the verdicts on a floor are false: its own past weeks, shuffled so that nothing changes on average.
 
 The arithmetic is `vsd_analytics.stats.false_alarms`, on the two numbers of the floor that a weekly report judges: how
 often (M0) and how risky (M7).
@@ -35,8 +35,8 @@ class FloorSelfCheck:
         floor_id: The floor.
         weeks: First day of the first and last day of the last week used; None without a week.
         n_weeks: Weeks used: whole, and recorded as far as a week must be to be compared (`min_coverage`).
-        often: False alarms of how often (M0); None without a verdict.
-        risky: Of how risky (M7); likewise.
+        violation_rate: False alarms of how often (M0); None without a verdict.
+        encounter_rate: Of how risky (M7); likewise.
         both: Of the two together; None where neither has one.
         verdicts_a_year: Verdicts on the floor in a year of weekly reports: 52 for each number that is judged.
         false_a_year: Expected false ones among them, with its interval.
@@ -46,8 +46,8 @@ class FloorSelfCheck:
     floor_id: str
     weeks: Days | None
     n_weeks: int
-    often: FalseAlarms | None
-    risky: FalseAlarms | None
+    violation_rate: FalseAlarms | None
+    encounter_rate: FalseAlarms | None
     both: FalseAlarms | None
     state: State
     reason: Reason | None
@@ -55,7 +55,7 @@ class FloorSelfCheck:
     @property
     def verdicts_a_year(self) -> int:
         """Return the verdicts on the floor in a year of weekly reports."""
-        return WEEKS_A_YEAR * sum(figure is not None for figure in (self.often, self.risky))
+        return WEEKS_A_YEAR * sum(figure is not None for figure in (self.violation_rate, self.encounter_rate))
 
     @property
     def false_a_year(self) -> tuple[float, float, float] | None:
@@ -95,20 +95,20 @@ def self_check(data: FloorHours, *, until: date) -> FloorSelfCheck:
         why = last.why_no_violations
         return FloorSelfCheck(floor_id, used, len(weeks), None, None, None, "not_measurable", why)
     panels = [data.panel(last.whole, week.days) for week in weeks]
-    often = risky = None
+    violation_rate = encounter_rate = None
     if len(weeks) >= MIN_WEEKS:
         rate = partial(false_alarm_rate, **settings.for_intervals)
         n, x_h = (_stacked(panels, name) for name in ("n", "x_h"))
-        often = rate(n, x_h)
+        violation_rate = rate(n, x_h)
         if all(week.why_no_exposure is None for week in weeks):
             person_h = _stacked(panels, "exposure_h")
-            risky = rate(n.sum(axis=1)[:, None], person_h.sum(axis=1)[:, None])
-    found = [figure for figure in (often, risky) if figure is not None]
+            encounter_rate = rate(n.sum(axis=1)[:, None], person_h.sum(axis=1)[:, None])
+    found = [figure for figure in (violation_rate, encounter_rate) if figure is not None]
     if not found:
         why = _too_few(len(weeks)) if len(weeks) < MIN_WEEKS else Reason("selfcheck.verdicts")
         return FloorSelfCheck(floor_id, used, len(weeks), None, None, None, "not_enough_data", why)
     both = together(found, confidence=settings.confidence)
-    return FloorSelfCheck(floor_id, used, len(weeks), often, risky, both, "ok", None)
+    return FloorSelfCheck(floor_id, used, len(weeks), violation_rate, encounter_rate, both, "ok", None)
 
 
 def _weeks(data: FloorHours, until: date) -> list[Period]:

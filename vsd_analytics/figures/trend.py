@@ -33,7 +33,7 @@ class FloorTrend:
         left_out: Names of those that recorded nothing in the last week, so that no week counts them.
         state: "ok" when at least three weeks are no gaps.
         reason: Why not.
-        risky_reason: Why the rate per person-hour cannot be given; None where it can.
+        encounter_rate_reason: Why the rate per person-hour cannot be given; None where it can.
     """
 
     floor_id: str | None
@@ -43,7 +43,7 @@ class FloorTrend:
     left_out: tuple[str, ...]
     state: State
     reason: Reason | None
-    risky_reason: Reason | None
+    encounter_rate_reason: Reason | None
 
 
 def first_day(monday: date) -> date:

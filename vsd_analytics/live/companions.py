@@ -1,4 +1,4 @@
-"""Who moves together, as far as it is known while it happens: a causal form of the reports' rule for groups (R4).
+"""Who moves together, as far as it is known while it happens: a causal form of the reports' rule for groups.
 
 Two people of one camera are together once all of this is true at one instant, of their records so far:
 

@@ -175,7 +175,7 @@ def close_pairs(xy: Floats, *, distance_mm: int) -> list[Edge]:
 
 
 def gatherings(frame: PeopleGraph) -> list[Sighting]:
-    """Return the connected components of the graph of close people, the clusters of recipe R8 of the reports."""
+    """Return the connected components of the graph of close people, which reports call clusters."""
     if not frame.edges:
         return []
     # union-find; the lower number becomes the root, so that the order of the components is that of the people

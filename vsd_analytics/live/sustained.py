@@ -11,7 +11,7 @@ from vsd_analytics.live.situations import Ground, Sighting
 from vsd_analytics.site.model import AlarmRule, Site
 
 _SHARED_MIN = 2
-"""A situation goes on in a sighting that shares this many people with it (recipe R8)."""
+"""A situation goes on in a sighting that shares this many people with it."""
 
 
 @dataclass(slots=True)

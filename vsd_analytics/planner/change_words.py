@@ -11,9 +11,9 @@ from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.planner.logged_changes import ChangeSide, PlannerChange
-from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.change_results import amount
+from vsd_analytics.report.pages.logged_changes import amount
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 

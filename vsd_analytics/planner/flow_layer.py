@@ -12,7 +12,7 @@ from vsd_analytics.answer import Answers
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.report.draw.floor_frame import Frame
 from vsd_analytics.report.draw.flow_maps import WIDTHS, direction_paths, line_paths, width_steps
-from vsd_analytics.report.pages.flow_figure import arrows_of, cell_side_m, lines_of, rows_of
+from vsd_analytics.report.pages.map_figures import arrows_of, cell_side_m, lines_of, rows_of
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say
 

@@ -28,10 +28,9 @@ from vsd_analytics.planner.space_use import SpaceUseView, space_use_view
 from vsd_analytics.planner.t_quantiles import few_events, quantiles
 from vsd_analytics.report.draw.floor_frame import Frame
 from vsd_analytics.report.draw.svg import smooth_path, straight_path
-from vsd_analytics.report.model.spot_words import place_name
+from vsd_analytics.report.model.spot_names import place_name
 from vsd_analytics.report.pages.spot_cards import watched
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
-from vsd_analytics.report.words.terms import capital, joined, verdict_words
 from vsd_analytics.stats.day_correlation import LARGEST, PRIOR_CORRELATION, PRIOR_DAYS
 from vsd_analytics.stats.rates import MIN_EVENTS, MIN_HISTORY_WEEKS, SMALL_COUNT
 from vsd_analytics.stats.weekly_steps import PRIOR_DF, PRIOR_EXTRA, PRIOR_WEEK_SD
@@ -40,6 +39,7 @@ from vsd_analytics.wording import catalogue
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.languages import days
 from vsd_analytics.wording.reasons import reason_text, text_or_none
+from vsd_analytics.wording.terms import capital, joined, verdict_words
 
 UNIT: Final = 100
 """Units of the drawing in a metre of floor."""
@@ -80,12 +80,12 @@ class PlannerFigureRow:
     """The report's figures of a place, as texts."""
 
     name: str
-    often: str = fmt.MISSING
-    often_likely: str = ""
+    violation_rate: str = fmt.MISSING
+    violation_rate_likely: str = ""
     close: str = fmt.MISSING
     close_likely: str = ""
-    risky: str = fmt.MISSING
-    risky_likely: str = ""
+    encounter_rate: str = fmt.MISSING
+    encounter_rate_likely: str = ""
     previous: str = fmt.MISSING
     change: str = ""
     change_likely: str = ""
@@ -285,7 +285,7 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
     hidden = [w.hidden.get(index) if w is not None else None for w in (data.week, data.before)]
     changes: dict[str, Any] = {}
     if data.before is not None and data.why_not_compared is None and not any(hidden):
-        measured = {"often": row.often, "close": row.close_share, "risky": row.risky}
+        measured = {"often": row.violation_rate, "close": row.close_time_share, "risky": row.encounter_rate}
         changes = {name: _change_meta(estimate) for name, estimate in measured.items()}
     return {
         "id": row.place_id,
@@ -336,23 +336,23 @@ def _figures(data: PlannerData, index: int, row: PlaceRow) -> PlannerFigureRow:
     """Return the report's figures of a place as texts."""
     hidden = data.week.hidden.get(index)
     hidden_before = data.before.hidden.get(index) if data.before is not None else None
-    often, risky, close = row.often, row.risky, row.close_share
+    violation_rate, encounter_rate, close = row.violation_rate, row.encounter_rate, row.close_time_share
     if hidden is not None:
-        return PlannerFigureRow(name=row.name, often_likely=reason_text(hidden))
-    changes = hidden_before is None and often.verdict is not None and often.previous is not None
-    clear = often.verdict in ("clear_fall", "clear_rise")
-    said = verdict_words(often) if changes else ""
+        return PlannerFigureRow(name=row.name, violation_rate_likely=reason_text(hidden))
+    changes = hidden_before is None and violation_rate.verdict is not None and violation_rate.previous is not None
+    clear = violation_rate.verdict in ("clear_fall", "clear_rise")
+    said = verdict_words(violation_rate) if changes else ""
     return PlannerFigureRow(
         name=row.name,
-        often=fmt.number(often.value),
-        often_likely=fmt.likely_level(often) or reason_text(often.reason),
+        violation_rate=fmt.number(violation_rate.value),
+        violation_rate_likely=fmt.likely_level(violation_rate) or reason_text(violation_rate.reason),
         close=fmt.percent(close.value),
         close_likely=fmt.likely_level(close, written=fmt.percent) or reason_text(close.reason),
-        risky=fmt.number(risky.value),
-        risky_likely=fmt.likely_level(risky) or reason_text(risky.reason),
-        previous=fmt.number(often.previous) if changes else fmt.MISSING,
-        change=f"{said}, {fmt.fewer_more(often.change)}" if changes and clear else said,
-        change_likely=fmt.likely_change(often) if changes else "",
+        encounter_rate=fmt.number(encounter_rate.value),
+        encounter_rate_likely=fmt.likely_level(encounter_rate) or reason_text(encounter_rate.reason),
+        previous=fmt.number(violation_rate.previous) if changes else fmt.MISSING,
+        change=f"{said}, {fmt.fewer_more(violation_rate.change)}" if changes and clear else said,
+        change_likely=fmt.likely_change(violation_rate) if changes else "",
     )
 
 

@@ -18,7 +18,7 @@ from vsd_analytics.answer import Answers, Reason
 from vsd_analytics.figures import hotspots as spots
 from vsd_analytics.figures.catalogue import asks_for, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
-from vsd_analytics.figures.close_time import change_close_share, close_time
+from vsd_analytics.figures.close_time import change_close_time_share, close_time
 from vsd_analytics.figures.compare import why_not
 from vsd_analytics.figures.hotspot_export import without_small
 from vsd_analytics.figures.panels import WEEK, Flags, Place
@@ -100,9 +100,9 @@ class PlaceRow:
         area: The area; None for floor and rest.
         cameras: Which cameras count anybody there.
         has_history: Its usual rates of weekdays are given; not where an earlier week holds its count back.
-        often: How often (M0), with the change from the other week.
-        risky: How risky (M7), likewise.
-        close_share: Share of person-time too close (M6), likewise; None where it is hidden or unknown.
+        violation_rate: How often (M0), with the change from the other week.
+        encounter_rate: How risky (M7), likewise.
+        close_time_share: Share of person-time too close (M6), likewise; None where it is hidden or unknown.
         is_close_known: The cameras that count there know distances, so that the share of any part of a week is known.
     """
 
@@ -111,9 +111,9 @@ class PlaceRow:
     area: Area | None
     cameras: tuple[bool, ...]
     has_history: bool
-    often: Estimate
-    risky: Estimate
-    close_share: Estimate
+    violation_rate: Estimate
+    encounter_rate: Estimate
+    close_time_share: Estimate
     is_close_known: bool
 
 
@@ -342,8 +342,11 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
     of_areas = [rows[None if a is None else a.area_id] for a in areas]
     unknown_share = Estimate(value=None, state="not_measurable")
     figures = [
-        (level.often, level.risky, level.close_share or unknown_share),
-        *((row.often, row.risky or level.risky, row.close_share or unknown_share) for row in of_areas),
+        (level.violation_rate, level.encounter_rate, level.close_time_share or unknown_share),
+        *(
+            (row.violation_rate, row.encounter_rate or level.encounter_rate, row.close_time_share or unknown_share)
+            for row in of_areas
+        ),
     ]
     places = [data.whole, *(data.area(None if a is None else a.area_id) for a in areas)]
     timed = [close_time(data.this, where) for where in (data.floor, *areas)]
@@ -354,12 +357,12 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
             area=area,
             cameras=tuple(bool(c) for c in place.cameras),
             has_history=k not in unknown,
-            often=often,
-            risky=risky,
-            close_share=_with_change(data, close_share, of_time) if is_compared else close_share,
+            violation_rate=violation_rate,
+            encounter_rate=encounter_rate,
+            close_time_share=_with_change(data, close_time_share, of_time) if is_compared else close_time_share,
             is_close_known=bool((of_time.cameras == place.cameras).all()),
         )
-        for k, (place_id, name, area, place, of_time, (often, risky, close_share)) in enumerate(
+        for k, (place_id, name, area, place, of_time, (violation_rate, encounter_rate, close_time_share)) in enumerate(
             zip(ids, names, [None, *areas], places, timed, figures, strict=True)
         )
     )
@@ -367,7 +370,7 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
 
 def _with_change(data: TwoWeeks, share: Estimate, of_time: Place) -> Estimate:
     """Return a share of time too close with its change from the other week, as `vsd compare` gives it."""
-    found = change_close_share(data.pair, of_time)
+    found = change_close_time_share(data.pair, of_time)
     return share if found.value is None or share.value is None else with_change(share, found)
 
 

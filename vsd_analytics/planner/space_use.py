@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from vsd_analytics.answer import Answers, Row, Value, value_of
-from vsd_analytics.report.pages.flow_figure import doubts, is_known, is_pooled, number, rows_of
+from vsd_analytics.report.pages.map_figures import doubts, is_known, is_pooled, number, rows_of
 from vsd_analytics.report.pages.waiting import WaitingView, time_text, waiting
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say

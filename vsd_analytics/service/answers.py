@@ -15,9 +15,9 @@ from typing import Any, Final
 
 from vsd_analytics.config import load_site
 from vsd_analytics.errors import StoreError, UsageError, VsdError
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.site.instants import parse_week
 from vsd_analytics.site.model import Site

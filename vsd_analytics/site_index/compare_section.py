@@ -11,13 +11,13 @@ from markupsafe import Markup
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.report.draw.funnel_chart import NARROW, WIDE, FunnelPoint, PointKind, funnel_chart
-from vsd_analytics.report.words.terms import capital
 from vsd_analytics.site_index.site_comparison import CONFIDENCE, ComparedFloor, FloorStatus, SiteComparison
 from vsd_analytics.site_index.summary import in_words, some
 from vsd_analytics.stats.quantiles import z_quantile
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
+from vsd_analytics.wording.terms import capital
 
 GROUPS: Final[tuple[FloorStatus, ...]] = ("gaps", "absent", "older", "distance", "few", "nobody", "alone", "reason")
 """Why floors are not compared, in the order in which the page says it."""

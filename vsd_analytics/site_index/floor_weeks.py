@@ -148,7 +148,7 @@ def standing(report: IndexedReport | None) -> Standing:
             return "not_compared" if report.is_so_far else "incomplete"
         case "settings_changed" | "first_week":
             return "not_compared"
-    verdict: Standing | None = verdict_of(report.level.often)
+    verdict: Standing | None = verdict_of(report.level.violation_rate)
     if verdict is not None:
         return verdict
     return "none" if report.state == "empty" else "not_compared"

@@ -14,7 +14,6 @@ from vsd_analytics.answer import Verdict
 from vsd_analytics.figures.week.results import LogLine
 from vsd_analytics.report.model.week import Span
 from vsd_analytics.report.pages.week import policy_hash, printed_footers, rendered, shipped_style
-from vsd_analytics.report.words import terms
 from vsd_analytics.site_index import week_bars
 from vsd_analytics.site_index.compare_section import CompareSection, compare_section
 from vsd_analytics.site_index.floor_weeks import Catalogue, FloorWeeks, standing, verdict_of
@@ -22,6 +21,7 @@ from vsd_analytics.site_index.read_reports import Entry, IndexedReport
 from vsd_analytics.site_index.site_comparison import compare_sites
 from vsd_analytics.site_index.summary import headline, lead, week_line
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import months
 from vsd_analytics.wording.reasons import reason_text
@@ -227,17 +227,19 @@ def _row(floor: FloorWeeks, latest: date) -> Row:
         raise AssertionError("a floor is made of reports")
     window = floor.window(latest)
     weeks = tuple(week_bars.said(t) for _, t in window)
-    risky = report.level.risky
+    encounter_rate = report.level.encounter_rate
     share = report.coverage.share
-    often = report.level.often
+    violation_rate = report.level.violation_rate
     is_current = monday == latest
     return Row(
         site=floor.site_name,
         floor=floor.name,
         link=next(iter(_links(entry, floor.full_name, only="report")), None),
         week="" if is_current else say("index.last_report", week=_week_name(monday)),
-        rate=week_bars.said(report) if week_bars.bar_kind(report) == "rough" else fmt.number(often.value),
-        risk=say("index.risk", rate=fmt.number(risky.value)) if risky.value is not None and risky.state == "ok" else "",
+        rate=week_bars.said(report) if week_bars.bar_kind(report) == "rough" else fmt.number(violation_rate.value),
+        risk=say("index.risk", rate=fmt.number(encounter_rate.value))
+        if encounter_rate.value is not None and encounter_rate.state == "ok"
+        else "",
         bars=week_bars.bars(
             window, label=say("index.bars", weeks=_phrase([m for m, _ in window]), said=", ".join(weeks))
         ),
@@ -252,11 +254,11 @@ def _row(floor: FloorWeeks, latest: date) -> Row:
 
 
 def _clear(report: IndexedReport) -> Verdict | None:
-    return report.level.often.verdict if standing(report) in ("fall", "rise") else None
+    return report.level.violation_rate.verdict if standing(report) in ("fall", "rise") else None
 
 
 def _verdict(report: IndexedReport) -> str:
-    often = report.level.often
+    violation_rate = report.level.violation_rate
     match standing(report):
         case "no_data":
             return terms.capital(say("index.no_data"))
@@ -265,9 +267,11 @@ def _verdict(report: IndexedReport) -> str:
         case "none":
             return terms.capital(say("index.no_violations"))
         case "fall" | "rise":
-            return say("index.verdict", verdict=terms.verdict_words(often), change=fmt.signed(often.change))
+            return say(
+                "index.verdict", verdict=terms.verdict_words(violation_rate), change=fmt.signed(violation_rate.change)
+            )
         case "same":
-            return terms.verdict_words(often)
+            return terms.verdict_words(violation_rate)
     match report.state:
         case "too_incomplete":  # of an incomplete week that is over, the standing is "incomplete"
             return terms.capital(say("index.not_over"))
@@ -276,13 +280,13 @@ def _verdict(report: IndexedReport) -> str:
         case "settings_changed":
             return terms.capital(say("index.setting_changed"))
         case _:
-            return say("tiles.not_measurable" if often.state == "not_measurable" else "words.too_little_data")
+            return say("tiles.not_measurable" if violation_rate.state == "not_measurable" else "words.too_little_data")
 
 
 def _why(report: IndexedReport) -> str:
-    often = report.level.often
-    if verdict_of(often) is not None and standing(report) in ("fall", "rise", "same"):
-        return fmt.likely_signed(often)
+    violation_rate = report.level.violation_rate
+    if verdict_of(violation_rate) is not None and standing(report) in ("fall", "rise", "same"):
+        return fmt.likely_signed(violation_rate)
     match report.state:
         case "no_data":
             return say("index.nothing_received")
@@ -298,7 +302,7 @@ def _why(report: IndexedReport) -> str:
         case "empty" if report.coverage.seen_h is not None:
             return say("index.people_seen", hours=fmt.hours(report.coverage.seen_h))
         case _:
-            return _shortened(reason_text(often.reason))
+            return _shortened(reason_text(violation_rate.reason))
 
 
 def _note(report: IndexedReport) -> str:

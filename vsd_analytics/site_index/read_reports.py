@@ -31,8 +31,9 @@ from vsd_analytics.figures.week.results import (
     WeekRef,
     WeekState,
 )
+from vsd_analytics.report.model.older_files import FAMILY, VERSION, brought_up_to_date
 from vsd_analytics.report.model.week import SCHEMA, Span
-from vsd_analytics.wording.reasons import decode_reason, with_verdicts_of_today
+from vsd_analytics.wording.reasons import decode_reason
 
 MAX_BYTES: Final = 20_000_000
 """The JSON file of a report has a few hundred kilobytes. A far larger file is something else and is not read into
@@ -69,8 +70,8 @@ class Recorded:
 class Levels:
     """The part of `level` in the JSON file that the index shows; same names."""
 
-    often: Estimate
-    risky: Estimate
+    violation_rate: Estimate
+    encounter_rate: Estimate
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,7 +235,7 @@ def read_report_json(path: Path) -> IndexedReport:
     _check_schema(head.get("schema") if isinstance(head, dict) else None, path)
     try:
         needed = {f.name: head[f.name] for f in fields(IndexedReport) if f.name in head}
-        report = msgspec.convert(with_verdicts_of_today(_cleaned(needed)), IndexedReport, dec_hook=decode_reason)
+        report = msgspec.convert(brought_up_to_date(_cleaned(needed)), IndexedReport, dec_hook=decode_reason)
         is_week = _is_week(report.week)
     except (msgspec.ValidationError, RecursionError, ValueError, OverflowError) as error:
         raise _damaged(path, why=_said(error)) from None
@@ -251,11 +252,10 @@ def read_report_json(path: Path) -> IndexedReport:
 
 
 def _check_schema(schema: Any, path: Path) -> None:
-    family, _, version = SCHEMA.partition("/")
-    match = re.fullmatch(rf"{re.escape(family)}/(\d{{1,6}})", schema) if isinstance(schema, str) else None
+    match = re.fullmatch(rf"{re.escape(FAMILY)}/(\d{{1,6}})", schema) if isinstance(schema, str) else None
     if match is None:
-        raise _foreign(path, why=f"it does not say that it is of {family}")
-    if int(match[1]) > int(version):
+        raise _foreign(path, why=f"it does not say that it is of {FAMILY}")
+    if int(match[1]) > VERSION:
         raise VsdError(
             "a JSON file was written by a newer version and is not listed",
             code="W512",
@@ -263,7 +263,7 @@ def _check_schema(schema: Any, path: Path) -> None:
             why=f"it is {match[0]}; this version reads up to {SCHEMA}",
             fix="pip install --upgrade vsd-analytics",
         )
-    if match[0] != SCHEMA:
+    if match[0] not in {f"{FAMILY}/{version}" for version in range(1, VERSION + 1)}:
         raise _foreign(path, why=f"it is {match[0]}, which never was")
 
 

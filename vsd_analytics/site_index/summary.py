@@ -11,12 +11,12 @@ from datetime import date
 from typing import Final
 
 from vsd_analytics.report.model.week import Span
-from vsd_analytics.report.words.terms import capital, sentence, verdict_words
 from vsd_analytics.site_index.floor_weeks import FloorWeeks, Standing, standing, verdict_of
 from vsd_analytics.site_index.read_reports import IndexedReport
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import separated
+from vsd_analytics.wording.terms import capital, sentence, verdict_words
 
 NAMED: Final = 3
 """Floors a sentence names; the others are counted."""
@@ -84,8 +84,8 @@ def week_line(floors: Sequence[FloorWeeks], monday: date) -> str:
         say(
             "index.changed",
             floor=f.full_name,
-            verdict=_small(verdict_words(t.level.often)),
-            change=fmt.signed(t.level.often.change),
+            verdict=_small(verdict_words(t.level.violation_rate)),
+            change=fmt.signed(t.level.violation_rate.change),
         )
         for f, t, s in there
         if s in _CHANGED
@@ -116,7 +116,7 @@ def short_reason(report: IndexedReport) -> str:
         case "empty":
             return say("index.no_violations")
         case _:
-            return say("index.not_compared") if verdict_of(report.level.often) is None else ""
+            return say("index.not_compared") if verdict_of(report.level.violation_rate) is None else ""
 
 
 def in_words(n: int) -> str:
@@ -136,11 +136,11 @@ def _places(floors: Sequence[FloorWeeks]) -> str:
 
 
 def _change(report: IndexedReport) -> str:
-    often = report.level.often
-    likely = fmt.likely_change(often)
+    violation_rate = report.level.violation_rate
+    likely = fmt.likely_change(violation_rate)
     if likely:
-        return say("index.change_likely", change=fmt.fewer_more(often.change), likely=likely)
-    return say("index.change", change=fmt.fewer_more(often.change))
+        return say("index.change_likely", change=fmt.fewer_more(violation_rate.change), likely=likely)
+    return say("index.change", change=fmt.fewer_more(violation_rate.change))
 
 
 def _lacking(said: Iterable[tuple[FloorWeeks, Standing]]) -> list[str]:

@@ -28,7 +28,7 @@ def bar_kind(report: IndexedReport | None) -> BarKind:
     """Return how a week is drawn."""
     if report is None:
         return "absent"
-    value = report.level.often.value
+    value = report.level.violation_rate.value
     if report.state == "no_data":
         return "no_data"
     if value is None or not math.isfinite(value) or value < 0:
@@ -48,9 +48,9 @@ def said(report: IndexedReport | None) -> str:
         case "unknown":
             return say("index.no_figure")
         case "rough":
-            return say("index.about", rate=fmt.number(report.level.often.value if report else None))
+            return say("index.about", rate=fmt.number(report.level.violation_rate.value if report else None))
         case _:
-            return fmt.number(report.level.often.value if report else None)
+            return fmt.number(report.level.violation_rate.value if report else None)
 
 
 def bars(window: Sequence[tuple[date, IndexedReport | None]], *, label: str) -> Markup:
@@ -60,7 +60,9 @@ def bars(window: Sequence[tuple[date, IndexedReport | None]], *, label: str) -> 
         window: Monday and report, or None, of each week.
         label: What the drawing says in words.
     """
-    values = [t.level.often.value or 0.0 for _, t in window if t is not None and bar_kind(t) in ("full", "rough")]
+    values = [
+        t.level.violation_rate.value or 0.0 for _, t in window if t is not None and bar_kind(t) in ("full", "rough")
+    ]
     largest = max(values, default=0.0) or 1.0
     parts: list[Markup] = []
     for k, (_, report) in enumerate(window):
@@ -91,7 +93,7 @@ def _bar(report: IndexedReport | None, *, x: float, largest: float, is_now: bool
     if kind == "zero":
         fill = NOW if is_now else HATCH
         return el("rect", class_="wkn" if is_now else "wkb", fill=fill, x=x, y=HEIGHT - 2, width=WIDTH, height=2)
-    height = max(2.0, HEIGHT * (report.level.often.value or 0.0) / largest)
+    height = max(2.0, HEIGHT * (report.level.violation_rate.value or 0.0) / largest)
     place = {"x": x, "y": HEIGHT - height, "width": WIDTH, "height": height}
     if kind == "rough":
         inner = {"x": x + 0.5, "y": HEIGHT - height + 0.5, "width": WIDTH - 1, "height": height - 1}

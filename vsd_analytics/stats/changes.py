@@ -177,25 +177,30 @@ def compare_exposure(
     )  # fmt: skip
 
 
-def split_change(*, often: ChangeEstimate, people: ChangeEstimate, risky: ChangeEstimate) -> ChangeSplit:
+def split_change(
+    *, violation_rate: ChangeEstimate, people: ChangeEstimate, encounter_rate: ChangeEstimate
+) -> ChangeSplit:
     """Split a change in how often into more people and more violations per person-hour.
 
-    theta_often = theta_people theta_risk rest; people_share = ln theta_people / ln theta_often.
+    theta_violation_rate = theta_people theta_risk rest; people_share = ln theta_people / ln theta_violation_rate.
 
     Args:
-        often: From `compare_violation_rates`.
+        violation_rate: From `compare_violation_rates`.
         people: From `compare_exposure` over the same camera-hours.
-        risky: From `compare_encounter_rates` over the same camera-hours.
+        encounter_rate: From `compare_encounter_rates` over the same camera-hours.
 
     Returns:
-        The three changes, the rest, and the share people explain (None unless `often` is a clear fall or rise).
+        The three changes, the rest, and the share people explain (None unless `violation_rate` is a clear fall or
+        rise).
     """
     rest = share = None
-    if often.value and people.value and risky.value:
-        rest = often.value / (people.value * risky.value)
-        if often.verdict in {"clear_fall", "clear_rise"}:
-            share = math.log(people.value) / math.log(often.value)
-    return ChangeSplit(often=often, people=people, risky=risky, rest=rest, people_share=share)
+    if violation_rate.value and people.value and encounter_rate.value:
+        rest = violation_rate.value / (people.value * encounter_rate.value)
+        if violation_rate.verdict in {"clear_fall", "clear_rise"}:
+            share = math.log(people.value) / math.log(violation_rate.value)
+    return ChangeSplit(
+        violation_rate=violation_rate, people=people, encounter_rate=encounter_rate, rest=rest, people_share=share
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -321,7 +326,7 @@ def _limits(counts: DayCounts, *, confidence: float, min_days: int) -> tuple[flo
     n_events = float(counts.n.sum())
     hours = counts.x.sum(axis=1)
     if n_events >= MIN_EVENTS:
-        estimate = level(counts, kind="often", confidence=confidence, min_days=min_days)
+        estimate = level(counts, kind="violation_rate", confidence=confidence, min_days=min_days)
         return estimate.lo or 0.0, math.inf if estimate.hi is None else estimate.hi
     rate_per_event = float((counts.n.sum(axis=1) / hours).sum()) / n_events if n_events else 1 / float(hours.min())
     lo, hi = poisson_limits(n_events, confidence=confidence)

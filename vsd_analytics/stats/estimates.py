@@ -106,21 +106,21 @@ class ChangeEstimate:
 class ChangeSplit:
     """How a change in how often splits into more people and more risk per person.
 
-    ln theta_often = ln theta_people + ln theta_risk + rest. The rest is 0 when every camera recorded equally long;
-    otherwise it comes from the different weights that the two figures give to cameras.
+    ln theta_violation_rate = ln theta_people + ln theta_risk + rest. The rest is 0 when every camera recorded equally
+    long; otherwise it comes from the different weights that the two figures give to cameras.
 
     Attributes:
         people: Change of people in view per open hour (mean number of people in view).
-        risky: Change of violations per person-hour.
-        often: Change of violations per open hour.
-        rest: Ratio left over, theta_often / (theta_people theta_risk); None when one of them is unknown.
-        people_share: Share of the log change that people explain, ln theta_people / ln theta_often; below 0 or
+        encounter_rate: Change of violations per person-hour.
+        violation_rate: Change of violations per open hour.
+        rest: Ratio left over, theta_violation_rate / (theta_people theta_risk); None when one of them is unknown.
+        people_share: Share of the log change that people explain, ln theta_people / ln theta_violation_rate; below 0 or
             above 1 where people and risk moved against each other. None unless how often changed clearly.
     """
 
-    often: ChangeEstimate
+    violation_rate: ChangeEstimate
     people: ChangeEstimate
-    risky: ChangeEstimate
+    encounter_rate: ChangeEstimate
     rest: float | None
     people_share: float | None
 

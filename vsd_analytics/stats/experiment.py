@@ -1,4 +1,4 @@
-"""How many weeks a change must be watched until a given effect shows, from how the area's weeks differ (J11).
+"""How many weeks a change must be watched until a given effect shows, from how the area's weeks differ.
 
 The weeks before the change are known: m log ratios of the area beside the comparison areas with sum of squares Q. What
 is not known is drawn, as the right Haar prior of the running verdict has it: sigma^2 = Q / chi^2_(m-1), weeks still to

@@ -37,7 +37,7 @@ MIN_HISTORY_WEEKS: Final = 4  # weekday profiles need that many weeks before the
 SMALL_COUNT: Final = 30  # below it days may agree by luck: an interval is never narrower than a Poisson count's
 
 
-RateKind = Literal["often", "risky"]
+RateKind = Literal["violation_rate", "encounter_rate"]
 
 
 def violation_rate(
@@ -88,7 +88,7 @@ def violation_rate(
     if not counts.kept:
         return _without_interval(counts, None, Reason("level.unrecorded"))
     past = _past(counts, weekday, history_n, history_x_h, history_weekday)
-    return level(counts, past=past, confidence=confidence, min_days=min_days, kind="often")
+    return level(counts, past=past, confidence=confidence, min_days=min_days, kind="violation_rate")
 
 
 def encounter_rate(
@@ -133,7 +133,7 @@ def encounter_rate(
     if not counts.kept or total_h < min_exposure_h:
         return _without_interval(counts, None, Reason("level.person_hours", least=min_exposure_h, has=total_h))
     past = _past(counts, weekday, history_n, history_exposure_h, history_weekday)
-    return level(counts, past=past, confidence=confidence, min_days=min_days, kind="risky")
+    return level(counts, past=past, confidence=confidence, min_days=min_days, kind="encounter_rate")
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +173,7 @@ def level(
     if n_events == 0:
         least_h = float(counts.x.sum(axis=1).min())
         hi = zero_events_limit(confidence=confidence) / least_h
-        reason = Reason("level.none_often" if kind == "often" else "level.none_risky", hours=least_h)
+        reason = Reason("level.none_often" if kind == "violation_rate" else "level.none_risky", hours=least_h)
         return replace(_without_interval(counts, 0.0, reason), lo=0.0, hi=hi, state="ok")
     if n_events < MIN_EVENTS:
         return _without_interval(counts, rate, Reason("level.events", least=MIN_EVENTS, has=n_events))

@@ -27,8 +27,8 @@ class WeekRates:
 
     Attributes:
         monday: First day.
-        often: Violations per open hour (M0); None in a gap.
-        risky: Violations per person-hour (M7); None in a gap or where exposure is unknown.
+        violation_rate: Violations per open hour (M0); None in a gap.
+        encounter_rate: Violations per person-hour (M7); None in a gap or where exposure is unknown.
         close: Share of person-time too close (M6); None in a gap or where it is unknown.
         coverage: Recorded share of the open camera-hours; None when the site was closed all week.
         state: "ok", or why it is a gap: a line must not be drawn across it.
@@ -37,8 +37,8 @@ class WeekRates:
     """
 
     monday: date
-    often: RateEstimate | None
-    risky: RateEstimate | None
+    violation_rate: RateEstimate | None
+    encounter_rate: RateEstimate | None
     close: RateEstimate | None
     coverage: float | None
     state: State
@@ -111,7 +111,7 @@ def weekly_trend(
         days = np.arange(7 * max(w - HISTORY_WEEKS, 0), 7 * w)
         days = days[(hours[:, days] > 0).any(axis=0) & (open_hours[now] > 0)[days % 7]]
         weekday, past_weekday = (np.arange(7), days % 7) if len(days) else (None, None)
-        often = violation_rate(
+        per_open_h = violation_rate(
             counts[:, now],
             hours[:, now],
             weekday=weekday,
@@ -122,12 +122,12 @@ def weekly_trend(
             min_days=min_days,
         )
         rules = {"weekday": weekday, "history_weekday": past_weekday, "confidence": confidence, "min_days": min_days}
-        risky = share_close = None
+        per_person_h = share_close = None
         if people is not None:
-            risky = _per_person_hour(counts, people, now, days, min_exposure_h=min_exposure_h, **rules)
+            per_person_h = _per_person_hour(counts, people, now, days, min_exposure_h=min_exposure_h, **rules)
         if people is not None and close is not None:
             share_close = _as_share(_per_person_hour(close * SECONDS, people, now, days, min_exposure_h=0.0, **rules))
-        weeks.append(WeekRates(monday, often, risky, share_close, share, "ok", None, missing))
+        weeks.append(WeekRates(monday, per_open_h, per_person_h, share_close, share, "ok", None, missing))
     return tuple(weeks)
 
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any, Final
+from typing import Any
 
 from vsd_analytics.answer import TEXT, Reason, ReasonValue, Verdict
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import template
 from vsd_analytics.wording.languages import separated
-
-OLD_VERDICTS: Final = {"no_clear_change": "cannot_tell"}
 
 
 class _Share(float):
@@ -66,21 +64,6 @@ def text_or_none(reason: Reason | None) -> str | None:
 def verdict_text(verdict: Verdict) -> str:
     """Return a verdict as `vsd compare` writes it, such as "clear fall"."""
     return verdict.replace("_", " ")
-
-
-def with_verdicts_of_today(decoded: Any) -> Any:
-    """Return a decoded JSON report with the verdicts of today: "no_clear_change" of older ones is "cannot_tell".
-
-    Older reports said it of any interval that includes no change, wide or narrow.
-    """
-    if isinstance(decoded, dict):
-        return {
-            key: OLD_VERDICTS.get(value, value)
-            if key == "verdict" and isinstance(value, str)
-            else with_verdicts_of_today(value)
-            for key, value in decoded.items()
-        }
-    return [with_verdicts_of_today(value) for value in decoded] if isinstance(decoded, list) else decoded
 
 
 def read_reason(text: str) -> Reason:

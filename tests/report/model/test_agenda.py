@@ -138,7 +138,7 @@ def test_the_number_of_an_area_is_at_its_heaviest_patch_and_not_where_a_neighbou
     queue = SimpleNamespace(area_id="queue", name="Queue", polygon=((0, 0), (9, 0), (9, 9), (0, 9)))
     data: Any = SimpleNamespace(areas=[queue], site=SimpleNamespace(settings=settings))
     grid: Any = SimpleNamespace(axes=lambda: (np.arange(9) + 0.5, np.arange(9) + 0.5))
-    row: Any = SimpleNamespace(area_id="queue", name="Queue", often=SimpleNamespace(value=3.0))
+    row: Any = SimpleNamespace(area_id="queue", name="Queue", violation_rate=SimpleNamespace(value=3.0))
     (spot,) = _spots(data, grid, own, [row])
     assert (spot.at, spot.peak) == ((2.5, 2.5), 2.0)
 

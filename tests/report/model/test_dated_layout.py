@@ -63,7 +63,7 @@ def test_each_week_has_the_areas_of_its_days(before: WeekReport, now: WeekReport
 
 
 def test_an_area_counts_the_days_it_exists_alone(before: WeekReport, now: WeekReport) -> None:
-    rates = {a.area_id: (a.counted, a.often.value) for a in now.areas}
+    rates = {a.area_id: (a.counted, a.violation_rate.value) for a in now.areas}
     assert rates["aisle"] == (40, 10.0), "four days of one hour, ten in each"
     assert rates["door"] == (140, 20.0)
     assert rates[None] == (30, pytest.approx(30 / 7)), "the aisle's floor until Wednesday"
@@ -73,9 +73,9 @@ def test_an_area_counts_the_days_it_exists_alone(before: WeekReport, now: WeekRe
 def test_a_new_area_is_compared_with_nothing_and_says_why(now: WeekReport) -> None:
     found = {a.area_id: a for a in now.areas}
     for area_id in ("door", "aisle"):
-        assert (found[area_id].often.previous, found[area_id].often.change) == (None, None)
-        assert found[area_id].often.reason == Reason("area.new")
-    assert found["queue"].often.previous == 30.0
+        assert (found[area_id].violation_rate.previous, found[area_id].violation_rate.change) == (None, None)
+        assert found[area_id].violation_rate.reason == Reason("area.new")
+    assert found["queue"].violation_rate.previous == 30.0
     assert "this area did not exist yet" in render_html(now)
 
 

@@ -64,7 +64,7 @@ def test_two_whole_weeks_are_compared(tmp_path: Path) -> None:
     site = w.world(tmp_path, toml(), messages(busy, monday=w.BEFORE), messages(quieter, engine="acme 1.0"), log=log)
     report = w.report(site)
     assert report.state == "normal"
-    verdicts = {a.area_id: a.often.verdict for a in report.areas}
+    verdicts = {a.area_id: a.violation_rate.verdict for a in report.areas}
     assert verdicts == {"door": "clear_fall", "queue": "cannot_tell", None: "cannot_tell"}
     assert report.busiest_spot is not None
     assert report.busiest_spot.area_id == "queue"
@@ -79,9 +79,9 @@ def test_first_week_has_a_level_and_no_change(of_busy: WeekReport) -> None:
     report = of_busy
     assert report.state == "first_week"
     assert report.previous is None
-    assert report.level.often.value is not None
-    assert report.level.often.change is None
-    assert {a.often.verdict for a in report.areas} == {None}
+    assert report.level.violation_rate.value is not None
+    assert report.level.violation_rate.change is None
+    assert {a.violation_rate.verdict for a in report.areas} == {None}
     assert "Comparisons start next week" in render_html(report)
 
 
@@ -93,7 +93,7 @@ def test_below_sixty_percent_nothing_is_compared_or_ranked(tmp_path: Path) -> No
     assert report.busiest_spot is None
     assert report.busiest_hour is None
     assert all(not m.spots for m in report.maps)
-    assert report.level.often.change is None
+    assert report.level.violation_rate.change is None
     assert {c.state for c in report.when.cells if c.day.weekday() > 3} == {"no_data"}
     assert {c.violations for c in report.when.cells if c.day.weekday() > 3} == {None}
 
@@ -118,7 +118,7 @@ def test_hours_to_come_are_neither_recorded_nor_missing(begun_week: Site) -> Non
     assert {at for at, state in states.items() if state == "not_over"} == to_come
     assert states[1, 10] == "no_data"
     assert [d.share for d in report.coverage.cameras[0].days][4:] == [None, None, None]
-    assert report.level.often.change is None
+    assert report.level.violation_rate.change is None
     assert report.story is not None
     assert report.story.question == ""
     page = text_of(render_html(report))
@@ -186,7 +186,7 @@ def test_a_week_that_is_nearly_over_is_compared_over_the_hours_that_are(tmp_path
     assert report.coverage.outages == ()
     without_clock = w.report(site)
     assert without_clock.coverage.share == pytest.approx(6 / 7)
-    assert report.level.often.previous == without_clock.level.often.previous
+    assert report.level.violation_rate.previous == without_clock.level.violation_rate.previous
 
 
 def test_a_clock_says_nothing_about_a_week_that_is_over_or_that_has_not_begun(begun_week: Site) -> None:
@@ -207,7 +207,7 @@ def test_no_data_week_names_each_cameras_last_record(tmp_path: Path) -> None:
     assert [c.last_record for c in report.coverage.cameras] == [last, last]
     assert report.maps == ()
     assert report.areas == ()
-    assert report.level.often.value is None
+    assert report.level.violation_rate.value is None
     assert {c.violations for c in report.when.cells} == {None}
     page = text_of(render_html(report))
     assert "All cameras stopped in the same minute" in page
@@ -228,8 +228,8 @@ def test_empty_week_has_people_and_an_upper_bound(tmp_path: Path) -> None:
     site = w.world(tmp_path, w.toml(), w.messages(w.steady({})))
     report = w.report(site)
     assert report.state == "empty"
-    assert report.level.often.value == 0
-    assert report.level.often.hi == pytest.approx(3 / 21, rel=0.01)
+    assert report.level.violation_rate.value == 0
+    assert report.level.violation_rate.hi == pytest.approx(3 / 21, rel=0.01)
     assert report.coverage.seen_h == 21
     assert report.level.violations == 0
     assert report.busiest_spot is None
@@ -257,10 +257,10 @@ def test_recalibration_inside_the_window_blocks_the_comparison(tmp_path: Path) -
     assert change is not None
     assert change.name == "calibration"
     assert change.at == w.rome(3, 8)
-    assert change.often_before is not None
-    assert change.often_after is not None
-    assert report.level.often.change is None
-    assert {a.often.verdict for a in report.areas} == {None}
+    assert change.violation_rate_before is not None
+    assert change.violation_rate_after is not None
+    assert report.level.violation_rate.change is None
+    assert {a.violation_rate.verdict for a in report.areas} == {None}
     page = text_of(render_html(report))
     assert (
         "A camera was recalibrated on Thursday 12 November 2026, 08:00, so positions and distances are measured "
@@ -276,7 +276,7 @@ def test_another_engine_blocks_the_comparison_even_if_it_changes_on_the_last_day
     assert report.state == "settings_changed"
     assert report.settings_change is not None
     assert (report.settings_change.before, report.settings_change.after) == ("acme 1.0", "acme 1.0, acme 2.0")
-    assert report.level.often.verdict is None
+    assert report.level.violation_rate.verdict is None
     assert "The engine changed" in render_html(report)
 
 
@@ -294,7 +294,7 @@ def test_closed_day_is_neither_missing_nor_zero(tmp_path: Path) -> None:
     assert {(c.state, c.violations) for c in report.when.cells if c.day.day == 11} == {("closed", None)}
     assert report.when.day_means[2].value is None
     assert report.coverage.cameras[0].days[2].share is None
-    assert report.level.often.verdict == "cannot_tell"
+    assert report.level.violation_rate.verdict == "cannot_tell"
 
 
 # what an engine leaves out --------------------------------------------------------------------------------------------
@@ -312,8 +312,8 @@ def pairs_only(counts: w.Counts, **options: Any) -> list[dict[str, Any]]:
 
 def test_pairs_only_makes_how_risky_not_measurable_and_never_zero(tmp_path: Path) -> None:
     report = w.report(w.world(tmp_path, toml(), pairs_only(busy, monday=w.BEFORE), pairs_only(busy)))
-    assert report.level.often.value == pytest.approx(sum(sum(busy(d, h).values()) for d, h in HOURS) / 7)
-    for estimate in (report.level.risky, report.level.people):
+    assert report.level.violation_rate.value == pytest.approx(sum(sum(busy(d, h).values()) for d, h in HOURS) / 7)
+    for estimate in (report.level.encounter_rate, report.level.people):
         assert (estimate.value, estimate.state) == (None, "not_measurable")
         assert reason_text(estimate.reason) == "the engine sends no positions"
     assert report.level.exposure_h is None
@@ -335,9 +335,9 @@ def test_no_ids_makes_how_often_not_measurable_but_hours_show_the_records(
 
     site = w.world(tmp_path, toml(), messages(busy, say=nameless))
     report = w.report(site)
-    assert report.level.often.value is None
-    assert report.level.often.state == "not_measurable"
-    assert "no track ids" in reason_text(report.level.often.reason)
+    assert report.level.violation_rate.value is None
+    assert report.level.violation_rate.state == "not_measurable"
+    assert "no track ids" in reason_text(report.level.violation_rate.reason)
     assert report.level.people.value is not None
     assert report.level.violations is None
     assert {c.violations for c in report.when.cells} == {None}
@@ -360,8 +360,8 @@ def test_pixels_without_calibration_are_not_measurable(tmp_path: Path) -> None:
 
     site = w.world(tmp_path, toml(), messages(busy, say=pixels))
     report = w.report(site)
-    assert report.level.often.state == "not_measurable"
-    assert "calibration" in reason_text(report.level.often.reason)
+    assert report.level.violation_rate.state == "not_measurable"
+    assert "calibration" in reason_text(report.level.violation_rate.reason)
     assert report.state != "empty"
     assert "vsd calibrate" in render_html(report)
 
@@ -374,10 +374,10 @@ def test_one_camera_without_calibration_is_left_out_and_named(tmp_path: Path) ->
     site = w.world(tmp_path, config, w.messages(busy), w.messages(busy, camera="cam-2", say=pixels))
     report = w.report(site)
     n_pairs = sum(sum(busy(d, h).values()) for d in range(7) for h in (9, 10, 11))
-    assert report.level.often.value == pytest.approx(n_pairs / 21)
+    assert report.level.violation_rate.value == pytest.approx(n_pairs / 21)
     assert [c.not_counted is None for c in report.coverage.cameras] == [True, False]
-    assert report.level.risky.value == pytest.approx(
-        report.level.often.value * 21 / (report.level.exposure_h or 0), rel=1e-9
+    assert report.level.encounter_rate.value == pytest.approx(
+        report.level.violation_rate.value * 21 / (report.level.exposure_h or 0), rel=1e-9
     )
     assert "Camera 2 is not counted" in render_html(report)
 
@@ -448,7 +448,7 @@ def test_two_floors_have_two_reports(tmp_path: Path, capsys: pytest.CaptureFixtu
 def test_a_six_foot_site_never_says_two_metres(tmp_path: Path) -> None:
     config = toml(site="distance_m = 1.83")
     report = w.report(w.world(tmp_path, config, messages(busy)))
-    assert report.level.often.value is not None
+    assert report.level.violation_rate.value is not None
     page = re.sub(r"<style>.*?</style>", "", render_html(report), flags=re.DOTALL)
     for text in (page, to_json(report).decode(), *to_csv(report).values()):
         assert not re.search(r"(?<![\d.])2(\.0)?[\s\u00a0]?m\b", text)

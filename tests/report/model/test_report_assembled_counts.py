@@ -61,8 +61,8 @@ def of_two(two_cameras: Site) -> WeekReport:
 def test_rates_of_areas_add_up_to_the_floors(of_two: WeekReport) -> None:
     report = of_two
     for attribute in ("value", "previous"):
-        parts = [getattr(a.often, attribute) for a in report.areas]
-        assert sum(parts) == pytest.approx(getattr(report.level.often, attribute), rel=1e-12)
+        parts = [getattr(a.violation_rate, attribute) for a in report.areas]
+        assert sum(parts) == pytest.approx(getattr(report.level.violation_rate, attribute), rel=1e-12)
     assert sum(a.counted or 0 for a in report.areas) == report.level.violations == report.figures["M8"].value
     assert sum(a.exposure_h or 0 for a in report.areas) == pytest.approx(report.level.exposure_h)
     assert sum(a.share or 0 for a in report.areas) == pytest.approx(1)
@@ -73,7 +73,7 @@ def test_one_rate_on_page_in_json_by_command_and_in_python(
 ) -> None:
     report = of_two
     by_hand = total(busy) / 21 + 12
-    assert report.level.often.value == pytest.approx(by_hand)
+    assert report.level.violation_rate.value == pytest.approx(by_hand)
     assert json.loads(to_json(report))["figures"]["M0"]["value"] == pytest.approx(by_hand, rel=1e-6)
     page = render_html(report)
     assert f'<span>{by_hand:.0f}</span> <span class="unit">violations per open hour' in page
@@ -145,21 +145,23 @@ def test_a_planted_outage_is_hatched_and_moves_no_rate(tmp_path: Path) -> None:
     assert page.count('<td class="hatch">') == 1
     assert len(re.findall(r'<td class="b\d low">', page)) == 1
     assert len(re.findall(r'<td class="b\d part">', page)) == 3
-    assert truth.level.often.verdict == report.level.often.verdict == "cannot_tell"
+    assert truth.level.violation_rate.verdict == report.level.violation_rate.verdict == "cannot_tell"
     pairs = zip(
-        [truth.level.often, *(a.often for a in truth.areas)], [report.level.often, *by_id(report, truth)], strict=True
+        [truth.level.violation_rate, *(a.violation_rate for a in truth.areas)],
+        [report.level.violation_rate, *by_id(report, truth)],
+        strict=True,
     )
     for whole_week, holed_week in pairs:
         assert holed_week.lo is not None
         assert holed_week.hi is not None
         assert holed_week.lo <= (whole_week.value or 0) <= holed_week.hi
-    assert truth.level.risky.value == pytest.approx(report.level.risky.value, rel=0.03)
+    assert truth.level.encounter_rate.value == pytest.approx(report.level.encounter_rate.value, rel=0.03)
     detected = [line for line in report.log if line.kind == "detected"]
     assert [line.at for line in detected] == [w.rome(3, 10)]
 
 
 def by_id(report: WeekReport, other: WeekReport) -> list[Any]:
-    rows = {a.area_id: a.often for a in report.areas}
+    rows = {a.area_id: a.violation_rate for a in report.areas}
     return [rows[a.area_id] for a in other.areas]
 
 
@@ -240,19 +242,25 @@ def test_a_small_area_and_one_other_are_held_back(small: WeekReport) -> None:
     assert rows[None].is_held_back
     assert not rows["queue"].is_masked
     for row in (rows["door"], rows[None]):
-        assert (row.counted, row.share, row.often.value, row.often.previous, row.often.change) == (None,) * 5
-        assert row.risky is not None
-        assert row.risky.value is None
+        assert (
+            row.counted,
+            row.share,
+            row.violation_rate.value,
+            row.violation_rate.previous,
+            row.violation_rate.change,
+        ) == (None,) * 5
+        assert row.encounter_rate is not None
+        assert row.encounter_rate.value is None
     assert rows["queue"].counted == sum(20 + d % 3 for d in range(7)) * 3 - (22 + 21) + 2
-    assert rows["queue"].often.previous is not None
+    assert rows["queue"].violation_rate.previous is not None
 
 
 def test_the_floor_less_its_areas_does_not_tell_the_small_one(small: WeekReport) -> None:
     shown = sum(a.counted for a in small.areas if a.counted is not None)
     assert small.level.violations is not None
     assert small.level.violations - shown >= 5 + 1 + 1
-    known_before = sum(a.often.previous for a in small.areas if a.often.previous is not None)
-    assert (small.level.often.previous or 0) - known_before > 7 / 21
+    known_before = sum(a.violation_rate.previous for a in small.areas if a.violation_rate.previous is not None)
+    assert (small.level.violation_rate.previous or 0) - known_before > 7 / 21
 
 
 def test_small_hours_cannot_be_worked_out_from_means_or_totals(small: WeekReport) -> None:
@@ -305,8 +313,8 @@ def test_a_week_of_few_violations_tells_only_that(tmp_path: Path) -> None:
 
     report = w.report(w.world(tmp_path, w.toml(), w.messages(few)))
     level = report.level
-    assert (level.often.value, level.risky.value, level.violations) == (None, None, None)
-    assert reason_text(level.often.reason) == "fewer than 5 violations were counted"
+    assert (level.violation_rate.value, level.encounter_rate.value, level.violations) == (None, None, None)
+    assert reason_text(level.violation_rate.reason) == "fewer than 5 violations were counted"
     assert report.figures["M0"].value is report.figures["M8"].value is None
     assert report.figures["M0"].state == "not_enough_data"
     assert report.busiest_hour is None
@@ -330,7 +338,7 @@ def test_an_area_whose_only_camera_was_down_has_no_count_rather_than_zero(tmp_pa
     report = w.report(site)
     rows = {a.area_id: a for a in report.areas}
     assert rows["queue"].counted == 20 * 21
-    assert (rows["door"].counted, rows["door"].exposure_h, rows["door"].often.value) == (None, None, None)
+    assert (rows["door"].counted, rows["door"].exposure_h, rows["door"].violation_rate.value) == (None, None, None)
     assert re.search(r"<th scope=\"row\">Door</th><td class=\"n\">–</td>", render_html(report))
     twin = {a["area_id"]: a for a in json.loads(to_json(report))["areas"]}
     assert (twin["door"]["counted"], twin["door"]["exposure_h"]) == (None, None)
@@ -343,7 +351,7 @@ def test_a_week_before_of_few_violations_is_neither_shown_nor_worked_out(tmp_pat
     site = w.world(tmp_path, w.toml(), w.messages(few, monday=w.BEFORE), w.messages(busy))
     report = w.report(site)
     queue = next(a for a in report.areas if a.area_id == "queue")
-    for told in (report.level.often, queue.often):
+    for told in (report.level.violation_rate, queue.violation_rate):
         assert told.value is not None
         assert (told.previous, told.change) == (None, None)
         assert reason_text(told.reason) == "fewer than 5 violations were counted in the week before"

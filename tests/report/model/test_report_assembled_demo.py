@@ -16,8 +16,8 @@ from report.pages.test_report_numbers import strangers
 from vsd_analytics.config import load_site
 from vsd_analytics.ingest.adapter import IngestOptions
 from vsd_analytics.ingest.pipeline import ingest
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.simulate import DemoTruth, write_demo_project
 from vsd_analytics.site.model import Site
@@ -221,15 +221,20 @@ def test_planted_redesign_is_a_clear_fall_in_its_area(tmp_path: Path) -> None:
     ingest(site, files, IngestOptions(format="frames"), now=datetime(2026, 11, 20, tzinfo=UTC))
     report = week_report(site, MONDAY)
     row = next(a for a in report.areas if a.area_id == truth.redesign.area_id)
-    assert row.often.verdict == "clear_fall"
-    assert (row.often.change_hi or 0) < -0.5
+    assert row.violation_rate.verdict == "clear_fall"
+    assert (row.violation_rate.change_hi or 0) < -0.5
     line = next(line for line in report.log if line.area_id == truth.redesign.area_id)
     assert line.at == truth.redesign.at
     assert line.since is not None
     assert line.since.verdict == "clear_fall"
     # few people are left there: without a level per person-hour there is no change of it either
-    assert row.risky is not None
-    assert (row.risky.value, row.risky.previous, row.risky.change, row.risky.verdict) == (
+    assert row.encounter_rate is not None
+    assert (
+        row.encounter_rate.value,
+        row.encounter_rate.previous,
+        row.encounter_rate.change,
+        row.encounter_rate.verdict,
+    ) == (
         None,
         None,
         None,
@@ -238,8 +243,10 @@ def test_planted_redesign_is_a_clear_fall_in_its_area(tmp_path: Path) -> None:
     assert report.story is not None
     assert report.story.things[0].title.startswith("Clear fall at")
     assert line.floor_share is not None
-    often, parts = report.level.often, [a.difference for a in report.areas]
-    assert often.previous is not None
-    assert often.change is not None
-    assert sum(p or 0.0 for p in parts) == pytest.approx(often.previous * often.change, rel=1e-9)
-    assert line.floor_share == pytest.approx((row.difference or 0.0) / (often.previous * often.change), rel=1e-9)
+    violation_rate, parts = report.level.violation_rate, [a.difference for a in report.areas]
+    assert violation_rate.previous is not None
+    assert violation_rate.change is not None
+    assert sum(p or 0.0 for p in parts) == pytest.approx(violation_rate.previous * violation_rate.change, rel=1e-9)
+    assert line.floor_share == pytest.approx(
+        (row.difference or 0.0) / (violation_rate.previous * violation_rate.change), rel=1e-9
+    )

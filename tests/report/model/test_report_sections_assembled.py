@@ -29,7 +29,7 @@ def test_the_trend_ends_with_the_headline_and_begins_with_the_first_week(week: W
     assert week.trend is not None
     assert [t.iso for t in week.trend.weeks] == ["2026-W45", "2026-W46"]
     last = week.trend.weeks[-1]
-    assert (last.often, last.risky) == (week.level.often, week.level.risky)
+    assert (last.violation_rate, last.encounter_rate) == (week.level.violation_rate, week.level.encounter_rate)
 
 
 def test_spots_are_the_planted_ones_with_their_evidence_and_the_sites_own_question(week: WeekReport) -> None:
@@ -43,7 +43,7 @@ def test_spots_are_the_planted_ones_with_their_evidence_and_the_sites_own_questi
     assert second.ask.endswith("people stop?")
     assert second.question.endswith("people stop, above all from 09:00 to 11:00?")
     assert [s.at for m in week.maps for s in m.spots] == [c.at for c in week.spots.cards]
-    assert first.often == week.areas[0].often
+    assert first.violation_rate == week.areas[0].violation_rate
     at_the_spots = [(c.here.value, c.here.previous) for c in (first, second) if c.here is not None]
     assert at_the_spots == [pytest.approx((20.0, 20.0), rel=0.02), pytest.approx((6.0, 12.0), rel=0.02)]
     assert first.evidence is not None
@@ -65,14 +65,14 @@ def test_a_hotspot_counts_the_violations_of_the_people_who_stand_in_it(week: Wee
 def test_time_too_close_of_areas_and_hours_is_that_of_the_people_who_stand_there(week: WeekReport) -> None:
     """Two people of each violation, for two frames; one more person stands alone on the rest of the floor."""
     hour_h = {name: 2 * n * w.CLOSE_S / 3600 for name, n in (("queue", 20), ("door", 6), (None, 5))}
-    shares = {a.area_id: a.close_share.value for a in week.areas if a.close_share is not None}
+    shares = {a.area_id: a.close_time_share.value for a in week.areas if a.close_time_share is not None}
     assert shares == {"queue": 1.0, "door": 1.0, None: pytest.approx(hour_h[None] / (1 + hour_h[None]))}
     whole = sum(hour_h.values()) / (1 + sum(hour_h.values()))
-    assert week.level.close_share is not None
-    assert week.level.close_share.value == pytest.approx(whole) == pytest.approx(week.figures["M6"].value)
-    of_hours = [c.close_share for c in week.when.cells if c.state == "full"]
+    assert week.level.close_time_share is not None
+    assert week.level.close_time_share.value == pytest.approx(whole) == pytest.approx(week.figures["M6"].value)
+    of_hours = [c.close_time_share for c in week.when.cells if c.state == "full"]
     assert of_hours == pytest.approx([whole] * len(of_hours))
-    rest = next(a.close_share for a in week.areas if a.area_id is None)
+    rest = next(a.close_time_share for a in week.areas if a.area_id is None)
     assert rest is not None
     assert rest.lo is not None
     assert rest.hi is not None
@@ -104,10 +104,10 @@ def test_both_readings_agree_with_the_headline_and_areas_add_up_to_no_more(week:
         assert found.areas == ()
         return
     assert found.all is not None
-    assert found.all.often == week.level.often
-    assert (found.between.often.value or 0) <= (week.level.often.value or 0)
-    areas = {a.area_id: a.often.value or 0 for a in week.areas}
-    assert all((a.often.value or 0) <= areas[a.area_id] + 1e-9 for a in found.areas)
+    assert found.all.violation_rate == week.level.violation_rate
+    assert (found.between.violation_rate.value or 0) <= (week.level.violation_rate.value or 0)
+    areas = {a.area_id: a.violation_rate.value or 0 for a in week.areas}
+    assert all((a.violation_rate.value or 0) <= areas[a.area_id] + 1e-9 for a in found.areas)
 
 
 def test_other_cameras_than_the_week_before_forbid_a_comparison_and_are_named(tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ import shapely
 from report import ingested_worlds as w
 
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.story import finish
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words.headline import finish
 from vsd_analytics.wording.reasons import reason_text
 
 VIEWS = {
@@ -82,19 +82,19 @@ def test_its_floor_is_hatched_not_white(silent: WeekReport) -> None:
 
 def test_an_area_that_only_it_sees_is_unknown_and_not_zero(silent: WeekReport) -> None:
     far = next(a for a in silent.areas if a.area_id == "far")
-    assert (far.counted, far.often.value, far.often.change, far.share, far.difference) == (None,) * 5
-    assert far.close_share is not None
-    assert far.close_share.value is None
-    assert reason_text(far.often.reason) == "nothing or too little was recorded"
+    assert (far.counted, far.violation_rate.value, far.violation_rate.change, far.share, far.difference) == (None,) * 5
+    assert far.close_time_share is not None
+    assert far.close_time_share.value is None
+    assert reason_text(far.violation_rate.reason) == "nothing or too little was recorded"
     seen = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", render_html(silent)))
     assert "Far – – – – – 0%" in seen
     queue = next(a for a in silent.areas if a.area_id == "queue")
-    assert queue.often.value == pytest.approx(20.0)
+    assert queue.violation_rate.value == pytest.approx(20.0)
 
 
 def test_the_weeks_count_the_same_cameras(silent: WeekReport) -> None:
     assert silent.trend is not None
-    before, now = (week.often.value for week in silent.trend.weeks if week.often is not None)
+    before, now = (week.violation_rate.value for week in silent.trend.weeks if week.violation_rate is not None)
     assert before == now == pytest.approx(25.0)
     assert silent.trend.left_out == ("Camera 2",)
-    assert silent.level.often.previous == pytest.approx(25.0)
+    assert silent.level.violation_rate.previous == pytest.approx(25.0)

@@ -18,8 +18,8 @@ from vsd_analytics.geometry.calibration_files import calibration_id, read_matrix
 from vsd_analytics.report.draw.floor_plan import floor_map
 from vsd_analytics.report.draw.svg import INK, WHITE
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.story import finish
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words.headline import finish
 
 FAR_M = 6.0
 """Beyond this y, the sd of a distance of 2 m is 1.4 m; it is 0.4 m before."""

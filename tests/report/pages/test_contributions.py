@@ -36,8 +36,8 @@ def test_the_rows_lead_from_the_week_before_to_this_one() -> None:
 def unclear(report: WeekReport) -> WeekReport:
     """Return the week with no clear change anywhere: every range lies across zero."""
     vague = {"verdict": "cannot_tell", "change": -0.1, "change_lo": -0.3, "change_hi": 0.2, "reason": None}
-    areas = tuple(replace(a, is_masked=False, often=replace(a.often, **vague)) for a in report.areas)
-    level = replace(report.level, often=replace(report.level.often, **vague))
+    areas = tuple(replace(a, is_masked=False, violation_rate=replace(a.violation_rate, **vague)) for a in report.areas)
+    level = replace(report.level, violation_rate=replace(report.level.violation_rate, **vague))
     return replace(report, areas=areas, level=level, story=None)
 
 
@@ -66,8 +66,10 @@ def test_the_printed_parts_add_up_to_the_printed_difference(seed: int) -> None:
     report = weeks.normal()
     differences = rng.normal(0, 10 ** rng.uniform(-1.5, 1.5), len(report.areas))
     before = float(abs(differences).sum() * rng.uniform(1.01, 9))
-    often = replace(report.level.often, previous=before, value=before + float(differences.sum()))
-    report = replace(with_differences(*map(float, differences)), level=replace(report.level, often=often))
+    violation_rate = replace(report.level.violation_rate, previous=before, value=before + float(differences.sum()))
+    report = replace(
+        with_differences(*map(float, differences)), level=replace(report.level, violation_rate=violation_rate)
+    )
     found = contributions(report)
     assert found is not None
     first, *parts, last = [float(row.value.replace(fmt.MINUS, "-").replace(",", "")) for row in found.rows]
@@ -92,8 +94,10 @@ def test_the_rest_that_hides_what_neighbours_saw_of_an_unseen_area_takes_up_both
     found = contributions(replace(report, areas=(*report.areas[:3], silent, report.areas[4])))
     assert found is not None
     assert [p.name for p in found.parts[-2:]] == [report.areas[4].name, silent.name]
-    often = report.level.often
-    total = round((often.previous or 0) * (1 + (often.change or 0))) - round(often.previous or 0)
+    violation_rate = report.level.violation_rate
+    total = round((violation_rate.previous or 0) * (1 + (violation_rate.change or 0))) - round(
+        violation_rate.previous or 0
+    )
     assert sum(int(p.value.replace(fmt.MINUS, "-")) for p in found.parts[:-1]) == total
 
 
@@ -102,16 +106,18 @@ def test_areas_too_small_to_print_share_a_row_that_makes_up_the_rest() -> None:
     small = tuple(replace(a, counted=None, is_masked=True) if a.difference is None else a for a in report.areas)
     found = contributions(replace(report, areas=small))
     assert found is not None
-    often = report.level.often
+    violation_rate = report.level.violation_rate
     assert found.parts[-1].name == f"{small[0].name} and {small[3].name}, too small to print"
-    total = round((often.previous or 0) * (1 + (often.change or 0))) - round(often.previous or 0)
+    total = round((violation_rate.previous or 0) * (1 + (violation_rate.change or 0))) - round(
+        violation_rate.previous or 0
+    )
     assert sum(int(p.value.replace(fmt.MINUS, "-")) for p in found.parts) == total
 
 
 def test_a_difference_that_is_not_clear_may_be_normal_variation() -> None:
     report = with_differences(2.0, -20.0, 0.5, -0.2, -2.0)
-    often = replace(report.level.often, verdict="cannot_tell")
-    found = contributions(replace(report, level=replace(report.level, often=often)))
+    violation_rate = replace(report.level.violation_rate, verdict="cannot_tell")
+    found = contributions(replace(report, level=replace(report.level, violation_rate=violation_rate)))
     assert found is not None
     assert "may be normal variation" in found.title
 
@@ -135,7 +141,7 @@ def test_many_areas_share_their_last_row_and_still_add_up() -> None:
     assert found is not None
     assert len(found.rows) == MAX_PARTS + 2
     assert found.rows[-2].name == "Other areas"
-    assert found.rows[-1].value == fmt.number((report.level.often.previous or 0.0) - 19.7 + 1.5)
+    assert found.rows[-1].value == fmt.number((report.level.violation_rate.previous or 0.0) - 19.7 + 1.5)
     assert sum(int(p.value.replace(fmt.MINUS, "-")) for p in found.parts) == 123 - 141
 
 

@@ -43,16 +43,16 @@ def test_the_schema_documents_itself_and_refuses_what_is_wrong() -> None:
     estimate = schema["$defs"]["Estimate"]["properties"]
     assert estimate["change"]["description"].startswith("Relative change")
     assert estimate["change"]["x-unit"] == "share"
-    assert schema["$defs"]["Level"]["properties"]["often"]["x-metric"] == "M0"
+    assert schema["$defs"]["Level"]["properties"]["violation_rate"]["x-metric"] == "M0"
     wrong = json.loads(to_json(weeks.normal()))
-    wrong["level"]["often"]["verdict"] = "improved"
+    wrong["level"]["violation_rate"]["verdict"] = "improved"
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.Draft202012Validator(schema).validate(wrong)
 
 
 def test_missing_is_null_with_a_state() -> None:
     data = json.loads(to_json(weeks.exposure_unknown()))
-    assert data["level"]["risky"] | {"reason": None} == {
+    assert data["level"]["encounter_rate"] | {"reason": None} == {
         **dict.fromkeys(("value", "lo", "hi", "previous", "change", "change_lo", "change_hi", "verdict")),
         **{"hours_compared": None, "state": "not_measurable", "reason": None},
     }
@@ -62,7 +62,7 @@ def test_missing_is_null_with_a_state() -> None:
 
 def test_keys_are_sorted_and_floats_have_six_digits() -> None:
     report = weeks.normal()
-    report = replace(report, level=replace(report.level, often=Estimate(value=1 / 3, lo=123456.789)))
+    report = replace(report, level=replace(report.level, violation_rate=Estimate(value=1 / 3, lo=123456.789)))
     data = to_json(report)
     assert b'"value": 0.333333' in data
     assert b'"lo": 123457.0' in data
@@ -105,11 +105,11 @@ def test_hotspots_are_the_cards_and_hide_the_rate_of_an_area_that_is_hidden() ->
     assert [(int(r["number"]), r["name"], r["area"]) for r in rows] == [
         (c.number, c.name, c.area_id or "") for c in cards
     ]
-    card = next(c for c in cards if c.often is not None and c.area_id is not None)
+    card = next(c for c in cards if c.violation_rate is not None and c.area_id is not None)
     row = rows[cards.index(card)]
-    assert card.often is not None
-    assert float(row["per_open_hour"]) == pytest.approx(card.often.value, rel=1e-5)
-    assert row["state"] == card.often.state
+    assert card.violation_rate is not None
+    assert float(row["per_open_hour"]) == pytest.approx(card.violation_rate.value, rel=1e-5)
+    assert row["state"] == card.violation_rate.state
     areas = tuple(replace(a, is_held_back=a.area_id == card.area_id) for a in report.areas)
     hidden = list(csv.DictReader(io.StringIO(to_csv(replace(report, areas=areas))["hotspots.csv"])))[cards.index(card)]
     assert (hidden["per_open_hour"], hidden["lo"], hidden["hi"], hidden["state"]) == ("", "", "", "held_back")
@@ -126,8 +126,8 @@ def test_no_name_becomes_a_formula() -> None:
 
 def test_numpy_scalars_become_plain_numbers() -> None:
     report = weeks.normal()
-    level = replace(report.level, often=Estimate(value=np.float64(12.5)), violations=np.int64(7))
+    level = replace(report.level, violation_rate=Estimate(value=np.float64(12.5)), violations=np.int64(7))
     made = pd.Timestamp("2026-11-16 06:00", tz="Europe/Rome")
     data = json.loads(to_json(replace(report, level=level, generated_at=made)))
     assert data["generated_at"] == "2026-11-16T06:00:00+01:00"
-    assert (data["level"]["often"]["value"], data["level"]["violations"]) == (12.5, 7)
+    assert (data["level"]["violation_rate"]["value"], data["level"]["violations"]) == (12.5, 7)

@@ -15,8 +15,8 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.geometry.embedded_pictures import has_paper
 from vsd_analytics.geometry.scale_bar import nice_metres
 from vsd_analytics.report.draw.floor_plan import floor_map
+from vsd_analytics.report.pages import figure_titles
 from vsd_analytics.report.pages.week import make_page, render_html
-from vsd_analytics.report.words import figure_titles
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.reasons import read_reason
 
@@ -82,9 +82,10 @@ def test_names_of_areas_outside_the_map_stay_off_it() -> None:
 def test_the_table_of_changes_names_the_greatest_change_first() -> None:
     report = weeks.normal()
     areas = tuple(
-        replace(a, often=weeks.estimate(10.0, change)) for a, change in zip(report.areas, (-0.2, -0.6), strict=False)
+        replace(a, violation_rate=weeks.estimate(10.0, change))
+        for a, change in zip(report.areas, (-0.2, -0.6), strict=False)
     )
-    rest = m.AreaRow(area_id=None, name="Rest of the floor", often=weeks.estimate(50.0, -0.9))
+    rest = m.AreaRow(area_id=None, name="Rest of the floor", violation_rate=weeks.estimate(50.0, -0.9))
     named = figure_titles.changed(replace(report, areas=(*areas, rest)))
     first, second = report.areas[1].name, report.areas[0].name
     assert named == f"The rest of the floor, {first} and {second} clearly changed"
@@ -93,7 +94,10 @@ def test_the_table_of_changes_names_the_greatest_change_first() -> None:
 def test_a_row_that_is_held_back_says_so() -> None:
     report = weeks.masked()
     held = Estimate(value=None, state="not_enough_data", verdict="too_little_data", reason=GIVES_AWAY)
-    areas = (replace(report.areas[0], is_held_back=True, counted=None, share=None, often=held), *report.areas[1:])
+    areas = (
+        replace(report.areas[0], is_held_back=True, counted=None, share=None, violation_rate=held),
+        *report.areas[1:],
+    )
     page = render_html(replace(report, areas=areas, story=None))
     row = page.split('<table class="cmp"')[1].split("</tr>")[1]
     assert "Hidden" in row
@@ -109,7 +113,10 @@ def test_an_area_that_no_camera_recorded_says_so_and_not_that_few_were_counted()
         verdict="too_little_data",
         reason=read_reason("fewer than 5 violations were counted in the week before"),
     )
-    areas = (replace(report.areas[0], recorded_share=0.0, counted=None, share=None, often=few), *report.areas[1:])
+    areas = (
+        replace(report.areas[0], recorded_share=0.0, counted=None, share=None, violation_rate=few),
+        *report.areas[1:],
+    )
     row = render_html(replace(report, areas=areas, story=None)).split('<table class="cmp" role')[1].split("</tr>")[1]
     assert "nothing or too little was recorded" in row
 

@@ -103,8 +103,8 @@ def allowed(report: WeekReport) -> set[str]:
     known |= {f"{step - 1:g}" for step in report.rules.hour_steps}
     known.add(fmt.number(report.rules.mask_below / 2))  # what a count too small to print is in averages
     known |= {str(i + 1) for i in range(len(report.story.things if report.story else ()))}
-    if report.state == "empty" and report.level.often.hi:
-        known |= set(NUMBER.findall(fmt.one_in(report.level.often.hi)))
+    if report.state == "empty" and report.level.violation_rate.hi:
+        known |= set(NUMBER.findall(fmt.one_in(report.level.violation_rate.hi)))
     return known
 
 
@@ -138,7 +138,7 @@ def test_the_gate_finds_a_number_that_is_not(number: str) -> None:
 
 def test_the_gate_finds_a_figure_that_differs() -> None:
     report = weeks.normal()
-    level = replace(report.level, often=replace(report.level.often, value=122.6))
+    level = replace(report.level, violation_rate=replace(report.level.violation_rate, value=122.6))
     assert "123" in strangers(report, render_html(replace(report, level=level)))
 
 
@@ -147,5 +147,5 @@ def test_every_verdict_of_the_page_is_in_the_json_file() -> None:
     page = render_html(weeks.normal())
     table = page.split('<table class="cmp"')[1].split("</table>")[0]
     said = re.findall(r'<span class="word \w+">([A-Z][a-z ]+)', table)
-    expected = [a.often.verdict for a in twin.areas] + [twin.level.often.verdict]
+    expected = [a.violation_rate.verdict for a in twin.areas] + [twin.level.violation_rate.verdict]
     assert [s.strip() for s in said] == [say(f"words.{verdict}") for verdict in expected if verdict is not None]

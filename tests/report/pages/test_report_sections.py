@@ -20,10 +20,10 @@ from vsd_analytics.figures.forecast import HourForecast, SeriesForecast
 from vsd_analytics.figures.unusual import UnusualWeek
 from vsd_analytics.figures.week import outlook, redesigns, trend_weeks
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, chart, spark
+from vsd_analytics.report.pages import questions
 from vsd_analytics.report.pages import sections as page_sections
 from vsd_analytics.report.pages.spot_cards import cards
 from vsd_analytics.report.pages.week import make_page, render_html
-from vsd_analytics.report.words import questions
 from vsd_analytics.site.model import Area, Fixture, Floor
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
@@ -60,7 +60,7 @@ def test_a_higher_week_is_drawn_higher_and_by_the_same_scale() -> None:
     trend = sections.trend(weeks.normal())
     drawing = chart(trend, "often", width=WIDE, label="weeks")
     y = [float(v) for v in re.findall(r'<circle[^>]*cy="([\d.]+)"', drawing)]
-    values = [w.often.value for w in trend.weeks if w.often is not None]
+    values = [w.violation_rate.value for w in trend.weeks if w.violation_rate is not None]
     zero = float(re.findall(r'class="zero"[^>]*y1="(\d+)"', drawing)[0])
     ratios = [(zero - at) / (value or 1.0) for at, value in zip(y, values, strict=True)]
     assert max(ratios) == pytest.approx(min(ratios), rel=0.01)
@@ -81,7 +81,7 @@ def test_a_change_is_marked_where_it_lies_in_its_week() -> None:
 
 def test_a_whisker_that_would_flatten_all_others_is_cut_with_an_arrow() -> None:
     trend = sections.trend(weeks.normal())
-    wild = replace(trend.weeks[0], often=m.Estimate(value=139.0, lo=20.0, hi=9000.0))
+    wild = replace(trend.weeks[0], violation_rate=m.Estimate(value=139.0, lo=20.0, hi=9000.0))
     drawing = chart(replace(trend, weeks=(wild, *trend.weeks[1:])), "often", width=WIDE, label="weeks")
     assert drawing.count('class="tn" fill="#1b2430"') == 1
     assert "9,000" not in drawing
@@ -104,7 +104,7 @@ def test_the_small_line_is_broken_at_the_gap_and_absent_with_two_weeks() -> None
 )
 def test_a_week_is_notable_by_the_range_of_the_weeks_before(value: float, said: str) -> None:
     report = weeks.normal()
-    level = replace(report.level, often=m.Estimate(value=value, lo=value - 10, hi=value + 10))
+    level = replace(report.level, violation_rate=m.Estimate(value=value, lo=value - 10, hi=value + 10))
     report = replace(report, level=level)
     assert page_sections.trend_title(replace(report, trend=sections.trend(report)), "often") == said
 
@@ -152,13 +152,13 @@ def test_the_last_week_of_the_trend_is_the_headline_and_small_counts_are_held_ba
         left_out=(),
         state="ok",
         reason=None,
-        risky_reason=None,
+        encounter_rate_reason=None,
     )
     made = trend_weeks.trend(_Data(), found, level=report.level)  # type: ignore[arg-type]
-    assert made.weeks[1].often == report.level.often
-    assert made.weeks[0].often is not None
-    assert (made.weeks[0].often.value, made.weeks[0].often.lo) == (None, None)
-    assert "fewer than 5" in reason_text(made.weeks[0].often.reason)
+    assert made.weeks[1].violation_rate == report.level.violation_rate
+    assert made.weeks[0].violation_rate is not None
+    assert (made.weeks[0].violation_rate.value, made.weeks[0].violation_rate.lo) == (None, None)
+    assert "fewer than 5" in reason_text(made.weeks[0].violation_rate.reason)
 
 
 class _Settings:
@@ -367,9 +367,9 @@ def test_what_hardly_moved_is_not_explained() -> None:
 def test_a_redesign_is_reported_with_its_range_its_people_and_what_must_hold() -> None:
     table = page_sections.redesigns(sections.complete())
     assert table is not None
-    head, often, row = table.rows
+    head, violation_rate, row = table.rows
     assert (head.is_head, head.name, head.bar) == (True, "Fourth till opened.", "")
-    assert (often.name, often.words, often.detail) == (
+    assert (violation_rate.name, violation_rate.words, violation_rate.detail) == (
         "Violations per open hour",
         "Clear fall, −27%",
         "likely −39% to −12%",

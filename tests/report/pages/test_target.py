@@ -34,11 +34,11 @@ name = "Entrance"
 def with_target(target: Target) -> WeekReport:
     report = sections.twelve_weeks()
     assert report.trend is not None
-    return replace(report, trend=replace(report.trend, target_often=target))
+    return replace(report, trend=replace(report.trend, target_violation_rate=target))
 
 
 def test_a_week_is_above_or_below_only_if_its_whole_interval_is() -> None:
-    now = sections.twelve_weeks().level.often
+    now = sections.twelve_weeks().level.violation_rate
     assert now.lo is not None
     assert now.hi is not None
     assert _target(now.lo - 1, now) == Target(value=now.lo - 1, position="above")
@@ -47,7 +47,7 @@ def test_a_week_is_above_or_below_only_if_its_whole_interval_is() -> None:
 
 
 def test_without_an_interval_nothing_is_said_of_the_week() -> None:
-    now = replace(sections.twelve_weeks().level.often, lo=None, hi=None)
+    now = replace(sections.twelve_weeks().level.violation_rate, lo=None, hi=None)
     assert _target(120.0, now) == Target(value=120.0)
     assert _target(None, now) is None
 

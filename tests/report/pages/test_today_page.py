@@ -15,8 +15,7 @@ from report import sample_cards as cards
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.report.pages.mail import as_bytes
-from vsd_analytics.report.pages.today import make_today_page, today_html, today_mail
-from vsd_analytics.report.words.today import TodayWords, today_words
+from vsd_analytics.report.pages.today import TodayWords, make_today_page, today_html, today_mail, today_words
 from vsd_analytics.site.model import LANGUAGES
 from vsd_analytics.wording.languages import speaking
 

@@ -59,7 +59,7 @@ def causes(inputs: FigureInputs) -> Figure:
     found = inputs.found.mixing_now
     if found.layout is None or found.behaviour is None:
         return inputs.missing(found.state, found.reason)
-    change = inputs.found.mixing if inputs.level.often.verdict is not None else None
+    change = inputs.found.mixing if inputs.level.violation_rate.verdict is not None else None
     is_compared = change is not None and change.state == "ok"
     rows = _factors(found, change if is_compared else None)
     reason = found.reason if found.lo is None else None
@@ -127,7 +127,7 @@ def _redesign(inputs: FigureInputs, found: BeforeAfterFigure) -> Row:
         state, reason = "not_enough_data", None if ratio is None else ratio.reason
     is_printed = state == "ok"
     ratio = ratio if is_printed else None
-    effect, often = (e if is_printed else None for e in (found.effect, found.often))
+    effect, violation_rate = (e if is_printed else None for e in (found.effect, found.violation_rate))
     shrunken = None if effect is None else effect.shrunken
     return {
         "entry": found.number,
@@ -139,9 +139,9 @@ def _redesign(inputs: FigureInputs, found: BeforeAfterFigure) -> Row:
         "lo": None if ratio is None else ratio.lo,
         "hi": None if ratio is None else ratio.hi,
         "verdict": None if ratio is None else ratio.verdict,
-        "often_ratio": None if often is None else often.value,
-        "often_lo": None if often is None else often.lo,
-        "often_hi": None if often is None else often.hi,
+        "violation_rate_ratio": None if violation_rate is None else violation_rate.value,
+        "violation_rate_lo": None if violation_rate is None else violation_rate.lo,
+        "violation_rate_hi": None if violation_rate is None else violation_rate.hi,
         "placebo_lo": None if effect is None else effect.placebo_lo,
         "placebo_hi": None if effect is None else effect.placebo_hi,
         "shrunken": None if shrunken is None else shrunken.value,

@@ -12,15 +12,15 @@ from vsd_analytics.figures.week.results import Figure
 
 
 @figure("M0")
-def often(inputs: FigureInputs) -> Figure:
+def violation_rate(inputs: FigureInputs) -> Figure:
     """Return violations per open hour."""
-    return inputs.of_estimate(inputs.level.often, inputs.recorded_h)
+    return inputs.of_estimate(inputs.level.violation_rate, inputs.recorded_h)
 
 
 @figure("M7")
-def risky(inputs: FigureInputs) -> Figure:
+def encounter_rate(inputs: FigureInputs) -> Figure:
     """Return violations per person-hour."""
-    return inputs.of_estimate(inputs.level.risky, inputs.level.exposure_h)
+    return inputs.of_estimate(inputs.level.encounter_rate, inputs.level.exposure_h)
 
 
 @figure("M8")
@@ -55,16 +55,19 @@ def between(inputs: FigureInputs) -> Figure:
         why = next((lives for lives in here.values() if lives.state != "ok"), None)
         state, reason = (found.state, found.reason) if why is None else (why.state, why.reason)
         return inputs.missing(state, reason)
-    n, n_between = own.often.n_events or 0, own.often_between.n_events or 0
+    n, n_between = own.violation_rate.n_events or 0, own.violation_rate_between.n_events or 0
     if inputs.small(n, n_between, n - n_between):
         return inputs.held_back()
     rows: list[Row] = []
-    for reading, often, risky in (
-        ("all", own.often, own.risky),
-        ("between_groups", own.often_between, own.risky_between),
+    for reading, violation_rate, encounter_rate in (
+        ("all", own.violation_rate, own.encounter_rate),
+        ("between_groups", own.violation_rate_between, own.encounter_rate_between),
     ):
-        rates = {**limits("often", inputs.rate(often)), **limits("risky", inputs.rate(risky))}
-        rows.append({"reading": Reason(f"row.{reading}"), **rates, "n": often.n_events})
+        rates = {
+            **limits("violation_rate", inputs.rate(violation_rate)),
+            **limits("encounter_rate", inputs.rate(encounter_rate)),
+        }
+        rows.append({"reading": Reason(f"row.{reading}"), **rates, "n": violation_rate.n_events})
     if not n:
         return inputs.missing("not_enough_data", Reason("violations.none"))
     known = found.accuracy

@@ -98,7 +98,7 @@ class FigureInputs:
 
     def not_printed(self) -> Figure:
         """Return a figure of violations for a week whose violations may not be printed."""
-        return self.missing(self.level.often.state, self.level.often.reason)
+        return self.missing(self.level.violation_rate.state, self.level.violation_rate.reason)
 
     def not_ranked(self) -> Figure:
         """Return a ranking in a week that was recorded too little for one."""

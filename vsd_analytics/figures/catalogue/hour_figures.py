@@ -129,23 +129,33 @@ def trend(inputs: FigureInputs) -> Figure:
     zone = inputs.data.site.zone
     for week in found.weeks:
         is_this = week.monday == inputs.data.monday
-        often, close, risky = inputs.rate(week.often), inputs.rate(week.close), inputs.rate(week.risky)
+        violation_rate, close, encounter_rate = (
+            inputs.rate(week.violation_rate),
+            inputs.rate(week.close),
+            inputs.rate(week.encounter_rate),
+        )
         if is_this and not inputs.is_counted:
-            often, close, risky = inputs.level.often, inputs.level.close_share or close, inputs.level.risky
+            violation_rate, close, encounter_rate = (
+                inputs.level.violation_rate,
+                inputs.level.close_time_share or close,
+                inputs.level.encounter_rate,
+            )
         elif (why := inputs.data.hidden_in(week.monday).why_floor) is not None:
-            often, close, risky = (without_figures(e, why) for e in (often, close, risky))
-        reason = week.reason if week.state != "ok" else often.reason if often.value is None else None
+            violation_rate, close, encounter_rate = (
+                without_figures(e, why) for e in (violation_rate, close, encounter_rate)
+            )
+        reason = week.reason if week.state != "ok" else violation_rate.reason if violation_rate.value is None else None
         rows.append(
             {
                 "week": week.week,
-                **limits("often", often),
-                **limits("close_share", close),
-                **limits("risky", risky),
+                **limits("violation_rate", violation_rate),
+                **limits("close_time_share", close),
+                **limits("encounter_rate", encounter_rate),
                 "cameras_missing": ", ".join(found.cameras[i] for i in week.missing),
                 "coverage": week.coverage,
                 "n_changes": sum(f"{m.at.astimezone(zone):%G-W%V}" == week.week for m in found.marks),
-                "state": week.state if often.value is not None or week.state != "ok" else "not_enough_data",
+                "state": week.state if violation_rate.value is not None or week.state != "ok" else "not_enough_data",
                 "reason": reason,
             }
         )
-    return Figure(unit=inputs.unit, rows=tuple(rows), denominator=len(rows), reason=found.risky_reason)
+    return Figure(unit=inputs.unit, rows=tuple(rows), denominator=len(rows), reason=found.encounter_rate_reason)

@@ -45,7 +45,7 @@ def area_rates(inputs: FigureInputs) -> Figure:
     _pull(inputs, rows, areas)
     ranks = iter(range(1, len(rows) + 1))
     for one, area in zip(rows, areas, strict=True):
-        can = inputs.is_ranked and area.area_id is not None and area.often.value is not None
+        can = inputs.is_ranked and area.area_id is not None and area.violation_rate.value is not None
         one["rank"] = next(ranks) if can else None
     reason = None if inputs.is_ranked else inputs.not_ranked().reason
     note = None if any(r["pulled"] is not None for r in rows) else NOT_PULLED
@@ -55,13 +55,17 @@ def area_rates(inputs: FigureInputs) -> Figure:
 def _pull(inputs: FigureInputs, rows: list[dict[str, Plain]], areas: Sequence[AreaRow]) -> None:
     """Add each area's rate per person-hour pulled towards the mean of all, and what it has above the floor's rate."""
     known = [
-        (one, area.risky, area.exposure_h)
+        (one, area.encounter_rate, area.exposure_h)
         for one, area in zip(rows, areas, strict=True)
-        if area.area_id is not None and area.risky is not None and area.risky.value and area.risky.lo and area.risky.hi
+        if area.area_id is not None
+        and area.encounter_rate is not None
+        and area.encounter_rate.value
+        and area.encounter_rate.lo
+        and area.encounter_rate.hi
     ]
-    ends = ([getattr(risky, name) for _, risky, _ in known] for name in ("value", "lo", "hi"))
+    ends = ([getattr(encounter_rate, name) for _, encounter_rate, _ in known] for name in ("value", "lo", "hi"))
     pulled = pull(*ends, confidence=inputs.data.site.settings.confidence) if inputs.is_ranked else None
-    floor = inputs.level.risky.value
+    floor = inputs.level.encounter_rate.value
     for one in rows:
         one |= {"pulled": None, "pulled_lo": None, "pulled_hi": None, "excess_per_week": None}
     for (one, _, exposure_h), found in zip(known, pulled or (), strict=pulled is not None):
@@ -71,18 +75,18 @@ def _pull(inputs: FigureInputs, rows: list[dict[str, Plain]], areas: Sequence[Ar
 
 
 def _area(area: AreaRow, border_note: Reason | None) -> dict[str, Plain]:
-    often = area.often
+    violation_rate = area.violation_rate
     return {
         "area": area.area_id,
         "name": area.name,
-        **limits("often", often),
-        **limits("risky", area.risky),
-        **limits("close_share", area.close_share),
-        "verdict": often.verdict,
-        "share": area.share if often.value is not None else None,
+        **limits("violation_rate", violation_rate),
+        **limits("encounter_rate", area.encounter_rate),
+        **limits("close_time_share", area.close_time_share),
+        "verdict": violation_rate.verdict,
+        "share": area.share if violation_rate.value is not None else None,
         "exposure_h": area.exposure_h,
-        "state": often.state,
-        "reason": often.reason,
+        "state": violation_rate.state,
+        "reason": violation_rate.reason,
         "border_note": border_note,
     }
 

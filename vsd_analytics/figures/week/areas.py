@@ -55,23 +55,31 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     below = data.site.settings.mask_below
     now = data.hidden.places
     before = _before(data, places, below) if is_compared else HeldBack(frozenset(), frozenset(), is_total_safe=True)
-    total = sum(m.often.value or 0.0 for m in found.values())
+    total = sum(m.violation_rate.value or 0.0 for m in found.values())
     rows = []
     for key in keys:
         measured, place = found[key], places[key]
-        often, risky = measured.often, measured.risky
+        violation_rate, encounter_rate = measured.violation_rate, measured.encounter_rate
         change = judged[key].close if key in judged else None
         is_new = False
-        close = estimates.close_share(data, drawn.get(key), change)
+        close = estimates.close_time_share(data, drawn.get(key), change)
         if (why := now.why(key, below=below)) is not None:
-            often, risky, close = (estimates.without_figures(e, why) for e in (often, risky, close))
+            violation_rate, encounter_rate, close = (
+                estimates.without_figures(e, why) for e in (violation_rate, encounter_rate, close)
+            )
         elif is_new := is_compared and _is_new(data, place):
-            often, risky, close = (estimates.without_change(e, NEW) for e in (often, risky, close))
+            violation_rate, encounter_rate, close = (
+                estimates.without_change(e, NEW) for e in (violation_rate, encounter_rate, close)
+            )
         elif (why := before.why(key, below=below)) is not None:
             why = in_week_before(why) if key in before.small else why
-            often, risky, close = (estimates.without_change(e, why) for e in (often, risky, close))
+            violation_rate, encounter_rate, close = (
+                estimates.without_change(e, why) for e in (violation_rate, encounter_rate, close)
+            )
         elif is_compared and data.is_revealed_by_comparing:
-            often, risky, close = (estimates.without_change(e, GIVES_AWAY) for e in (often, risky, close))
+            violation_rate, encounter_rate, close = (
+                estimates.without_change(e, GIVES_AWAY) for e in (violation_rate, encounter_rate, close)
+            )
         weights = camera_weights(data, place)
         is_known = bool(data.panel(place, data.week_days).x_h.any()) and data.this.knows(place)
         rows.append(
@@ -81,18 +89,18 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
                 counted=measured.n if is_known and key not in now else None,
                 is_masked=key in now.small,
                 is_held_back=key in now.others,
-                often=often,
-                risky=risky,
-                close_share=close,
+                violation_rate=violation_rate,
+                encounter_rate=encounter_rate,
+                close_time_share=close,
                 exposure_h=_exposure_h(data, place) if is_known and not data.why_no_exposure else None,
-                share=often.value / total if often.value is not None and total else None,
-                difference=difference(data, place) if is_new or often.change is not None else None,
+                share=violation_rate.value / total if violation_rate.value is not None and total else None,
+                difference=difference(data, place) if is_new or violation_rate.change is not None else None,
                 recorded_share=_recorded_share(data, weights),
                 cameras=tuple(c for c, w in weights.items() if w >= MIN_CAMERA_SHARE),
                 is_material=is_material(data, key) and key not in now,
             )
         )
-    rows[:-1] = sorted(rows[:-1], key=lambda r: -(r.often.value or 0.0))
+    rows[:-1] = sorted(rows[:-1], key=lambda r: -(r.violation_rate.value or 0.0))
     return Areas(rows=tuple(rows), is_before_safe=before.is_total_safe)
 
 
@@ -116,11 +124,14 @@ def is_material(data: WeekData, area_id: str | None) -> bool:
 
 def _with_verdicts(measured: estimates.Measured, judged: AreaChanges) -> estimates.Measured:
     """Return both numbers of an area with the verdicts of its family, where they have one at all."""
-    often, risky = (
+    violation_rate, encounter_rate = (
         estimate if estimate.verdict in (None, "too_little_data") else replace(estimate, verdict=change.verdict)
-        for estimate, change in ((measured.often, judged.often), (measured.risky, judged.risky))
+        for estimate, change in (
+            (measured.violation_rate, judged.violation_rate),
+            (measured.encounter_rate, judged.encounter_rate),
+        )
     )
-    return replace(measured, often=often, risky=risky)
+    return replace(measured, violation_rate=violation_rate, encounter_rate=encounter_rate)
 
 
 def _before(data: WeekData, places: Mapping[str | None, Place], below: int) -> HeldBack[str | None]:
@@ -135,7 +146,7 @@ def _before(data: WeekData, places: Mapping[str | None, Place], below: int) -> H
 
 def busiest_spot(data: WeekData, rows: Sequence[AreaRow]) -> BusiestSpot | None:
     """Return the drawn area with most violations per open hour, if any may be printed."""
-    best = next((a for a in rows if a.area_id is not None and a.often.value), None)
+    best = next((a for a in rows if a.area_id is not None and a.violation_rate.value), None)
     if best is None:
         return None
     polygon = next(a.polygon for a in data.areas if a.area_id == best.area_id)

@@ -40,7 +40,7 @@ def since_instant(data: WeekData, place: Place, ms: int) -> tuple[Estimate | Non
     if any(is_small(n, below=data.site.settings.mask_below) for n in counts):
         return None, None
     change, late = (_difference(data, place, since=at) for at in (None, ms))
-    return after.often, None if change == 0 else min(1.0, max(0.0, late / change))
+    return after.violation_rate, None if change == 0 else min(1.0, max(0.0, late / change))
 
 
 def _difference(data: WeekData, place: Place, *, since: int | None) -> float:

@@ -22,14 +22,14 @@ class Measured:
     """Both headline numbers of a place and the counts behind them, which decide what may be printed.
 
     Attributes:
-        often: How often, M0.
-        risky: How risky, M7.
+        violation_rate: How often, M0.
+        encounter_rate: How risky, M7.
         n: Violations in the hours that enter rates.
         n_before: Violations of the week before in the hours compared; 0 when nothing is compared.
     """
 
-    often: Estimate
-    risky: Estimate
+    violation_rate: Estimate
+    encounter_rate: Estimate
     n: int
     n_before: int
 
@@ -47,10 +47,12 @@ def measure(
         until: Only hours that start before it; not for comparisons.
     """
     panel = data.panel(place, data.week_days, since=since, until=until)
-    risky = rates.encounter_rate_level(data.this, place, since=since, until=until)
+    encounter_rate = rates.encounter_rate_level(data.this, place, since=since, until=until)
     return Measured(
-        often=_often(data, place, is_compared=is_compared, since=since, until=until),
-        risky=_judged(data, place, risky, rates.encounter_rate_change if is_compared else None, since),
+        violation_rate=_violation_rate(data, place, is_compared=is_compared, since=since, until=until),
+        encounter_rate=_judged(
+            data, place, encounter_rate, rates.encounter_rate_change if is_compared else None, since
+        ),
         n=int(panel.n.sum()),
         n_before=int(data.compared(place, since=since)[0].n.sum()) if is_compared else 0,
     )
@@ -68,7 +70,7 @@ def people(data: WeekData, *, is_compared: bool) -> Estimate:
     return _estimate(level, rates.change_people(data.pair, data.everyone), _hours(data, data.everyone, None))
 
 
-def close_share(data: WeekData, where: Floor | Area | None, change: ChangeEstimate | None = None) -> Estimate:
+def close_time_share(data: WeekData, where: Floor | Area | None, change: ChangeEstimate | None = None) -> Estimate:
     """Return the share of person-time too close (M6) of the floor, an area, or (None) the rest of it.
 
     Args:
@@ -77,18 +79,18 @@ def close_share(data: WeekData, where: Floor | Area | None, change: ChangeEstima
         change: Its change; None = nothing is compared.
     """
     place = close_time.close_time(data.this, where)
-    level = close_time.close_share(data.this, place)
+    level = close_time.close_time_share(data.this, place)
     if change is None or level.state == "not_measurable":
         return _estimate(level)
     return _estimate(level, change, _hours(data, place, None))
 
 
-def floor_close_share(data: WeekData, *, is_compared: bool) -> Estimate:
+def floor_close_time_share(data: WeekData, *, is_compared: bool) -> Estimate:
     """Return the share of person-time too close (M6) of the floor, compared with the week before where asked."""
     change = None
     if is_compared:
-        change = close_time.change_close_share(data.pair, close_time.close_time(data.this, data.floor))
-    return close_share(data, data.floor, change)
+        change = close_time.change_close_time_share(data.pair, close_time.close_time(data.this, data.floor))
+    return close_time_share(data, data.floor, change)
 
 
 def without_figures(estimate: Estimate, reason: Reason) -> Estimate:
@@ -106,7 +108,9 @@ def without_change(estimate: Estimate, reason: Reason) -> Estimate:
     return replace(estimate, previous=None, change=None, change_lo=None, change_hi=None, reason=reason)
 
 
-def _often(data: WeekData, place: Place, *, is_compared: bool, since: int | None, until: int | None) -> Estimate:
+def _violation_rate(
+    data: WeekData, place: Place, *, is_compared: bool, since: int | None, until: int | None
+) -> Estimate:
     level = rates.violation_rate_level(data.this, place, since=since, until=until)
     is_recorded = data.hours.recorded_s[place.cameras][:, data.week()].any()
     if level.value is None and level.state != "not_measurable" and is_recorded:

@@ -134,7 +134,7 @@ def _spots(data: WeekData, grid: FloorGrid, density: Array, areas: Sequence[Area
     x, y = grid.axes()
     spots: list[MapSpot] = []
     for area in areas:
-        if area.area_id is None or not area.often.value or len(spots) == SPOTS_MAX:
+        if area.area_id is None or not area.violation_rate.value or len(spots) == SPOTS_MAX:
             continue
         inside: NDArray[np.bool_] = shapely.contains_xy(polygons[area.area_id], x[None, :], y[:, None])
         own = _heaviest_patch(np.where(inside, density, 0.0), data.site.settings.heat_steps[0])

@@ -50,7 +50,9 @@ class SpotCard:
     name: str = _f("Area, or where it is; free text.")
     at: tuple[float, float] | None = _o("Its middle, floor metres; None when it has no place on a map.")
     area_id: str | None = _o("Area it lies in; None for none.")
-    often: Estimate | None = _o("Violations per open hour of that area, and its change.", "per open hour", "M0")
+    violation_rate: Estimate | None = _o(
+        "Violations per open hour of that area, and its change.", "per open hour", "M0"
+    )
     ratio: Estimate | None = _o("Tested spots: violations over those expected at the floor's rate.", "ratio", "M20")
     excess_min_per_week: float | None = _o(
         "Tested spots: time too close above what crowding explains.", "person-minutes a week", "M20"
@@ -103,9 +105,9 @@ class TrendWeek:
     iso: str = _f("ISO week.")
     number: int = _f("Its number in the year.")
     monday: date = _f("First day.")
-    often: Estimate | None = _o("Violations per recorded open hour.", "per open hour", "M0")
+    violation_rate: Estimate | None = _o("Violations per recorded open hour.", "per open hour", "M0")
     close: Estimate | None = _o("Share of person-time too close.", "share", "M6")
-    risky: Estimate | None = _o("Violations per person-hour.", "per person-hour", "M7")
+    encounter_rate: Estimate | None = _o("Violations per person-hour.", "per person-hour", "M7")
     missing: tuple[str, ...] = _f(
         "Names of cameras that recorded too little of it to compare it with this week; free text.", default=()
     )
@@ -147,25 +149,27 @@ class Trend:
 
     weeks: tuple[TrendWeek, ...] = _f("At most ten, up to this one.", metric="M28", default=())
     marks: tuple[TrendMark, ...] = _f("Logged changes in these weeks.", default=())
-    usual_often: Usual | None = _o(
+    usual_violation_rate: Usual | None = _o(
         "Usual range of how often, from up to eleven weeks before; None with fewer than four.", "per open hour", "M28"
     )
     usual_close: Usual | None = _o("The same of the share of time too close.", "share", "M28")
-    target_often: Target | None = _o("The target of the floor, `target_per_open_h` of vsd.toml.", "per open hour")
+    target_violation_rate: Target | None = _o(
+        "The target of the floor, `target_per_open_h` of vsd.toml.", "per open hour"
+    )
     left_out: tuple[str, ...] = _f(
         "Names of cameras that recorded nothing this week, so that no week counts them; free text.", default=()
     )
     state: State = _f("ok: enough weeks to call it a trend.", default="ok")
     reason: Reason | None = _o("In words, why not.")
-    risky_reason: Reason | None = _o("Why there is no rate per person-hour.")
+    encounter_rate_reason: Reason | None = _o("Why there is no rate per person-hour.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
     """The headline numbers by one reading."""
 
-    often: Estimate = _f("Violations per recorded open hour.", "per open hour", "M9")
-    risky: Estimate = _f("Violations per person-hour.", "per person-hour", "M9")
+    violation_rate: Estimate = _f("Violations per recorded open hour.", "per open hour", "M9")
+    encounter_rate: Estimate = _f("Violations per person-hour.", "per person-hour", "M9")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,7 +177,7 @@ class AreaReading:
     """An area by the second reading."""
 
     area_id: str | None = _f("Area; None for the rest of the floor.")
-    often: Estimate = _f("Violations between groups per recorded open hour.", "per open hour", "M9")
+    violation_rate: Estimate = _f("Violations between groups per recorded open hour.", "per open hour", "M9")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,7 +216,7 @@ class Redesign:
         "Change of violations per person-hour, beside the comparison areas where there are any.",
         "per person-hour", "M27",
     )  # fmt: skip
-    often: Estimate | None = _o(
+    violation_rate: Estimate | None = _o(
         "The same of violations per open hour; None where the area is looked at by itself.", "per open hour", "M27"
     )
     people: Estimate | None = _o("Change of people in the area.", metric="M27")
@@ -323,8 +327,8 @@ class SelfCheck:
 
     n_weeks: int = _f("Weeks it comes from.", "weeks")
     both: FalseAlarmShare | None = _o("Of both verdicts on the floor.")
-    often: FalseAlarmShare | None = _o("Of verdicts on how often.", metric="M0")
-    risky: FalseAlarmShare | None = _o("Of verdicts on how risky.", metric="M7")
+    violation_rate: FalseAlarmShare | None = _o("Of verdicts on how often.", metric="M0")
+    encounter_rate: FalseAlarmShare | None = _o("Of verdicts on how risky.", metric="M7")
     verdicts_a_year: int = _f("Verdicts on the floor in 52 weekly reports.", "verdicts", default=0)
     false_a_year: float | None = _o("False ones to expect among them.", "verdicts")
     false_a_year_lo: float | None = _o("Lower end of its interval.", "verdicts")

@@ -35,14 +35,14 @@ def readings(data: WeekData, found: Groups, *, level: Level, areas: tuple[AreaRo
         why = here[0].reason if here and found.state == "ok" else found.reason
         is_unknown = any(lives.state == "not_measurable" for lives in here[:1])
         return Readings(state="not_measurable" if is_unknown else "not_enough_data", reason=why, left_out=left_out)
-    if level.often.value is None or _would_reveal(own, below=below):
+    if level.violation_rate.value is None or _would_reveal(own, below=below):
         return Readings(state="not_enough_data", reason=too_few(below), left_out=left_out)
-    share, whole = found.between, Reading(often=level.often, risky=level.risky)
+    share, whole = found.between, Reading(violation_rate=level.violation_rate, encounter_rate=level.encounter_rate)
     is_floor = len(data.site.floors) == 1
     return Readings(
         # the first reading is the headline itself where all cameras take part
-        all=whole if not left_out else _reading(own.often, own.risky, below=below),
-        between=_reading(own.often_between, own.risky_between, below=below),
+        all=whole if not left_out else _reading(own.violation_rate, own.encounter_rate, below=below),
+        between=_reading(own.violation_rate_between, own.encounter_rate_between, below=below),
         between_share=share.value if is_floor else None,
         between_lo=share.lo if is_floor else None,
         between_hi=share.hi if is_floor else None,
@@ -55,15 +55,15 @@ def readings(data: WeekData, found: Groups, *, level: Level, areas: tuple[AreaRo
 
 def _would_reveal(own: Found, *, below: int) -> bool:
     """Tell whether the count between or within groups is too small to print."""
-    n, n_between = own.often.n_events or 0, own.often_between.n_events or 0
+    n, n_between = own.violation_rate.n_events or 0, own.violation_rate_between.n_events or 0
     return any(is_small(v, below=below) for v in (n, n_between, n - n_between))
 
 
-def _reading(often: RateEstimate, risky: RateEstimate, *, below: int) -> Reading:
+def _reading(violation_rate: RateEstimate, encounter_rate: RateEstimate, *, below: int) -> Reading:
     """Return both headline numbers, without what is too small to print."""
     none = Estimate(value=None, state="not_enough_data")
-    printed = [page_estimates.level(rate, below=below) or none for rate in (often, risky)]
-    return Reading(often=printed[0], risky=printed[1])
+    printed = [page_estimates.level(rate, below=below) or none for rate in (violation_rate, encounter_rate)]
+    return Reading(violation_rate=printed[0], encounter_rate=printed[1])
 
 
 def _areas(data: WeekData, found: Groups, areas: tuple[AreaRow, ...], *, below: int) -> tuple[AreaReading, ...]:
@@ -83,7 +83,7 @@ def _areas(data: WeekData, found: Groups, areas: tuple[AreaRow, ...], *, below: 
             continue
         if rate.n_events is None or any(area.area_id in h for h in held):
             continue
-        often = page_estimates.level(rate, below=below)
-        if often is not None and often.value is not None:
-            rows.append(AreaReading(area_id=area.area_id, often=often))
+        violation_rate = page_estimates.level(rate, below=below)
+        if violation_rate is not None and violation_rate.value is not None:
+            rows.append(AreaReading(area_id=area.area_id, violation_rate=violation_rate))
     return tuple(rows)

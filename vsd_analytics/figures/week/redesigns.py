@@ -75,7 +75,7 @@ def moved_people(data: WeekData, found: Sequence[BeforeAfterFigure]) -> tuple[in
 def redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
     """Return what a logged change did, without what would tell a small count."""
     names, windows = {a.area_id: a.name for a in data.areas}, found.windows
-    measured: dict[str, Any] = dict.fromkeys(("effect", "often", "people", "burden", "close", "running"))
+    measured: dict[str, Any] = dict.fromkeys(("effect", "violation_rate", "people", "burden", "close", "running"))
     if found.state == "ok":
         measured |= {"effect": _change(found.effect or found.alone), "people": _change(found.people)}
         if is_held_back(data, found):
@@ -84,8 +84,8 @@ def redesign(data: WeekData, found: BeforeAfterFigure) -> Redesign:
             hidden = Estimate(value=None, verdict="too_little_data", state="not_enough_data", reason=why)
             measured |= {"effect": hidden}
         else:
-            is_known = found.often is not None and found.often.value is not None
-            measured |= {"often": _change(found.often) if is_known else None, **_over_weeks(found)}
+            is_known = found.violation_rate is not None and found.violation_rate.value is not None
+            measured |= {"violation_rate": _change(found.violation_rate) if is_known else None, **_over_weeks(found)}
     return same_fields(
         Redesign,
         found,

@@ -156,9 +156,9 @@ class Provenance:
 class Level:
     """The first figures of the page."""
 
-    often: Estimate = _f("How often: violations per recorded open hour.", "per open hour", "M0")
-    risky: Estimate = _f("How risky: violations per person-hour.", "per person-hour", "M7")
-    close_share: Estimate | None = _o("Share of person-time closer than the distance to somebody.", "share", "M6")
+    violation_rate: Estimate = _f("How often: violations per recorded open hour.", "per open hour", "M0")
+    encounter_rate: Estimate = _f("How risky: violations per person-hour.", "per person-hour", "M7")
+    close_time_share: Estimate | None = _o("Share of person-time closer than the distance to somebody.", "share", "M6")
     people: Estimate = _f(
         "People: person-hours seen per recorded open hour, and its change.", "person-hours per open hour", "M3"
     )
@@ -199,9 +199,9 @@ class AreaRow:
     )
     is_masked: bool = _f("True: 1 to `mask_below`-1 were counted; no figure of this area is shown.", default=False)
     is_held_back: bool = _f("True: its figures are held back, as they would tell a masked one.", default=False)
-    often: Estimate = _f("Violations per recorded open hour, and its change.", "per open hour", "M0")
-    risky: Estimate | None = _o("Violations per person-hour spent in the area.", "per person-hour", "M7")
-    close_share: Estimate | None = _o(
+    violation_rate: Estimate = _f("Violations per recorded open hour, and its change.", "per open hour", "M0")
+    encounter_rate: Estimate | None = _o("Violations per person-hour spent in the area.", "per person-hour", "M7")
+    close_time_share: Estimate | None = _o(
         "Share of the person-time spent in the area that is closer than the distance to somebody, and its change.",
         "share",
         "M6",
@@ -234,12 +234,15 @@ class HourCell:
     hour: int = _f("Local hour, 0 to 23.")
     fold: int = _f("1 for the second of two equal local hours (clocks set back).", default=0)
     start: datetime = _f("Start with offset.")
-    state: HourState = _f("See the house plan, section 7.6.")
+    state: HourState = _f(
+        "full: recorded for at least 0.92 of the hour; partial: for 0.5 to 0.92, in rates as well; low_data: for less, "
+        "in no rate or ranking; no_data: not recorded; closed; not_over: still to come."
+    )
     violations: int | None = _o("Violations counted; None if masked, no data, closed or not over.", "violations", "M8")
     is_masked: bool = _f("True: 1 to `mask_below`-1 were counted.", default=False)
     is_held_back: bool = _f("True: its count is held back, as it would tell a masked one.", default=False)
     scaled: float | None = _o("Low-data hours: counted over recorded share, rough.", "violations")
-    close_share: float | None = _o(
+    close_time_share: float | None = _o(
         "Share of the hour's person-time closer than the distance to somebody, where the hour enters rates and its "
         "count is given; one hour has no interval.",
         "share",
@@ -314,6 +317,6 @@ class SettingsChange:
     before: str = _f("Value before, with unit.")
     after: str = _f("Value after, with unit.")
     at: datetime | None = _o("Instant of the change in the site's zone; None: somewhere between the two weeks.")
-    often_before: Estimate | None = _o("How often, in this week before the change.", "per open hour", "M0")
-    often_after: Estimate | None = _o("How often, in this week from the change on.", "per open hour", "M0")
+    violation_rate_before: Estimate | None = _o("How often, in this week before the change.", "per open hour", "M0")
+    violation_rate_after: Estimate | None = _o("How often, in this week from the change on.", "per open hour", "M0")
     command: str | None = _o("What recomputes the week with one setting.")

@@ -9,7 +9,7 @@ from vsd_analytics.figures.week.model_sections import FalseAlarmShare, SelfCheck
 
 def section(found: FloorSelfCheck) -> SelfCheck:
     """Return the self-check as the report prints it."""
-    measured = {"both": found.both, "often": found.often, "risky": found.risky}
+    measured = {"both": found.both, "violation_rate": found.violation_rate, "encounter_rate": found.encounter_rate}
     shares = {
         name: None if of is None else same_fields(FalseAlarmShare, of, share=of.value) for name, of in measured.items()
     }

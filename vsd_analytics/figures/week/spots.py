@@ -1,6 +1,6 @@
 """The numbered spots of the map and their cards: tested hotspots (M20) where there are any, else the busiest areas.
 
-A spot says when it is busy, how sure it is, and what to ask about the room. How sure (brief, 4.3): high when at least
+A spot says when it is busy, how sure it is, and what to ask about the room. How sure: high when at least
 90 % of the hours were recorded, it shows on at least five days, and its camera knows positions to half a metre; medium
 when one of these is missed; low when two are, or its camera was down in its usual hours.
 """
@@ -79,7 +79,7 @@ def spots(
     maps: Sequence[FloorMap],
     coverage: Coverage,
 ) -> Spots:
-    """Return the numbered spots of the week; the page names them and asks (`report.model.spot_words`).
+    """Return the numbered spots of the week; the page names them and asks (`report.model.spot_names`).
 
     Args:
         data: The week; its warehouse holds the hotspots' window.
@@ -167,7 +167,7 @@ def _tested(
         name=place.area_name or "",
         at=(place.peak_x_m, place.peak_y_m),
         area_id=place.area_id,
-        often=row.often if row is not None else None,
+        violation_rate=row.violation_rate if row is not None else None,
         ratio=Estimate(value=spot.ratio, lo=spot.lo, hi=spot.hi),
         excess_min_per_week=spot.excess_min_per_week,
         is_new=None if spot.state is None else spot.state == "new",
@@ -187,13 +187,19 @@ def _without_figures(card: SpotCard) -> SpotCard:
 def _busiest(data: WeekData, number: int, row: AreaRow, at: tuple[float, float] | None, coverage: Coverage) -> SpotCard:
     evidence, usual = _evidence(data, _inside(data, str(row.area_id), data.monday), coverage, row)
     return SpotCard(
-        number=number, name=row.name, at=at, area_id=row.area_id, often=row.often, usual=usual, evidence=evidence
+        number=number,
+        name=row.name,
+        at=at,
+        area_id=row.area_id,
+        violation_rate=row.violation_rate,
+        usual=usual,
+        evidence=evidence,
     )
 
 
 def _areas(areas: Sequence[AreaRow], maps: Sequence[FloorMap]) -> list[tuple[int, AreaRow, tuple[float, float] | None]]:
     """Return the areas that the map numbers, with their number and place on it; without a map, the three busiest."""
-    drawn = [a for a in areas if a.area_id is not None and a.often.value]
+    drawn = [a for a in areas if a.area_id is not None and a.violation_rate.value]
     if not any(m.kind != "picture" for m in maps):
         return [(n, a, None) for n, a in enumerate(drawn[:SPOTS_MAX], 1)]
     found: list[tuple[int, AreaRow, tuple[float, float] | None]] = []

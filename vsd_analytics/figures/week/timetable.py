@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vsd_analytics.figures.close_time import close_share_by_hour
+from vsd_analytics.figures.close_time import close_time_share_by_hour
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.hidden_counts import timetable_hours
 from vsd_analytics.figures.week.model_estimate import same_fields
@@ -82,7 +82,7 @@ def _cells(data: WeekData) -> tuple[HourCell, ...]:
     hours, states = data.hours, _states(data)
     is_known = data.why_no_violations is None
     held = data.hidden.hours
-    close_share = close_share_by_hour(data.this)
+    close_time_share = close_time_share_by_hour(data.this)
     cells = []
     for i in timetable_hours(data, data.this):
         recorded = states[int(hours.start_ms[i])]
@@ -103,7 +103,9 @@ def _cells(data: WeekData) -> tuple[HourCell, ...]:
                 is_masked=is_counted and i in held.small,
                 is_held_back=is_counted and i in held.others,
                 scaled=n / share if n is not None and state == "low_data" else None,
-                close_share=float(close_share[i]) if n is not None and np.isfinite(close_share[i]) else None,
+                close_time_share=float(close_time_share[i])
+                if n is not None and np.isfinite(close_time_share[i])
+                else None,
                 share=share if is_open else None,
                 cameras_down=recorded["cameras_down"] if state not in ("closed", "not_over") else 0,
             )

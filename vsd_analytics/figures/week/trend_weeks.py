@@ -63,13 +63,13 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level, same_engi
             )
             for i, m in enumerate(marks)
         ),
-        usual_often=_usual([w.often for w in alike], level.often, confidence=confidence),
-        usual_close=_usual([w.close for w in alike], level.close_share, confidence=confidence, most=1.0),
-        target_often=_target(data.floor.target_per_open_h, level.often),
+        usual_violation_rate=_usual([w.violation_rate for w in alike], level.violation_rate, confidence=confidence),
+        usual_close=_usual([w.close for w in alike], level.close_time_share, confidence=confidence, most=1.0),
+        target_violation_rate=_target(data.floor.target_per_open_h, level.violation_rate),
         left_out=found.left_out,
         state=found.state,
         reason=found.reason,
-        risky_reason=found.risky_reason,
+        encounter_rate_reason=found.encounter_rate_reason,
     )
 
 
@@ -97,21 +97,24 @@ def _week(
     week: WeekRates, *, below: int, cameras: tuple[str, ...], own: Level | None, why_hidden: Reason | None
 ) -> TrendWeek:
     _, number, _ = week.monday.isocalendar()
-    often, close, risky = (page_estimates.level(rate, below=below) for rate in (week.often, week.close, week.risky))
-    if own is not None and week.often is not None:
-        often, close = own.often, own.close_share if week.close is not None else None
-        risky = own.risky if week.risky is not None else None
+    violation_rate, close, encounter_rate = (
+        page_estimates.level(rate, below=below) for rate in (week.violation_rate, week.close, week.encounter_rate)
+    )
+    if own is not None and week.violation_rate is not None:
+        violation_rate, close = own.violation_rate, own.close_time_share if week.close is not None else None
+        encounter_rate = own.encounter_rate if week.encounter_rate is not None else None
     elif why_hidden is not None:
-        often, close, risky = (
-            None if e is None else estimates.without_figures(e, why_hidden) for e in (often, close, risky)
+        violation_rate, close, encounter_rate = (
+            None if e is None else estimates.without_figures(e, why_hidden)
+            for e in (violation_rate, close, encounter_rate)
         )
     return TrendWeek(
         iso=week.week,
         number=number,
         monday=week.monday,
-        often=often,
+        violation_rate=violation_rate,
         close=close,
-        risky=risky,
+        encounter_rate=encounter_rate,
         missing=tuple(cameras[i] for i in week.missing),
         coverage=week.coverage,
         reason=week.reason,

@@ -66,14 +66,16 @@ def chart(trend: Trend, measure: Measure, *, width: int, label: str) -> Markup:
     """
     weeks = trend.weeks
     values = [known(w, measure) for w in weeks]
-    target = trend.target_often.value if measure == "often" and trend.target_often is not None else None
+    target = (
+        trend.target_violation_rate.value if measure == "often" and trend.target_violation_rate is not None else None
+    )
     most = max((e.value or 0.0 for e in values if e is not None), default=0.0)
     ends = [min(e.hi or 0.0, WHISKER_MAX * most) for e in values if e is not None]
     highest = max([most, target or 0.0, *ends]) or 1.0
     step = _step(highest)
     n_steps = max(1, math.ceil(highest / step - 1e-9))
     axes = _Axes(width, len(weeks), step * n_steps)
-    usual = trend.usual_often if measure == "often" else trend.usual_close
+    usual = trend.usual_violation_rate if measure == "often" else trend.usual_close
     parts = [] if usual is None else [_usual(axes, usual)]
     parts += [_grid(axes, step * k, measure) for k in range(n_steps + 1)]
     parts += [] if target is None else _target(axes, target, beside=values[-1])
@@ -109,7 +111,7 @@ def spark(trend: Trend | None, measure: Measure) -> Markup:
 
 def known(week: TrendWeek, measure: Measure) -> Estimate | None:
     """Return what a week measured of violations or of time too close; None where it has no value."""
-    found = week.often if measure == "often" else week.close
+    found = week.violation_rate if measure == "often" else week.close
     return found if found is not None and found.value is not None else None
 
 

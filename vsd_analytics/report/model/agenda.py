@@ -19,9 +19,9 @@ from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.model_sections import SpotCard
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.figures.week.spots import place_shape
+from vsd_analytics.report.model import remedies as rules
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.model.week_agenda import Agenda, PastQuestion, PlaceToAsk
-from vsd_analytics.report.words import questions as rules
 from vsd_analytics.site.model import Fixture
 from vsd_analytics.site.questions import QuestionAnswer
 
@@ -94,8 +94,8 @@ def _places(report: WeekReport, data: WeekData, found: FloorHotspots | None) -> 
     is_tested = report.spots is not None and report.spots.kind == "tested"
     shapes = {area_id: spots.get(c.number) for area_id, c in cards.items()} if is_tested else {}
     changed = changed_on(data)
-    rows = [a for a in report.areas if a.is_material and a.often.value]
-    rows.sort(key=lambda a: (a.area_id is None and a.area_id not in cards, -(a.often.value or 0.0)))
+    rows = [a for a in report.areas if a.is_material and a.violation_rate.value]
+    rows.sort(key=lambda a: (a.area_id is None and a.area_id not in cards, -(a.violation_rate.value or 0.0)))
     return tuple(_place(row, cards.get(row.area_id), shapes.get(row.area_id), report, data, changed) for row in rows)
 
 

@@ -34,7 +34,6 @@ from vsd_analytics.figures.week.stored_records import stored_records
 from vsd_analytics.report.model import site_changes
 from vsd_analytics.report.model.sections import with_more, with_more_maps, with_more_of_days
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import headline
 from vsd_analytics.site.model import Floor, Site
 from vsd_analytics.version import VERSION
 from vsd_analytics.warehouse.provenance import engines
@@ -56,7 +55,7 @@ MADE_UP_ENGINE = "vsd-demo "
 """What the simulator of `vsd demo` calls itself: its reports say that the data are made up."""
 
 
-def week_report(
+def measured_week(
     site: Site,
     monday: date,
     *,
@@ -66,33 +65,11 @@ def week_report(
     on_plan: Callable[[int], None] | None = None,
     on_hours: Callable[[int], None] | None = None,
 ) -> WeekReport:
-    """Return the report of one floor and ISO week, its sentences in the site's language (or that of `speaking`).
-
-    Args:
-        site: The project.
-        monday: First day of the week.
-        floor_id: Floor; None = the first.
-        now: Instant to print as the time of making; None = the last record's.
-        clock: The present: hours that are not over at it are neither recorded nor missing; None = all are over.
-        on_plan: Called with the number of fact hours to compute first; see `build`.
-        on_hours: Called after computed hours.
-
-    Returns:
-        The report with its story; a week without data has a report too.
-
-    Raises:
-        StoreError: E301, nothing was ever stored.
-        KeyError: The site has no floor of this id.
-
-    Example:
-        >>> report = vsd.week_report(site.site, date(2026, 11, 9))
-        >>> report.state, vsd.render_html(report)[:15]
-        ('first_week', '<!doctype html>')
-    """
+    """Return the figures of one floor and ISO week, without a story; see `report.pages.story.week_report`."""
     return _of_days(site, monday, None, floor_id=floor_id, now=now, clock=clock, on_plan=on_plan, on_hours=on_hours)
 
 
-def days_report(
+def measured_days(
     site: Site,
     first: date,
     last: date,
@@ -103,26 +80,7 @@ def days_report(
     on_plan: Callable[[int], None] | None = None,
     on_hours: Callable[[int], None] | None = None,
 ) -> WeekReport:
-    """Return the report of one floor and days in a row, for a study of a day or a fortnight.
-
-    It has what such days can tell: no spots, trend, forecast or logged changes, which need weeks, and no question.
-    Whole weeks of days are compared with as many days before them; other days are compared with nothing, since the
-    days before them are other days of the week.
-
-    Args:
-        site: The project.
-        first: First local day.
-        last: Last local day, inclusive.
-        floor_id: Floor; None = the first.
-        now: Instant to print as the time of making; None = the last record's.
-        clock: The present, as for `week_report`.
-        on_plan: Called with the number of fact hours to compute first; see `build`.
-        on_hours: Called after computed hours.
-
-    Raises:
-        StoreError: E301, nothing was ever stored.
-        KeyError: The site has no floor of this id.
-    """
+    """Return the figures of one floor and days in a row, without a story; see `report.pages.story.days_report`."""
     return _of_days(site, first, last, floor_id=floor_id, now=now, clock=clock, on_plan=on_plan, on_hours=on_hours)
 
 
@@ -148,7 +106,7 @@ def _of_days(
         data = WeekData(_made(warehouse), floor=floor, monday=first, last=last, clock=clock)
         found = Findings(data)
         add = with_more if data.is_week else with_more_of_days
-        return headline.finish(with_more_maps(add(_report(data, floor, found, now), data, found), data))
+        return with_more_maps(add(_report(data, floor, found, now), data, found), data)
 
 
 def _made(warehouse: Warehouse) -> Warehouse:
@@ -185,7 +143,7 @@ def _report(data: WeekData, floor: Floor, found: Findings, now: datetime | None)
         areas = report_areas.areas(data, is_compared=is_compared, rest=say("words.rest"))
     hours = timetable.timetable(data)
     level = floor_level(data, is_compared=is_compared, areas=areas)
-    has_ranking = is_ranked and level.often.value != 0
+    has_ranking = is_ranked and level.violation_rate.value != 0
     made_at = _made_at(data, now)
     inputs = FigureInputs(data, found, coverage, level, areas.rows, hours.when, is_ranked)
     shared = shared_answers(inputs)
@@ -264,11 +222,13 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     """Return the figures of the whole floor, without those that are too small or would tell a small one."""
     below = data.site.settings.mask_below
     measured = estimates.measure(data, data.whole, is_compared=is_compared)
-    often, risky = measured.often, measured.risky
-    close = estimates.floor_close_share(data, is_compared=is_compared)
+    violation_rate, encounter_rate = measured.violation_rate, measured.encounter_rate
+    close = estimates.floor_close_time_share(data, is_compared=is_compared)
     is_printed = True
     if (why := data.hidden.why_floor) is not None:
-        often, risky, close = (estimates.without_figures(e, why) for e in (often, risky, close))
+        violation_rate, encounter_rate, close = (
+            estimates.without_figures(e, why) for e in (violation_rate, encounter_rate, close)
+        )
         is_printed = False
     elif is_compared and (
         is_small(measured.n_before, below=below)
@@ -278,13 +238,15 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
     ):
         is_few = is_small(measured.n_before, below=below)
         why = in_week_before(too_few(below)) if is_few else GIVES_AWAY
-        often, close, risky = (estimates.without_change(e, why) for e in (often, close, risky))
+        violation_rate, close, encounter_rate = (
+            estimates.without_change(e, why) for e in (violation_rate, close, encounter_rate)
+        )
     panel = data.panel(data.whole, data.week_days)
     is_known = bool(panel.x_h.any())
     return Level(
-        often=often,
-        risky=risky,
-        close_share=close,
+        violation_rate=violation_rate,
+        encounter_rate=encounter_rate,
+        close_time_share=close,
         people=estimates.people(data, is_compared=is_compared),
         exposure_h=float(panel.exposure_h.sum()) if is_known and data.why_no_exposure is None else None,
         violations=measured.n if is_printed and is_known and data.why_no_violations is None else None,

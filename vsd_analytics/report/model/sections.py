@@ -13,7 +13,7 @@ from vsd_analytics.report.draw.spot_pictures import spot_pictures
 from vsd_analytics.report.model.agenda import agenda
 from vsd_analytics.report.model.ledger import ledger
 from vsd_analytics.report.model.site_changes import same_engine_since
-from vsd_analytics.report.model.spot_words import with_words
+from vsd_analytics.report.model.spot_names import with_words
 from vsd_analytics.report.model.week import WeekReport
 
 
@@ -32,7 +32,7 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
     )
     made = replace(made, agenda=agenda(made, data, None))
     made = replace(made, ledger=ledger(data, found))
-    if report.state in ("no_data", "too_incomplete") or report.level.often.state == "not_measurable":
+    if report.state in ("no_data", "too_incomplete") or report.level.violation_rate.state == "not_measurable":
         return made
     made = replace(
         made,
@@ -42,7 +42,7 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
         else None,
         unusual=outlook.unusual(found.unusual, when=report.when),
     )
-    if not report.level.often.value:
+    if not report.level.violation_rate.value:
         return made
     numbers = spots.spots(
         data,
@@ -64,7 +64,7 @@ def with_more(report: WeekReport, data: WeekData, found: Findings) -> WeekReport
 
 def with_more_of_days(report: WeekReport, data: WeekData, found: Findings) -> WeekReport:
     """Return the report of days that are no week with what such days can tell: readings and causes."""
-    if report.state in ("no_data", "too_incomplete") or not report.level.often.value:
+    if report.state in ("no_data", "too_incomplete") or not report.level.violation_rate.value:
         return report
     return replace(
         report,

@@ -16,10 +16,10 @@ from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.findings import Findings
 from vsd_analytics.figures.week.model_recording import Coverage, Outage
 from vsd_analytics.figures.week.results import LogLine, SettingsChange
-from vsd_analytics.report.words import terms
 from vsd_analytics.site.model import LogEntry
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 
 DETECTED_MIN_H: Final = 2.0
@@ -141,9 +141,11 @@ def _with_parts(data: WeekData, change: SettingsChange) -> SettingsChange:
     before = estimates.measure(data, data.whole, is_compared=False, until=ms)
     after = estimates.measure(data, data.whole, is_compared=False, since=ms)
     below = data.site.settings.mask_below
-    if data.hidden.why_floor or any(is_small(m.n, below=below) or m.often.value is None for m in (before, after)):
+    if data.hidden.why_floor or any(
+        is_small(m.n, below=below) or m.violation_rate.value is None for m in (before, after)
+    ):
         return change
-    return replace(change, often_before=before.often, often_after=after.often)
+    return replace(change, violation_rate_before=before.violation_rate, violation_rate_after=after.violation_rate)
 
 
 def _is_news(outage: Outage, entries: list[LogEntry]) -> bool:

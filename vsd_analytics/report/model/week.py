@@ -53,7 +53,7 @@ from vsd_analytics.report.model.week_agenda import Agenda
 
 # fmt: on
 
-SCHEMA: Final = "vsd.report.week/1"
+SCHEMA: Final = "vsd.report.week/2"
 ThingKind = Literal["worked", "watch", "distrust"]
 
 
@@ -157,7 +157,7 @@ class WeekReport:
     def has_history(self) -> bool:
         """Tell whether any week before this one has a figure, be it the week before or an earlier one."""
         weeks = () if self.trend is None else self.trend.weeks[:-1]
-        return any(w.often is not None and w.often.value is not None for w in weeks)
+        return any(w.violation_rate is not None and w.violation_rate.value is not None for w in weeks)
 
     @property
     def language(self) -> str:

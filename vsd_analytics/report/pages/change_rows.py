@@ -12,8 +12,8 @@ from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 
@@ -44,10 +44,16 @@ def change_rows(report: WeekReport, *, limit: float) -> tuple[ChangeRow, ...]:
         report: The report.
         limit: Greatest change that the bars show.
     """
-    pairs = [(a, replace(a.often, reason=UNSEEN) if a.recorded_share == 0 else a.often) for a in report.areas]
-    is_brief = not any(often.verdict in CLEAR for _, often in pairs)
-    rows = [_row(a.name, often, limit=limit, is_masked=a.is_masked, is_brief=is_brief) for a, often in pairs]
-    return (*rows, _row(say("changed.whole"), report.level.often, limit=limit, is_total=True))
+    pairs = [
+        (a, replace(a.violation_rate, reason=UNSEEN) if a.recorded_share == 0 else a.violation_rate)
+        for a in report.areas
+    ]
+    is_brief = not any(violation_rate.verdict in CLEAR for _, violation_rate in pairs)
+    rows = [
+        _row(a.name, violation_rate, limit=limit, is_masked=a.is_masked, is_brief=is_brief)
+        for a, violation_rate in pairs
+    ]
+    return (*rows, _row(say("changed.whole"), report.level.violation_rate, limit=limit, is_total=True))
 
 
 def _row(

@@ -16,8 +16,8 @@ from markupsafe import Markup, escape
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.draw.svg import step_bar
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 
 MAX_PARTS: Final = 6
@@ -81,14 +81,14 @@ def contributions(report: WeekReport) -> Contributions | None:
     the floor, are those of this week over the hours compared. Areas whose own difference is too small to print share a
     row; areas that were not recorded in both weeks are named without a number.
     """
-    often = report.level.often
-    if report.state != "normal" or often.previous is None or report.previous is None or len(report.areas) < 2:
+    violation_rate = report.level.violation_rate
+    if report.state != "normal" or violation_rate.previous is None or report.previous is None or len(report.areas) < 2:
         return None
     unseen = [a for a in report.areas if a.difference is None and _is_unseen(a)]
     parts = _parts(report, unseen)
     if parts is None or not parts:
         return None
-    before, after = often.previous, often.previous + sum(p.difference for p in parts)
+    before, after = violation_rate.previous, violation_rate.previous + sum(p.difference for p in parts)
     decimals = max(fmt.decimals(v) for v in (before, after))
     printed = adding_up([p.difference for p in parts], before=before, after=after, decimals=decimals)
     levels = [before]
@@ -102,10 +102,12 @@ def contributions(report: WeekReport) -> Contributions | None:
             ContributionRow(name=part.name, bar=bar, value=fmt.signed_fixed(value, decimals), area_id=part.area_id)
         )
     rows += [ContributionRow(name=a.name, bar=escape(say("contributions.unseen")), value=fmt.MISSING) for a in unseen]
-    is_same = often.value is not None and fmt.fixed(often.value, decimals) == fmt.fixed(after, decimals)
+    is_same = violation_rate.value is not None and fmt.fixed(violation_rate.value, decimals) == fmt.fixed(
+        after, decimals
+    )
     name = say("contributions.week" if is_same else "contributions.week_now", week=report.week.number)
     rows.append(_total(name, after, decimals, top))
-    is_clear = often.verdict in ("clear_fall", "clear_rise")
+    is_clear = violation_rate.verdict in ("clear_fall", "clear_rise")
     title = say("contributions.title" if is_clear else "contributions.title_unclear")
     return Contributions(title=title, sub=say("contributions.sub"), is_clear=is_clear, rows=tuple(rows))
 
@@ -151,19 +153,24 @@ def _parts(report: WeekReport, unseen: Sequence[AreaRow]) -> list[_Part] | None:
         parts = [*parts[: n_max - 1], _Part(name=say("contributions.others"), difference=others)]
     if not hidden:
         return parts
-    often = report.level.often
-    if len(hidden) + len(unseen) < UNKNOWN_MIN or often.previous is None or often.change is None:
+    violation_rate = report.level.violation_rate
+    if len(hidden) + len(unseen) < UNKNOWN_MIN or violation_rate.previous is None or violation_rate.change is None:
         return None
     name = terms.joined(a.name for a in hidden)
     if len(hidden) >= UNKNOWN_MIN:
         name = say("contributions.hidden", areas=name)
-    return [*parts, _Part(name=name, difference=often.previous * often.change - sum(p.difference for p in parts))]
+    return [
+        *parts,
+        _Part(name=name, difference=violation_rate.previous * violation_rate.change - sum(p.difference for p in parts)),
+    ]
 
 
 def _is_unseen(area: AreaRow) -> bool:
     """Tell whether no camera recorded an area in both weeks."""
     is_counted = area.counted is not None or area.is_masked or area.is_held_back
-    return not is_counted or (area.often.reason is not None and area.often.reason.code == "recorded.nothing")
+    return not is_counted or (
+        area.violation_rate.reason is not None and area.violation_rate.reason.code == "recorded.nothing"
+    )
 
 
 def _total(name: str, value: float, decimals: int, top: float) -> ContributionRow:

@@ -16,8 +16,8 @@ import pyarrow as pa
 
 from vsd_analytics.figures import operator_counts
 from vsd_analytics.figures.masked_tables import reports_hold, shared_hours
-from vsd_analytics.report.model.assemble import week_report
 from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable
 from vsd_analytics.warehouse.sqlfiles import Relation, relations

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import has, say
 from vsd_analytics.wording.reasons import reason_text
 

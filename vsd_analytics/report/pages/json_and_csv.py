@@ -20,10 +20,11 @@ from vsd_analytics.render.json_form import ANSWERS_SCHEMA, as_json, rounded_answ
 from vsd_analytics.render.json_form import from_json as answer_from_json
 from vsd_analytics.render.significant import rounded as rounded_json
 from vsd_analytics.report.model import week, week_agenda
+from vsd_analytics.report.model.older_files import brought_up_to_date
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words.headline import finish
+from vsd_analytics.report.pages.story import finish
 from vsd_analytics.store.spreadsheet import safe_cell
-from vsd_analytics.wording.reasons import decode_reason, reason_schema, reason_text, with_verdicts_of_today
+from vsd_analytics.wording.reasons import decode_reason, reason_schema, reason_text
 
 HOURS_COLUMNS: Final = ("site", "floor", "area", "start", "open", "recorded_minutes", "violations", "state")
 AREAS_COLUMNS: Final = (
@@ -88,8 +89,8 @@ def to_json(report: WeekReport) -> bytes:
 
 
 def from_json(data: bytes) -> WeekReport:
-    """Return the report that a JSON text was made from; rendering it gives the same page."""
-    decoded = with_verdicts_of_today(msgspec.json.decode(data))
+    """Return the report that a JSON text was made from, also one of version 1; rendering it gives the same page."""
+    decoded = brought_up_to_date(msgspec.json.decode(data))
     return msgspec.convert(decoded, WeekReport, dec_hook=_decode)
 
 
@@ -143,19 +144,31 @@ def _area(row: AreaRow) -> tuple[Any, ...]:
     if row.is_masked or row.is_held_back:
         state = "masked" if row.is_masked else "held_back"
         return row.area_id or "", safe_cell(row.name), *(None,) * 12, row.recorded_share, state, None, None, state
-    often, risky = row.often, row.risky or Estimate(value=None)
+    violation_rate, encounter_rate = row.violation_rate, row.encounter_rate or Estimate(value=None)
     return (
         row.area_id or "",
         safe_cell(row.name),
         row.counted,
-        *(often.value, often.lo, often.hi, often.previous, often.change, often.change_lo, often.change_hi),
-        often.verdict,
+        *(
+            violation_rate.value,
+            violation_rate.lo,
+            violation_rate.hi,
+            violation_rate.previous,
+            violation_rate.change,
+            violation_rate.change_lo,
+            violation_rate.change_hi,
+        ),
+        violation_rate.verdict,
         row.share,
         row.exposure_h,
-        risky.value,
+        encounter_rate.value,
         row.recorded_share,
-        often.state,
-        *(risky.lo, risky.hi, row.risky.state if row.risky is not None else "not_measurable"),
+        violation_rate.state,
+        *(
+            encounter_rate.lo,
+            encounter_rate.hi,
+            row.encounter_rate.state if row.encounter_rate is not None else "not_measurable",
+        ),
     )
 
 
@@ -169,15 +182,26 @@ def _spots(report: WeekReport) -> list[tuple[Any, ...]]:
 
 def _spot(card: SpotCard, kind: str, *, is_rate_shown: bool) -> tuple[Any, ...]:
     nothing = Estimate(value=None)
-    often = card.often if card.often is not None and is_rate_shown else nothing
+    violation_rate = card.violation_rate if card.violation_rate is not None and is_rate_shown else nothing
     ratio, seen = card.ratio or nothing, card.evidence
     return (
         *(card.number, safe_cell(card.name), card.area_id, *(card.at or (None, None)), kind),
-        *(often.value, often.lo, often.hi, ratio.value, ratio.lo, ratio.hi, card.excess_min_per_week),
+        *(
+            violation_rate.value,
+            violation_rate.lo,
+            violation_rate.hi,
+            ratio.value,
+            ratio.lo,
+            ratio.hi,
+            card.excess_min_per_week,
+        ),
         None if card.is_new is None else "yes" if card.is_new else "no",
         card.since.isoformat() if card.since else None,
         *((seen.days_present, seen.recorded_share, seen.sureness) if seen else (None, None, None)),
-        *((often.state if is_rate_shown else "held_back") if card.often is not None else None, _state(card.ratio)),
+        *(
+            (violation_rate.state if is_rate_shown else "held_back") if card.violation_rate is not None else None,
+            _state(card.ratio),
+        ),
     )
 
 

@@ -11,9 +11,9 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Usual
 from vsd_analytics.report.draw.trend_chart import spark
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.things_to_know import weakest_camera
+from vsd_analytics.report.pages.things_to_know import weakest_camera
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 
@@ -67,11 +67,11 @@ def tiles(report: WeekReport) -> tuple[Tile, ...]:
             return (
                 _framed((*both, _recorded(report)))
                 if both
-                else _framed((_often(report), _close(report), _recorded(report)))
+                else _framed((_violation_rate(report), _close(report), _recorded(report)))
             )
         case _:
             rest = [t for t in (_hour(report), _recorded(report)) if t is not None]
-            return _framed((_often(report), _close(report), *rest))
+            return _framed((_violation_rate(report), _close(report), *rest))
 
 
 def _framed(items: tuple[Tile, ...]) -> tuple[Tile, ...]:
@@ -113,7 +113,7 @@ def _between(report: WeekReport) -> str:
     found = report.readings
     if found is None or found.between is None or found.all is None:
         return ""
-    between, every = found.between.often, found.all.often
+    between, every = found.between.violation_rate, found.all.violation_rate
     if between.value is None or every.value is None:
         return ""
     rate = fmt.number(between.value)
@@ -123,17 +123,19 @@ def _between(report: WeekReport) -> str:
     return say("tiles.between_part", rate=rate, all=fmt.number(every.value), cameras=without)
 
 
-def _often(report: WeekReport) -> Tile:
-    often, title = report.level.often, say("tiles.often")
-    if often.value is None:
-        value = say("tiles.not_measurable") if often.state == "not_measurable" else say("tiles.too_few")
-        return Tile(title=title, value=value, note=sentences([reason_text(often.reason)]), is_wordy=True)
-    delta, direction = _change(report, often)
+def _violation_rate(report: WeekReport) -> Tile:
+    violation_rate, title = report.level.violation_rate, say("tiles.often")
+    if violation_rate.value is None:
+        value = say("tiles.not_measurable") if violation_rate.state == "not_measurable" else say("tiles.too_few")
+        return Tile(title=title, value=value, note=sentences([reason_text(violation_rate.reason)]), is_wordy=True)
+    delta, direction = _change(report, violation_rate)
     return Tile(
         title=title,
         unit=say("tiles.violations_per_open_hour"),
-        value=fmt.number(often.value),
-        note=sentences(_against(report, often, report.trend.usual_often if report.trend else None, fmt.number)),
+        value=fmt.number(violation_rate.value),
+        note=sentences(
+            _against(report, violation_rate, report.trend.usual_violation_rate if report.trend else None, fmt.number)
+        ),
         delta=delta,
         direction=direction,
         also=_between(report),
@@ -142,7 +144,7 @@ def _often(report: WeekReport) -> Tile:
 
 
 def _close(report: WeekReport) -> Tile:
-    close, title = report.level.close_share, say("tiles.close")
+    close, title = report.level.close_time_share, say("tiles.close")
     if close is None or close.value is None:
         is_unknown = close is None or close.state == "not_measurable"
         value = say("tiles.not_measurable" if is_unknown else "tiles.too_little")
@@ -202,20 +204,20 @@ def _recorded(report: WeekReport) -> Tile:
 
 
 def _rough(report: WeekReport) -> Tile:
-    often = report.level.often
-    is_known = often.value is not None
+    violation_rate = report.level.violation_rate
+    is_known = violation_rate.value is not None
     return Tile(
         title=say("tiles.often"),
         unit=say("tiles.violations_per_recorded_hour") if is_known else "",
-        value=say("tiles.about", rate=fmt.number(often.value)) if is_known else say("tiles.too_little"),
-        note=sentences([reason_text(often.reason) or say("tiles.rough")]),
+        value=say("tiles.about", rate=fmt.number(violation_rate.value)) if is_known else say("tiles.too_little"),
+        note=sentences([reason_text(violation_rate.reason) or say("tiles.rough")]),
         is_wordy=not is_known,
     )
 
 
 def _none(report: WeekReport) -> Tile:
-    often = report.level.often
-    note = say("tiles.fewer_than", rate=fmt.one_in(often.hi)) if often.hi else ""
+    violation_rate = report.level.violation_rate
+    note = say("tiles.fewer_than", rate=fmt.one_in(violation_rate.hi)) if violation_rate.hi else ""
     unit = say("tiles.violations_per_open_hour")
     return Tile(title=say("tiles.often"), unit=unit, value="0", note=sentences([note]))
 
@@ -241,12 +243,12 @@ def _last_record(report: WeekReport) -> Tile:
 
 def _before_after(report: WeekReport) -> tuple[Tile, Tile] | None:
     change = report.settings_change
-    if change is None or change.often_before is None or change.often_after is None:
+    if change is None or change.violation_rate_before is None or change.violation_rate_after is None:
         return None
     names = say("tiles.before_at", value=change.before), say("tiles.after_at", value=change.after)
     if change.name == "calibration":
         names = say("tiles.before_calibration"), say("tiles.after_calibration")
-    parts = zip(names, (change.often_before, change.often_after), strict=True)
+    parts = zip(names, (change.violation_rate_before, change.violation_rate_after), strict=True)
     before, after = (
         Tile(
             title=name,

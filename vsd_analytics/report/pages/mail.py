@@ -23,8 +23,8 @@ from vsd_analytics.report.draw.svg import RAMP_LIGHT
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.key_figures import Tile
 from vsd_analytics.report.pages.single_figures import map_svg, to_png
+from vsd_analytics.report.pages.spoken import in_its_words
 from vsd_analytics.report.pages.week import Page, make_page, rendered
-from vsd_analytics.report.words.spoken import in_its_words
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say
 

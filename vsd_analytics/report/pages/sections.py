@@ -13,8 +13,8 @@ from vsd_analytics.figures.week.model_sections import Causes, Redesign, Target, 
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, Measure, chart, known
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 
@@ -39,8 +39,8 @@ class TrendRow:
 
     number: int
     start: str
-    often: str
-    often_likely: str
+    violation_rate: str
+    violation_rate_likely: str
     close: str
     close_likely: str
     recorded: str
@@ -144,8 +144,8 @@ def trend(report: WeekReport) -> TrendView | None:
         notes=tuple(n for n in notes if n),
         rows=tuple(_row(w) for w in weeks),
         differs=_differs(report),
-        has_gaps=any(w.often is None for w in weeks),
-        has_usual=found.usual_often is not None or found.usual_close is not None,
+        has_gaps=any(w.violation_rate is None for w in weeks),
+        has_usual=found.usual_violation_rate is not None or found.usual_close is not None,
         has_others=any(w.missing for w in weeks),
     )
 
@@ -161,7 +161,7 @@ def trend_title(report: WeekReport, measure: Measure) -> str:
     weeks = report.trend.weeks if report.trend is not None else ()
     if report.trend is None or not weeks or known(weeks[-1], measure) is None:
         return say("titles.trend_gap", week=report.week.number)
-    usual = report.trend.usual_often if measure == "often" else report.trend.usual_close
+    usual = report.trend.usual_violation_rate if measure == "often" else report.trend.usual_close
     if usual is None:
         n = sum(known(w, measure) is not None for w in weeks)
         return say("titles.trend_few", plural=n, n=fmt.count(n))
@@ -171,7 +171,7 @@ def trend_title(report: WeekReport, measure: Measure) -> str:
 def causes(report: WeekReport) -> BarTable | None:
     """Return what moved the time spent close, as one sentence with three bars; None where it is not computed."""
     found = report.causes
-    if found is None or report.previous is None or not report.level.often.value:
+    if found is None or report.previous is None or not report.level.violation_rate.value:
         return None
     distance = fmt.distance(report.rules.distance_m, report.rules.distance_unit)
     title, sub = say("causes.title"), say("causes.sub", distance=distance, before=report.previous.number)
@@ -223,7 +223,7 @@ def redesigns(report: WeekReport) -> BarTable | None:
 def outlook(report: WeekReport) -> Listed | None:
     """Return the section on the next week's forecast; None where violations cannot be counted."""
     found = report.outlook
-    if found is None or report.level.often.state == "not_measurable":
+    if found is None or report.level.violation_rate.state == "not_measurable":
         return None
     sub = say("next.sub")
     if not found.highest:
@@ -305,7 +305,12 @@ def _panel(report: WeekReport, measure: Measure) -> TrendPanel:
     sub = say(f"trend.sub_{measure}", distance=fmt.distance(report.rules.distance_m, report.rules.distance_unit))
     return TrendPanel(
         title=say(f"trend.{measure}", title=trend_title(report, measure)),
-        sub=sub + (_target(found.target_often) if measure == "often" and found.target_often is not None else ""),
+        sub=sub
+        + (
+            _target(found.target_violation_rate)
+            if measure == "often" and found.target_violation_rate is not None
+            else ""
+        ),
         wide=chart(found, measure, width=WIDE, label=label),
         narrow=chart(found, measure, width=NARROW, label=label),
     )
@@ -318,18 +323,18 @@ def _target(target: Target) -> str:
 
 
 def _row(week: TrendWeek) -> TrendRow:
-    often, close = known(week, "often"), known(week, "close")
+    violation_rate, close = known(week, "often"), known(week, "close")
     note = reason_text(week.reason)
     if week.missing:
         cameras = terms.joined(terms.camera_name(c) for c in week.missing)
         note = say("trend.without", plural=len(week.missing), cameras=cameras)
-    if often is None and week.often is not None:
-        note = reason_text(week.often.reason) or note
+    if violation_rate is None and week.violation_rate is not None:
+        note = reason_text(week.violation_rate.reason) or note
     return TrendRow(
         number=week.number,
         start=fmt.date_short(week.monday),
-        often=fmt.number(often.value if often else None),
-        often_likely=_range(often),
+        violation_rate=fmt.number(violation_rate.value if violation_rate else None),
+        violation_rate_likely=_range(violation_rate),
         close=fmt.percent(close.value if close else None),
         close_likely=_range(close, written=fmt.percent),
         recorded=fmt.percent(week.coverage),
@@ -346,12 +351,12 @@ def _range(e: Estimate | None, *, written: Callable[[float | None], str] = fmt.n
 def _differs(report: WeekReport) -> str:
     """Say why the week before reads otherwise in the comparison, where it does."""
     before = report.trend.weeks[-2] if report.trend is not None and len(report.trend.weeks) > 1 else None
-    often = known(before, "often") if before is not None else None
-    there = report.level.often.previous
-    if often is None or there is None or fmt.number(often.value) == fmt.number(there):
+    violation_rate = known(before, "often") if before is not None else None
+    there = report.level.violation_rate.previous
+    if violation_rate is None or there is None or fmt.number(violation_rate.value) == fmt.number(there):
         return ""
     assert before is not None
-    return say("trend.differs", week=before.number, here=fmt.number(often.value), there=fmt.number(there))
+    return say("trend.differs", week=before.number, here=fmt.number(violation_rate.value), there=fmt.number(there))
 
 
 def _cause(found: Causes, distance: str) -> str:
@@ -370,7 +375,7 @@ def _cause(found: Causes, distance: str) -> str:
 
 def _measured(found: Redesign) -> list[tuple[str, Estimate]]:
     """Return the figures that a change is judged by; encounters per person-hour (M7) rise where people stand less."""
-    figures = (("often", found.often), ("close", found.close), ("running", found.running), ("net", found.net))
+    figures = (("often", found.violation_rate), ("close", found.close), ("running", found.running), ("net", found.net))
     return [(kind, e) for kind, e in figures if e is not None and (e.change is not None or kind != "running")]
 
 

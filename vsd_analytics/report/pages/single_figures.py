@@ -20,8 +20,8 @@ from vsd_analytics.report.draw import single_charts
 from vsd_analytics.report.draw.single_charts import Drawing, legend, text, wrapped
 from vsd_analytics.report.draw.svg import INK, MUTED, WHITE, el, hatch_pattern
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.spoken import in_its_words
 from vsd_analytics.report.pages.week import Page, make_page
-from vsd_analytics.report.words.spoken import in_its_words
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say
 

@@ -11,8 +11,8 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, UsualHours
 from vsd_analytics.report.draw import small_maps
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import days
 from vsd_analytics.wording.reasons import reason_text
@@ -115,7 +115,7 @@ def watched(name: str, changed_on: date | None) -> str:
 
 def _card(card: SpotCard, report: WeekReport) -> Card:
     value, unit, notes = _figures(card, report)
-    change, direction = _change(card.often, report) if card.ratio is None else _since(card)
+    change, direction = _change(card.violation_rate, report) if card.ratio is None else _since(card)
     evidence = card.evidence
     level = {"high": 3, "medium": 2, "low": 1}.get(evidence.sureness if evidence is not None else "", 0)
     return Card(
@@ -136,9 +136,9 @@ def _card(card: SpotCard, report: WeekReport) -> Card:
 
 
 def _figures(card: SpotCard, report: WeekReport) -> tuple[str, str, tuple[str, ...]]:
-    often = card.often
+    violation_rate = card.violation_rate
     if card.ratio is None:
-        return fmt.number(often.value if often is not None else None), say("spots.rate_unit"), ()
+        return fmt.number(violation_rate.value if violation_rate is not None else None), say("spots.rate_unit"), ()
     if card.ratio.value is None:
         return fmt.MISSING, reason_text(card.ratio.reason), ()
     unit, notes = say("spots.ratio_unit"), []
@@ -163,14 +163,14 @@ def _since(card: SpotCard) -> tuple[str, str]:
     return say(key, date=fmt.date_short(card.since)) if card.since is not None else "", "same"
 
 
-def _change(often: Estimate | None, report: WeekReport) -> tuple[str, str]:
+def _change(violation_rate: Estimate | None, report: WeekReport) -> tuple[str, str]:
     """Return the change of an area in words, and its direction; empty where nothing is compared."""
-    if report.state != "normal" or report.previous is None or often is None:
+    if report.state != "normal" or report.previous is None or violation_rate is None:
         return "", "same"
-    if often.verdict in ("clear_fall", "clear_rise") and often.change is not None:
-        said = say("spots.change", change=fmt.fewer_more(often.change), week=report.previous.number)
-        return said, terms.direction(often.verdict)
-    key = "no_change" if often.verdict in ("about_same", "cannot_tell") else "little"
+    if violation_rate.verdict in ("clear_fall", "clear_rise") and violation_rate.change is not None:
+        said = say("spots.change", change=fmt.fewer_more(violation_rate.change), week=report.previous.number)
+        return said, terms.direction(violation_rate.verdict)
+    key = "no_change" if violation_rate.verdict in ("about_same", "cannot_tell") else "little"
     return say(f"spots.cap_{key}", week=report.previous.number), "same"
 
 

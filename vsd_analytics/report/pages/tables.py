@@ -14,8 +14,8 @@ from vsd_analytics.figures.week.model_recording import CameraRecord, Outage
 from vsd_analytics.figures.week.results import HourCell
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 
 HELD_BACK: Final = "\u2026"

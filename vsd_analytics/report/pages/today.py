@@ -1,23 +1,239 @@
-"""The card of the day as a page and as a mail: one column for a phone, no script, no request, no clock of its own."""
+"""The card of the day: its words, and the page that shows them."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import date, datetime, timedelta
 from email.message import EmailMessage
+from typing import Final, Literal
 
 from markupsafe import Markup
 
-from vsd_analytics.figures.today import Today, publishable
+from vsd_analytics.figures.forecast import HISTORY_WEEKS
+from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.today import DayLevel, SilentCamera, Today, TodayHour, coarse, coarse_days, publishable
 from vsd_analytics.report.draw.day_hours import day_hours
 from vsd_analytics.report.pages import mail
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
-from vsd_analytics.report.words.today import TodayWords, today_words
 from vsd_analytics.site.model import Site
+from vsd_analytics.stats.unusual import Unusual
+from vsd_analytics.version import VERSION
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.reasons import reason_text
+
+Position = Literal["below", "within", "above"]
+UNUSUAL_SHOWN: Final = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DayWords:
+    """A day.
+
+    Attributes:
+        title: Yesterday, Friday 13 November.
+        value: Its violations, or a dash.
+        unit: Their word; empty without a value.
+        position: Where it lies beside its usual range; None = not known.
+        judged: That in words; empty within the range.
+        notes: The range and how much was recorded, as sentences.
+    """
+
+    title: str
+    value: str
+    unit: str
+    position: Position | None
+    judged: str
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TodayWords:
+    """The card.
+
+    Attributes:
+        site, floor: Names; the floor is empty where the site has only one.
+        as_of: Day and clock.
+        headline: One sentence, without a full stop.
+        days: Yesterday and today.
+        unusual: Sentences on hours far from usual, at least one.
+        silent: Sentences on cameras without data.
+        ahead: Sentences on what to expect, at least one.
+        notes: How to read the card.
+        made_by: The program.
+    """
+
+    site: str
+    floor: str
+    as_of: str
+    headline: str
+    days: tuple[DayWords, ...]
+    unusual: tuple[str, ...]
+    silent: tuple[str, ...]
+    ahead: tuple[str, ...]
+    notes: tuple[str, ...]
+    made_by: str
+
+
+def today_words(found: Today, site: Site) -> TodayWords:
+    """Return the card in words, in the language in force.
+
+    Args:
+        found: The numbers.
+        site: The site; its names, and `mask_below`, under which no count is printed.
+    """
+    below = site.settings.mask_below
+    floors = {f.floor_id: f.name for f in site.floors}
+    rough = coarse_days(found.hours, below=below)
+    title = say("today.yesterday", day=fmt.date_short(found.at.date() - timedelta(days=1)))
+    yesterday = _day(found.yesterday, title=title, below=below, rough=rough)
+    until = None if found.so_far is None else found.so_far.until_hour
+    title = say("today.today") if until is None else say("today.so_far", clock=fmt.hour_label(until))
+    days = yesterday, _day(found.so_far, title=title, below=below, rough=rough)
+    chance = [say("today.chance")] if any(d.position for d in days) else []
+    return TodayWords(
+        site=site.name,
+        floor=floors.get(found.floor_id or "", "") if len(floors) > 1 else "",
+        as_of=say("today.as_of", day=fmt.date_long(found.at.date()), clock=fmt.clock(found.at)),
+        headline=_headline(found, days, site),
+        days=days,
+        unusual=_unusual(found, below=below),
+        silent=_silent(found, site),
+        ahead=_ahead(found),
+        notes=(say("today.as_usual", n=HISTORY_WEEKS), *chance),
+        made_by=say("today.made_by", version=VERSION),
+    )
+
+
+def hour_words(hour: TodayHour | Unusual) -> str:
+    """Write day and hour: Saturday 17:00."""
+    return f"{fmt.weekday(hour.day)} {fmt.hour_label(hour.hour)}"
+
+
+def _headline(found: Today, days: tuple[DayWords, DayWords], site: Site) -> str:
+    """Name what matters most: no data, an unusual hour, a day outside its range; else that all is as usual."""
+    if found.silent and len(found.silent) == found.n_cameras:
+        return say("today.h_all_silent")
+    if found.silent:
+        return say("today.h_silent", plural=len(found.silent), cameras=_names(found.silent, site))
+    if found.unusual.rows:
+        return say("today.h_unusual", hour=hour_words(found.unusual.rows[0]))
+    yesterday, so_far = days
+    for day, when in ((so_far, "today.on_today"), (yesterday, "today.on_yesterday")):
+        if day.position in ("above", "below"):
+            return say(f"today.h_{day.position}", when=say(when))
+    if found.yesterday is None and found.so_far is None:
+        return say("today.h_closed")
+    return say("today.h_within" if yesterday.position or so_far.position else "today.h_unknown")
+
+
+def _day(level: DayLevel | None, *, title: str, below: int, rough: Collection[date]) -> DayWords:
+    if level is None:
+        return DayWords(title=title, value=fmt.MISSING, unit="", position=None, judged="", notes=(say("today.closed"),))
+    notes, position = [], None
+    if level.usual is not None and level.violations is not None:
+        position = level.usual.position(level.violations)
+        notes.append(
+            say(
+                "today.usual" if level.is_over else "today.usual_hours",
+                low=fmt.number(level.usual.lo),
+                high=fmt.number(level.usual.hi),
+                weekday=fmt.weekday(level.day),
+            )
+        )
+    else:
+        notes.append(say("today.unknown", reason=reason_text(level.reason)))
+    if 0 < level.recorded_hours < level.open_hours:
+        notes.append(say("today.partly", n=level.recorded_hours, of=level.open_hours))
+    if level.is_estimated:
+        notes.append(say("today.estimated"))
+    return DayWords(
+        title=title,
+        value=_count(level, below=below, is_rough=level.day in rough),
+        unit="" if level.violations is None else say("today.unit"),
+        position=position,
+        judged=say(f"today.{position}") if position in ("above", "below") else "",
+        notes=tuple(notes),
+    )
+
+
+def _count(level: DayLevel, *, below: int, is_rough: bool) -> str:
+    """Write the violations of a day; in round numbers where one of its hours is too small to print."""
+    if level.violations is None:
+        return fmt.MISSING
+    n = round(level.violations)
+    if is_small(n, below=below):
+        return fmt.masked(below)
+    return say("today.about", n=fmt.count(coarse(n, below=below))) if is_rough else fmt.count(n)
+
+
+def _unusual(found: Today, *, below: int) -> tuple[str, ...]:
+    if found.unusual.state != "ok":
+        return (say("today.unusual_unknown", reason=reason_text(found.unusual.reason)),)
+    if not found.unusual.rows:
+        return (say("today.unusual_none", plural=found.unusual.n_tested, n=found.unusual.n_tested),)
+    return tuple(_unusual_hour(row, below=below) for row in found.unusual.rows[:UNUSUAL_SHOWN])
+
+
+def _unusual_hour(row: Unusual, *, below: int) -> str:
+    key = "when.unusual_row_held" if is_small(row.violations, below=below) else "when.unusual_row"
+    low, high = fmt.number(row.lo), fmt.number(row.hi)
+    return fmt.ended(say(key, hour=hour_words(row), n=fmt.count(row.violations), low=low, high=high))
+
+
+def _silent(found: Today, site: Site) -> tuple[str, ...]:
+    together: dict[tuple[date | None, int | None], list[SilentCamera]] = {}
+    for camera in found.silent:
+        together.setdefault((camera.last_day, camera.last_hour), []).append(camera)
+    lines = [_silent_since(cameras, site) for cameras in together.values()]
+    return (*lines, say("today.silent_why")) if lines else ()
+
+
+def _silent_since(cameras: Sequence[SilentCamera], site: Site) -> str:
+    """Name cameras that stopped in the same hour."""
+    names, first = _names(cameras, site), cameras[0]
+    if first.last_day is None or first.last_hour is None:
+        return say("today.silent_never", cameras=names, n=HISTORY_WEEKS)
+    return say(
+        "today.silent_since",
+        cameras=names,
+        day=fmt.date_short(first.last_day),
+        clock=fmt.hour_label((first.last_hour + 1) % 24),
+        hours=fmt.hours(first.open_hours),
+    )
+
+
+def _ahead(found: Today) -> tuple[str, ...]:
+    """Name the fullest hours until tomorrow night; the hours of one day are compared with each other only there."""
+    if all(h.is_over for h in found.hours):
+        return (say("today.ahead_closed"),)
+    if found.forecast_state != "ok":
+        return (say("today.ahead_none", reason=reason_text(found.forecast_reason)),)
+    if not found.ahead:
+        return (say("today.ahead_none", reason=say("today.ahead_unknown")),)
+    fullest = max(found.ahead, key=lambda h: (h.people or 0.0, -h.day.toordinal(), -h.hour))
+    lines = [_expected("today.ahead_people", fullest, fullest.people, fullest.people_lo, fullest.people_hi)]
+    counted = [h for h in found.ahead if h.usual is not None]
+    if counted:
+        worst = max(counted, key=lambda h: (h.usual or 0.0, -h.day.toordinal(), -h.hour))
+        lines.append(_expected("today.ahead_violations", worst, worst.usual, worst.lo, worst.hi))
+    day = fmt.weekday(fullest.day)
+    return (*lines, say("today.ahead_plan", day=day, clock=fmt.hour_label(fullest.hour)))
+
+
+def _expected(key: str, hour: TodayHour, value: float | None, lo: float | None, hi: float | None) -> str:
+    return say(key, hour=hour_words(hour), n=fmt.number(value), low=fmt.number(lo), high=fmt.number(hi))
+
+
+def _names(cameras: Sequence[SilentCamera], site: Site) -> str:
+    """Write cameras as the beginning of a sentence: Camera “Aisles”; “Aisles” and “Entrance”."""
+    names = {c.camera_id: c.name for c in site.cameras}
+    if len(cameras) == 1:
+        return terms.capital(terms.camera_name(names[cameras[0].camera_id]))
+    return terms.joined(f"“{names[c.camera_id]}”" for c in cameras)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

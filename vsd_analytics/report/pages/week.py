@@ -17,24 +17,22 @@ from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.figures.week.uncertain_floor import LIMIT_SHARE
 from vsd_analytics.report.draw import floor_plan, svg
 from vsd_analytics.report.model.week import Story, WeekReport
-from vsd_analytics.report.pages import sections, tables
-from vsd_analytics.report.pages.asked import AskedLine, asked_lines
+from vsd_analytics.report.pages import figure_titles, sections, tables
 from vsd_analytics.report.pages.change_rows import ChangeRow, change_rows
 from vsd_analytics.report.pages.contributions import Contributions, contributions
 from vsd_analytics.report.pages.figure_list import FigureRow, more_figures
 from vsd_analytics.report.pages.json_and_csv import rounded
 from vsd_analytics.report.pages.key_figures import Tile, tiles
+from vsd_analytics.report.pages.logged_changes import AskedLine, LogRow, asked_lines, log_rows
 from vsd_analytics.report.pages.map_figures import MapFigures, map_figures
-from vsd_analytics.report.pages.site_log import LogRow, log_rows
+from vsd_analytics.report.pages.spoken import in_its_words
 from vsd_analytics.report.pages.spot_cards import Cards, cards
+from vsd_analytics.report.pages.story import finish
 from vsd_analytics.report.pages.templates import environment
 from vsd_analytics.report.pages.waiting import WaitingView, waiting
-from vsd_analytics.report.words import figure_titles, terms
-from vsd_analytics.report.words.headline import finish
-from vsd_analytics.report.words.privacy import privacy
-from vsd_analytics.report.words.spoken import in_its_words
 from vsd_analytics.resources import shipped
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 
 WIDE = 1.8
@@ -191,13 +189,15 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
     if report.story is None:
         raise AssertionError("finish fills the story")
     style = _style(report, paper=paper)
-    is_compared = report.state == "normal" and report.level.often.verdict is not None
+    is_compared = report.state == "normal" and report.level.violation_rate.verdict is not None
     is_ranked = report.state in ("normal", "first_week", "settings_changed")
     weeks, figures = sections.trend(report), map_figures(report)
     log_section = "trend" if weeks is not None and weeks.panels else "changed"
     shown = _shown(report, figures, log_section=log_section)
     timetable, strips = tables.timetable(report), tables.strips(report)
-    limit = svg.change_limit([report.level.often, *(a.often for a in report.areas if not a.is_masked)])
+    limit = svg.change_limit(
+        [report.level.violation_rate, *(a.violation_rate for a in report.areas if not a.is_masked)]
+    )
     rules, steps = report.rules, report.rules.heat_steps
     half_the_distance = fmt.distance(LIMIT_SHARE * rules.distance_m, rules.distance_unit)
     titles_of_things = {3: "things.title_three", 2: "things.title_two"}
@@ -241,7 +241,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         outages=tuple(tables.outage_row(o, names) for o in report.coverage.outages),
         distance=fmt.distance_unbroken(rules.distance_m, rules.distance_unit),
         readings_note=sections.readings_note(report),
-        between={a.area_id: a.often.value for a in report.readings.areas} if report.readings else {},
+        between={a.area_id: a.violation_rate.value for a in report.readings.areas} if report.readings else {},
         cards=cards(report, question=report.story.question),
         unusual=sections.unusual(report),
         contributions=contributions(report),
@@ -262,7 +262,7 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
 def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> frozenset[str]:
     always = {"data", "about"}
     always |= {"trend"} if report.trend is not None and report.trend.weeks else set()
-    if report.level.often.state != "not_measurable" and report.outlook is not None and report.outlook.highest:
+    if report.level.violation_rate.state != "not_measurable" and report.outlook is not None and report.outlook.highest:
         always |= {"next"}
     if report.state == "no_data":
         return frozenset(always | ({"changed"} if report.log and log_section == "changed" else set()))
@@ -271,7 +271,7 @@ def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> froz
         (figures.footsteps is not None or figures.flow is not None) and report.week.is_week
     ):
         maps |= {"spots"}
-    hours = set() if report.level.often.state == "not_measurable" else {"when"}
+    hours = set() if report.level.violation_rate.state == "not_measurable" else {"when"}
     asked = {"waiting"} if "queues" in report.answers or "capacity" in report.answers else set()
     return frozenset({"changed"} | always | hours | maps | asked)
 
@@ -302,7 +302,7 @@ def _down(report: WeekReport) -> list[str]:
 
 def _why_not_compared(report: WeekReport) -> str:
     match report.state:
-        case _ if report.level.often.state == "not_measurable":
+        case _ if report.level.violation_rate.state == "not_measurable":
             return say("changed.why_not_measurable")
         case "first_week":
             return say("changed.why_no_week_before" if report.has_history else "changed.why_first_week")
@@ -385,3 +385,28 @@ def rendered(template: str, page: Any) -> str:
 def policy_hash(text: str) -> str:
     """Return the base64 SHA-256 by which a content security policy allows a style or script."""
     return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
+
+
+def privacy(report: WeekReport) -> str:
+    """Return what is stored about people, until when, and what was deleted."""
+    stored, rules = report.stored, report.rules
+    key = "pseudonyms" if stored is None or stored.has_pseudonyms else "ids"
+    said = [
+        say(
+            "about.privacy_text",
+            numbers=say(f"about.privacy_{key}"),
+            below=rules.mask_below,
+            masked=fmt.masked(rules.mask_below),
+        )
+    ]
+    if stored is not None and stored.first_day is not None:
+        said.append(say("about.privacy_since", first=fmt.date_long(stored.first_day)))
+        n, days = stored.n_overdue_days, rules.retention_days
+        if n:
+            said.append(say("about.privacy_overdue", plural=n, n=n, days=days))
+        else:
+            said.append(say("about.privacy_in_time", on=fmt.date_long(report.generated_at.date()), days=days))
+    if stored is not None and stored.purged_before is not None and stored.purged_on is not None:
+        before, on = fmt.date_long(stored.purged_before), fmt.date_long(stored.purged_on)
+        said.append(say("about.privacy_purged", before=before, on=on))
+    return " ".join(said)

@@ -27,7 +27,7 @@ from vsd_analytics.figures.week.findings import Findings
 from vsd_analytics.report.model import assemble, site_changes
 from vsd_analytics.report.model.sections import with_more
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words.headline import finish
+from vsd_analytics.report.pages.story import finish
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import Warehouse

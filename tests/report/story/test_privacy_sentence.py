@@ -9,7 +9,7 @@ import pytest
 from report.sample_weeks import normal
 
 from vsd_analytics.figures.week.stored_records import StoredRecords
-from vsd_analytics.report.words.privacy import privacy
+from vsd_analytics.report.pages.week import privacy
 
 SINCE = date(2026, 10, 26)
 

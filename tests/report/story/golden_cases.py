@@ -1,4 +1,4 @@
-"""The words of every branch as text, in golden/: `python tests/report/words/golden_cases.py` writes them."""
+"""The words of every branch as text, in golden/: `python tests/report/story/golden_cases.py` writes them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from report import sample_weeks as weeks
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.report.model import week as page_model
-from vsd_analytics.report.words.headline import story_of
+from vsd_analytics.report.pages.story import story_of
 from vsd_analytics.wording.reasons import read_reason
 
 FOLDER = Path(__file__).parent / "golden"
@@ -41,19 +41,21 @@ def made(verdict: str, value: float) -> m.Estimate:
     return m.Estimate(value=value, previous=value / (1 + change), change=change, verdict=verdict, **ends)  # type: ignore[arg-type]
 
 
-def pair(often: str, close: str) -> page_model.WeekReport:
+def pair(violation_rate: str, close: str) -> page_model.WeekReport:
     """Return a week with two verdicts, more people, and no log."""
     report = weeks.normal()
     people = m.Estimate(value=300.0, change=0.15, change_lo=0.1, change_hi=0.2, verdict="clear_rise")
-    level = replace(report.level, often=made(often, 121.0), close_share=made(close, 0.41), people=people)
+    level = replace(
+        report.level, violation_rate=made(violation_rate, 121.0), close_time_share=made(close, 0.41), people=people
+    )
     return replace(report, level=level, log=())
 
 
-def beside_usual(often: str, position: str) -> page_model.WeekReport:
+def beside_usual(violation_rate: str, position: str) -> page_model.WeekReport:
     """Return a week with a verdict on how often that lies somewhere beside the weeks before."""
-    report = pair(often, "cannot_tell")
+    report = pair(violation_rate, "cannot_tell")
     usual = m.Usual(lo=130.0, hi=150.0, n_weeks=8, position=position)  # type: ignore[arg-type]
-    return replace(report, trend=replace(sections.trend(report), usual_often=usual))
+    return replace(report, trend=replace(sections.trend(report), usual_violation_rate=usual))
 
 
 def silent(n: int, report: page_model.WeekReport | None = None) -> page_model.WeekReport:
@@ -93,15 +95,15 @@ def no_areas() -> page_model.WeekReport:
 def rises() -> page_model.WeekReport:
     """Return a week in which one area clearly rose."""
     report = pair("clear_rise", "cannot_tell")
-    rows = (replace(report.areas[0], often=weeks.estimate(43.6, 0.2, 0.09)), *report.areas[1:])
+    rows = (replace(report.areas[0], violation_rate=weeks.estimate(43.6, 0.2, 0.09)), *report.areas[1:])
     return replace(report, areas=rows)
 
 
 def uncounted(reason: Reason) -> page_model.WeekReport:
     """Return a week in which violations cannot be counted."""
     report = sections.not_measurable()
-    why = replace(report.level.often, reason=reason)
-    return replace(report, level=replace(report.level, often=why))
+    why = replace(report.level.violation_rate, reason=reason)
+    return replace(report, level=replace(report.level, violation_rate=why))
 
 
 def stopped(*last: datetime | None) -> page_model.WeekReport:
@@ -136,7 +138,7 @@ def after_a_gap(*, is_usual: bool) -> page_model.WeekReport:
     report = weeks.first_week()
     weekly = sections.trend(weeks.normal())
     usual = m.Usual(lo=110.0, hi=150.0, n_weeks=8, position="within") if is_usual else None
-    return replace(report, trend=replace(weekly, usual_often=usual))
+    return replace(report, trend=replace(weekly, usual_violation_rate=usual))
 
 
 def inferred() -> page_model.WeekReport:

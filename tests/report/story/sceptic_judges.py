@@ -24,7 +24,7 @@ from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.wording import format as fmt
 
 SAME: Final = 0.15
-"""What "about the same" allows (J5)."""
+"""What "about the same" allows."""
 CLOSE_TO_NOTHING: Final = 0.005
 """A planted change below this is none."""
 FLOOR: Final = range(N_AREAS)
@@ -105,9 +105,9 @@ def of_area(verdict: str) -> Judge:
 
 def pair(said: Said, truth: Truth) -> bool | None:
     """Judge a headline by its two verdicts; a share of time too close changes as violations do in these worlds."""
-    often, close = said.key.split(".")[-2:]
+    violation_rate, close = said.key.split(".")[-2:]
     ratio = truth.ratio(FLOOR)
-    return both(allows(often, ratio), allows(close, ratio) if close.startswith("clear") else None)
+    return both(allows(violation_rate, ratio), allows(close, ratio) if close.startswith("clear") else None)
 
 
 def position(where: str, usual: Usual | None, truth: Truth) -> bool | None:
@@ -142,22 +142,22 @@ def _mean(truth: Truth, areas: list[int], week: int) -> float | None:
     return total
 
 
-def usual_often(said: Said, truth: Truth) -> bool | None:
+def usual_violation_rate(said: Said, truth: Truth) -> bool | None:
     trend = said.report.trend
     where = said.key.rsplit(".", 1)[-1].removeprefix("trend_")
-    return position(where, trend.usual_often if trend else None, truth)
+    return position(where, trend.usual_violation_rate if trend else None, truth)
 
 
 def beside_usual(said: Said, truth: Truth) -> bool | None:
-    often = said.key.split(".")[-2]
-    return both(allows(often, truth.ratio(FLOOR)), usual_often(said, truth))
+    violation_rate = said.key.split(".")[-2]
+    return both(allows(violation_rate, truth.ratio(FLOOR)), usual_violation_rate(said, truth))
 
 
 def usual_range(said: Said, truth: Truth) -> bool | None:
     trend = said.report.trend
-    if trend is None or trend.usual_often is None:
+    if trend is None or trend.usual_violation_rate is None:
         return None
-    return position("within", trend.usual_often, truth)
+    return position("within", trend.usual_violation_rate, truth)
 
 
 # what was measured ----------------------------------------------------------------------------------------------------
@@ -259,7 +259,7 @@ def is_silent(said: Said, truth: Truth) -> bool | None:
 
 
 def names_missing(said: Said, truth: Truth) -> bool | None:
-    """Judge that a headline or lead says which part of the floor is missing, in a week with any record (J13)."""
+    """Judge that a headline or lead says which part of the floor is missing, in a week with any record."""
     silent = truth.silent()
     if not silent or len(silent) == len(CAMERAS):
         return None
@@ -284,10 +284,10 @@ def not_before(said: Said, truth: Truth) -> bool | None:
 
 
 def level_range(said: Said, truth: Truth) -> bool | None:
-    often = said.report.level.often
-    if often.lo is None or often.hi is None:
+    violation_rate = said.report.level.violation_rate
+    if violation_rate.lo is None or violation_rate.hi is None:
         return None
-    return often.lo <= truth.level(FLOOR) <= often.hi
+    return violation_rate.lo <= truth.level(FLOOR) <= violation_rate.hi
 
 
 def few(said: Said, truth: Truth) -> bool | None:
@@ -420,15 +420,15 @@ def by_range(said: Said, truth: Truth) -> bool | None:
 
 
 def lead_range(said: Said, truth: Truth) -> bool | None:
-    return covers(said.report.level.often, truth.ratio(FLOOR))
+    return covers(said.report.level.violation_rate, truth.ratio(FLOOR))
 
 
 def lead_clear(said: Said, truth: Truth) -> bool | None:
-    return both(allows(said.report.level.often.verdict or "", truth.ratio(FLOOR)), lead_range(said, truth))
+    return both(allows(said.report.level.violation_rate.verdict or "", truth.ratio(FLOOR)), lead_range(said, truth))
 
 
 def lead_close(said: Said, truth: Truth) -> bool | None:
-    close = said.report.level.close_share
+    close = said.report.level.close_time_share
     if close is None:
         return None
     return both(allows(close.verdict or "", truth.ratio(FLOOR)), covers(close, truth.ratio(FLOOR)))
@@ -439,7 +439,7 @@ def against(said: Said, truth: Truth) -> bool | None:
     if said.area is None:
         return lead_range(said, truth)
     row = next(a for a in said.report.areas if a.area_id == f"place-{said.area}")
-    return covers(row.often, truth.ratio([said.area]))
+    return covers(row.violation_rate, truth.ratio([said.area]))
 
 
 def shown_level(said: Said, truth: Truth) -> bool | None:
@@ -574,9 +574,9 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "titles.changed_one": lambda s, t: both(*(_row_allows(s, t, k) for k in s.areas)),
     "titles.changed": lambda s, t: both(*(_row_allows(s, t, k) for k in s.areas)),
     "titles.changed_many": lambda s, t: both(*(_row_allows(s, t, k) for k in FLOOR)),
-    "titles.trend_below": usual_often,
-    "titles.trend_within": usual_often,
-    "titles.trend_above": usual_often,
+    "titles.trend_below": usual_violation_rate,
+    "titles.trend_within": usual_violation_rate,
+    "titles.trend_above": usual_violation_rate,
     "titles.unusual": unusual,
     "when.unusual_row*": unusual,
     "contributions.title": lead_clear,
@@ -756,7 +756,7 @@ UNJUDGED: Final[Mapping[str, str]] = {
 def _row_allows(said: Said, truth: Truth, k: int) -> bool | None:
     """Judge the verdict of an area's row that a title counts as clear."""
     row = next((a for a in said.report.areas if a.area_id == f"place-{k}"), None)
-    verdict = "" if row is None else row.often.verdict or ""
+    verdict = "" if row is None else row.violation_rate.verdict or ""
     return allows(verdict, truth.ratio([k])) if verdict.startswith("clear") else None
 
 

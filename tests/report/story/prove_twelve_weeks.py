@@ -6,7 +6,7 @@ truth.json: what the simulator counted of true positions in all open hours. Make
 made by
 
     vsd demo twelve --weeks 12 --reports all
-    python tests/report/words/prove_twelve_weeks.py --project twelve
+    python tests/report/story/prove_twelve_weeks.py --project twelve
 """
 
 from __future__ import annotations
@@ -69,11 +69,18 @@ def weeks_table(reports: dict[str, dict[str, Any]], true: dict[str, dict[str, fl
         if before:
             ratio, people = (true[week][k] / true[before][k] - 1 for k in ("floor", "people"))
             happened = f"{percent(ratio)}, {percent(people)}"
-            if level["often"]["change_lo"] is not None:
+            if level["violation_rate"]["change_lo"] is not None:
                 n += 1
-                held += level["often"]["change_lo"] <= ratio <= level["often"]["change_hi"]
-                clear += sum(str(level[k]["verdict"]).startswith("clear") for k in ("often", "close_share"))
-        cells = [week, planted.get(week, ""), happened, *(said(level[k]) for k in ("often", "close_share"))]
+                held += level["violation_rate"]["change_lo"] <= ratio <= level["violation_rate"]["change_hi"]
+                clear += sum(
+                    str(level[k]["verdict"]).startswith("clear") for k in ("violation_rate", "close_time_share")
+                )
+        cells = [
+            week,
+            planted.get(week, ""),
+            happened,
+            *(said(level[k]) for k in ("violation_rate", "close_time_share")),
+        ]
         print(f"| {' | '.join(cells)} | {report['story']['headline']} |")
         before = week
     print(f"\nThe range of the rate holds the true change in {held} of {n} weeks.")
@@ -86,13 +93,13 @@ def areas_table(reports: dict[str, dict[str, Any]], true: dict[str, dict[str, fl
     clear: list[str] = []
     for week, report in reports.items():
         for area in report["areas"] if before else ():
-            name, often = area["area_id"], area["often"]
-            if name not in true[week] or often["change_lo"] is None:
+            name, violation_rate = area["area_id"], area["violation_rate"]
+            if name not in true[week] or violation_rate["change_lo"] is None:
                 continue
             ratio = true[week][name] / true[before][name] - 1
             n += 1
-            held += often["change_lo"] <= ratio <= often["change_hi"]
-            for what in ("often", "close_share"):
+            held += violation_rate["change_lo"] <= ratio <= violation_rate["change_hi"]
+            for what in ("violation_rate", "close_time_share"):
                 if str(area[what]["verdict"]).startswith("clear"):
                     is_planted = name == "entrance" and week == moved
                     note = "planted" if is_planted else "not planted"
@@ -110,9 +117,12 @@ def compared(project: Path, a: str, b: str) -> list[str]:
     if done.returncode != 0:
         sys.exit(done.stderr)
     floor = json.loads(done.stdout)["places"][0]
-    changes = ({f"change{end}": floor[k][name] - 1 for end, name in ENDS.items()} for k in ("burden", "close_share"))
+    changes = (
+        {f"change{end}": floor[k][name] - 1 for end, name in ENDS.items()} for k in ("burden", "close_time_share")
+    )
     return [
-        said({**c, "verdict": floor[k]["verdict"]}) for c, k in zip(changes, ("burden", "close_share"), strict=True)
+        said({**c, "verdict": floor[k]["verdict"]})
+        for c, k in zip(changes, ("burden", "close_time_share"), strict=True)
     ]
 
 
@@ -154,7 +164,10 @@ def print_all(project: Path) -> None:
         cells = [f"{name}, {a} and {b}", f"{percent(ratio)}, {percent(people)}", *compared(project, a, b)]
         print(f"| {' | '.join(cells)} |")
     last = reports[truth["weeks"][-1]]
-    print("\nusual ranges on the last page:", json.dumps({k: last["trend"][k] for k in ("usual_often", "usual_close")}))
+    print(
+        "\nusual ranges on the last page:",
+        json.dumps({k: last["trend"][k] for k in ("usual_violation_rate", "usual_close")}),
+    )
     for change in last["redesigns"]:
         print(change["text"], *(f"{k}: {said(change[k])}" for k in ("burden", "running", "net")), sep=" | ")
 

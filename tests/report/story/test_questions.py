@@ -12,11 +12,11 @@ from report import sample_weeks as weeks
 
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.model.week_agenda import Agenda, PastQuestion, PlaceToAsk
-from vsd_analytics.report.pages.asked import asked_lines
+from vsd_analytics.report.pages import questions
+from vsd_analytics.report.pages.logged_changes import asked_lines
+from vsd_analytics.report.pages.questions import Candidate, choose, wording
+from vsd_analytics.report.pages.story import story_of
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words import questions
-from vsd_analytics.report.words.headline import story_of
-from vsd_analytics.report.words.questions import Candidate, choose, wording
 from vsd_analytics.site.questions import AskedQuestion
 
 MONDAY = date(2026, 11, 9)
@@ -114,7 +114,7 @@ def test_a_place_that_was_just_changed_is_watched_and_not_asked_about() -> None:
 
 def test_a_rise_at_a_place_without_weight_is_not_the_question() -> None:
     report = with_agenda()
-    risen = replace(report.areas[1], often=weeks.estimate(9.0, 0.8, 0.1))
+    risen = replace(report.areas[1], violation_rate=weeks.estimate(9.0, 0.8, 0.1))
     rows = (report.areas[0], risen, *report.areas[2:])
     assert choose(replace(report, areas=rows)).remedy == "why"
     rows = (report.areas[0], replace(risen, is_material=False), *report.areas[2:])

@@ -96,14 +96,17 @@ def test_a_false_fall_is_seen_in_headline_lead_areas_and_titles(tmp_path: Path) 
     tale = Tale(name="nothing", world=of(SHOP), weeks=(1,))
     truth, report = week_of(tale, tmp_path)
     fall = {"change": -0.3, "change_lo": -0.4, "change_hi": -0.2, "verdict": "clear_fall"}
-    often = replace(report.level.often, **fall)
-    rows = tuple(replace(a, often=replace(a.often, **fall)) if a is report.areas[0] else a for a in report.areas)
-    spoilt = replace(report, level=replace(report.level, often=often), areas=rows)
+    violation_rate = replace(report.level.violation_rate, **fall)
+    rows = tuple(
+        replace(a, violation_rate=replace(a.violation_rate, **fall)) if a is report.areas[0] else a
+        for a in report.areas
+    )
+    spoilt = replace(report, level=replace(report.level, violation_rate=violation_rate), areas=rows)
     wrong = read(spoilt, truth)
     assert {"lead.clear", "area.clear_fall", "area.range", "things.fell", "titles.changed_one"} <= wrong
     assert not any(key.startswith("headline.") for key in wrong), "a week within its usual range is no news"
     assert spoilt.trend is not None
-    below = replace(spoilt, trend=replace(spoilt.trend, usual_often=None))
+    below = replace(spoilt, trend=replace(spoilt.trend, usual_violation_rate=None))
     assert any(key.startswith("headline.") for key in read(below, truth))
     assert "area.clear_fall" not in read(report, truth)
 
@@ -144,6 +147,6 @@ def test_a_silent_camera_that_no_word_names_is_seen(tmp_path: Path) -> None:
     wrong = read(hidden, truth)
     assert {"headline.names_missing", "lead.names_missing"} <= wrong
     assert not {"headline.names_missing", "lead.names_missing"} & read(report, truth)
-    zero = replace(report.areas[-2], often=m.Estimate(value=0.0))
+    zero = replace(report.areas[-2], violation_rate=m.Estimate(value=0.0))
     assert zero.area_id in ("place-0", "place-1")
     assert "area.level" in read(replace(report, areas=(*report.areas[:-2], zero, report.areas[-1])), truth)

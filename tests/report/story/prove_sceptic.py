@@ -29,8 +29,8 @@ from sceptic_worlds import TALES, Tale, Truth, sites_of, weeks_of
 from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.logged_changes import came_of
 from vsd_analytics.report.pages.week import Page, make_page
-from vsd_analytics.report.words.change_results import came_of
 from vsd_analytics.site.model import Area
 from vsd_analytics.wording import catalogue
 
@@ -173,22 +173,27 @@ def _by_verdict(report: WeekReport) -> Iterator[Said]:
         if row.area_id is None:
             continue
         k = int(row.area_id.rsplit("-", 1)[1])
-        yield said("areas", "area.level", f"{row.name} {row.often.value}", estimate=row.often, area=k)
+        yield said("areas", "area.level", f"{row.name} {row.violation_rate.value}", estimate=row.violation_rate, area=k)
         if is_compared:
-            yield said("areas", "area.range", row.name, estimate=row.often, area=k)
-        for e, what in ((row.often, "how often"), (row.close_share, "time too close")):
+            yield said("areas", "area.range", row.name, estimate=row.violation_rate, area=k)
+        for e, what in ((row.violation_rate, "how often"), (row.close_time_share, "time too close")):
             if is_compared and e is not None and e.verdict is not None:
                 yield said("areas", f"area.{e.verdict}", f"{row.name}, {what}", estimate=e, area=k)
-    for what, e in (("often", report.level.often), ("close", report.level.close_share)):
+    for what, e in (("violation_rate", report.level.violation_rate), ("close", report.level.close_time_share)):
         if is_compared and e is not None and e.verdict is not None and e.value is not None:
             yield said("key figures", f"tiles.{what}.{e.verdict}", f"tile {what}", estimate=e)
             yield said("areas", "floor.range", f"whole floor, {what}", estimate=e)
     for card in report.spots.cards if report.spots else ():
-        if card.area_id is not None and card.often is not None:
+        if card.area_id is not None and card.violation_rate is not None:
             k = int(card.area_id.rsplit("-", 1)[1])
-            yield said("cards", "spots.level", f"card {card.name}", estimate=card.often, area=k)
+            yield said("cards", "spots.level", f"card {card.name}", estimate=card.violation_rate, area=k)
     for change in report.redesigns:
-        kinds = (("often", change.often), ("close", change.close), ("running", change.running), ("net", change.net))
+        kinds = (
+            ("violation_rate", change.violation_rate),
+            ("close", change.close),
+            ("running", change.running),
+            ("net", change.net),
+        )
         for kind, e in kinds:
             if e is not None and e.change is not None and change.state == "ok" and change.effect is not None:
                 name = f"{change.area_name} {kind}"

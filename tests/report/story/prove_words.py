@@ -1,4 +1,4 @@
-"""Prove the words of a year of reports: python tests/report/words/prove_words.py --sites 40.
+"""Prove the words of a year of reports: python tests/report/story/prove_words.py --sites 40.
 
 Sites in which nothing is changed, with an entry in the log each month at a random place and day, as somebody writes
 who tidies up: in which share of site-years does a page say that something worked? And sites whose floor does change by
@@ -45,7 +45,7 @@ from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.report.model.assemble import floor_level
 from vsd_analytics.report.model.site_changes import log_lines
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words.headline import story_of
+from vsd_analytics.report.pages.story import story_of
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.running_verdict import log_e_values
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -62,7 +62,7 @@ STEPS_A_YEAR: Final = 3
 ALONE: Final = 500
 """Running verdicts alone cost little: so many sites for each whose pages are made."""
 CLEAR_E: Final = 20.0
-"""Evidence from which a running verdict is clear (judgement.md, J7)."""
+"""Evidence from which a running verdict is clear."""
 WORLDS: Final = (
     replace(OFFICE, n_areas=N_AREAS, weeks_before=REFERENCE, weeks_after=YEAR),
     replace(MUSEUM, n_areas=N_AREAS, weeks_before=REFERENCE, weeks_after=YEAR),
@@ -228,7 +228,7 @@ def quiet_year(drawn: Drawn, site: int, folder: Path, *, seed: int, is_whole: bo
                 continue
             report = report_of(days, week, log)
             year.worked[said_of(report) or "nothing"] += 1
-            year.n_same += report.level.often.verdict == "about_same"
+            year.n_same += report.level.violation_rate.verdict == "about_same"
     return year
 
 
@@ -249,7 +249,7 @@ def changing_year(drawn: Drawn, site: int, folder: Path, *, seed: int) -> Year:
             data = WeekData(days, floor=days.site.floors[0], monday=monday(week))
             level = floor_level(data, is_compared=True, areas=report_areas.Areas(rows=()))
             has_changed = factor[week] != factor[week - 1]
-            is_same = level.often.verdict == "about_same"
+            is_same = level.violation_rate.verdict == "about_same"
             year.n_changed += has_changed
             year.same += is_same and has_changed
             year.n_same += is_same

@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "stats"))
 
 from change_worlds import OFFICE, draw
 from planted_changes import site_of
-from report.words.prove_words import AREAS, N_AREAS, REFERENCE, entries, monday, planted, report_of, said_of
+from report.story.prove_words import AREAS, N_AREAS, REFERENCE, entries, monday, planted, report_of, said_of
 
 pytestmark = pytest.mark.simulation
 
@@ -41,7 +41,7 @@ def test_a_week_knows_no_entry_of_a_later_day(tmp_path: Path) -> None:
         early, late = (report_of(warehouse, REFERENCE + k, log) for k in (1, 3))
     assert [change.number for change in early.redesigns] == [1]
     assert [change.number for change in late.redesigns] == [1, 2]
-    assert early.level.often.value != late.level.often.value
+    assert early.level.violation_rate.value != late.level.violation_rate.value
 
 
 def test_a_year_has_an_entry_in_each_month_at_different_places() -> None:

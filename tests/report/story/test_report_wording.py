@@ -16,9 +16,8 @@ from report import sample_sections as sections
 from report import sample_weeks as weeks
 
 from vsd_analytics.report.pages import week
-from vsd_analytics.report.words import terms
 from vsd_analytics.resources import shipped
-from vsd_analytics.wording import catalogue
+from vsd_analytics.wording import catalogue, terms
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import catalogue as sentences
 from vsd_analytics.wording.catalogue import say, say_html
@@ -34,14 +33,15 @@ OF_THE_WEEK = (
 )
 # Modules whose every sentence is in the catalogue.
 SPEAKING = (
-    *(f"report/words/{n}" for n in ("headline", "things_to_know", "figure_titles", "terms", "no_data")),
+    *(f"report/pages/{n}" for n in ("headline", "things_to_know", "figure_titles", "no_data", "story", "questions")),
     "wording/format",
-    "report/words/questions",
-    *(f"report/pages/{n}" for n in ("key_figures", "tables", "week", "spot_cards", "site_log", "sections")),
+    "wording/terms",
+    "report/model/remedies",
+    *(f"report/pages/{n}" for n in ("key_figures", "tables", "week", "spot_cards", "logged_changes", "sections")),
     "report/pages/figure_list",
     "report/draw/trend_chart",
     *(f"figures/week/{n}" for n in ("changes", "spots", "outlook", "trend_weeks")),
-    *(f"report/model/{n}" for n in ("site_changes", "spot_words")),
+    *(f"report/model/{n}" for n in ("site_changes", "spot_names")),
     *("planner/planner_data", "planner/map_kinds", "planner/page"),
     *("site_index/week_bars", "site_index/summary", "site_index/page", "site_index/compare_section"),
     "report/draw/funnel_chart",
@@ -235,12 +235,18 @@ def names(report: Any) -> set[str]:
     )
     found |= {line.area_name or "" for line in report.log} | {m.title for m in report.maps}
     found |= {a.name for m in report.maps for a in m.areas} | set(report.provenance.engines)
-    found |= {reason_text(e.reason) for a in report.areas for e in (a.often, a.risky) if e is not None}
+    found |= {
+        reason_text(e.reason) for a in report.areas for e in (a.violation_rate, a.encounter_rate) if e is not None
+    }
     found |= {reason_text(f.reason) for f in report.figures.values()} | {
         reason_text(f.unit) for f in report.figures.values()
     }
     found |= more_names(report)
-    found |= {reason_text(report.level.often.reason), reason_text(report.level.risky.reason), "vsd-analytics"}
+    found |= {
+        reason_text(report.level.violation_rate.reason),
+        reason_text(report.level.encounter_rate.reason),
+        "vsd-analytics",
+    }
     return {form for text in found - {""} for form in (text, terms.sentence(text), text.rstrip("."))}
 
 

@@ -1,4 +1,4 @@
-"""The words of the report: one term for one thing (report brief, 4.2)."""
+"""Terms and small parts of sentences: one term for one thing, in the language of the page."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Final
 
 from vsd_analytics.answer import Verdict
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import is_about_days, say
 from vsd_analytics.wording.languages import separated
@@ -86,11 +85,6 @@ def sentence(text: str) -> str:
     """Return `text` with a capital first letter and one full stop at its end."""
     text = text.strip().rstrip(".")
     return f"{text[:1].upper()}{text[1:]}."
-
-
-def week_before(report: WeekReport) -> str:
-    """Return how a sentence speaks of the week before: week 45."""
-    return say("words.week", number=report.previous.number) if report.previous else say("words.last_week")
 
 
 def moment(at: datetime) -> str:

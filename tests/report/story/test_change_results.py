@@ -16,9 +16,8 @@ from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_sections import LedgerLine
 from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import PlannerChange
-from vsd_analytics.report.pages.site_log import log_rows
+from vsd_analytics.report.pages.logged_changes import came_of, ledger_words, log_rows
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words.change_results import came_of, ledger_words
 from vsd_analytics.site.model import Area
 
 AT = datetime(2026, 10, 12, 6, 30, tzinfo=weeks.ROME)

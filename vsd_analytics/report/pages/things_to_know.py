@@ -1,4 +1,4 @@
-"""Three things to know and one question, made by rule from the figures (report brief, 4.1 and 4.3)."""
+"""At most three things to know about a week, made by rule: what worked, what to watch, what not to trust."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from vsd_analytics.figures.week.model_recording import CameraRecord
 from vsd_analytics.figures.week.model_sections import Redesign
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.model.week import Thing, WeekReport
-from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.no_data import nothing
+from vsd_analytics.report.pages.no_data import nothing
+from vsd_analytics.report.pages.spoken import week_before
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 
@@ -42,13 +43,13 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
         return (Thing(kind="distrust", title=title, text=say("things.not_over"), target="when"),)
     if report.state == "too_incomplete":
         return (Thing(kind="distrust", title=recorded, text=say("things.too_incomplete"), target="data"),)
-    if report.state == "normal" and report.level.often.value is not None:
+    if report.state == "normal" and report.level.violation_rate.value is not None:
         doubts = () if _is_chance_all(report) else (_distrust(report),)
         return _worked(report), _watch(report), *doubts
     part = "_part" if report.silent_cameras else ""
     worked = Thing(kind="worked", title=recorded, text=say(f"things.enough{part}"), target="data")
-    if report.level.often.value is None:
-        is_few = report.level.often.state != "not_measurable"
+    if report.level.violation_rate.value is None:
+        is_few = report.level.violation_rate.state != "not_measurable"
         return (replace(worked, text=say(f"things.few{part}" if is_few else "things.no_means")), _distrust(report))
     return (worked, _distrust(report)) if report.state == "empty" else (worked, _watch(report), _distrust(report))
 
@@ -96,7 +97,7 @@ def _is_material(change: Redesign, report: WeekReport) -> bool:
 
 
 def _worked(report: WeekReport) -> Thing:
-    since = terms.week_before(report)
+    since = week_before(report)
     new = _results(report, is_new=True)
     if new:
         return new[0]
@@ -119,11 +120,11 @@ def _worked(report: WeekReport) -> Thing:
             return Thing(kind="worked", title=title, text=text, target="changed")
     if not report.areas:
         return _worked_at_all(report, since)
-    falls = [a for a in report.areas if a.often.verdict == "clear_fall" and a.is_material]
+    falls = [a for a in report.areas if a.violation_rate.verdict == "clear_fall" and a.is_material]
     if falls:
-        best = min(falls, key=lambda a: a.often.change or 0.0)
+        best = min(falls, key=lambda a: a.violation_rate.change or 0.0)
         title = say("things.fell", area=best.name)
-        return Thing(kind="worked", title=title, text=_against(best.often, since), target="changed")
+        return Thing(kind="worked", title=title, text=_against(best.violation_rate, since), target="changed")
     old = _results(report, is_new=False)
     if old:
         return old[0]
@@ -148,18 +149,20 @@ def _worked(report: WeekReport) -> Thing:
 
 def _worked_at_all(report: WeekReport, since: str) -> Thing:
     """Say the same of a floor without areas."""
-    often = report.level.often
-    if often.verdict == "clear_fall" and often.change is not None:
-        return Thing(kind="worked", title=say("things.floor_fell"), text=_against(often, since), target="changed")
-    text = say("things.nothing_fell_text", since=since, verdict=terms.verdict_words(often).lower())
+    violation_rate = report.level.violation_rate
+    if violation_rate.verdict == "clear_fall" and violation_rate.change is not None:
+        return Thing(
+            kind="worked", title=say("things.floor_fell"), text=_against(violation_rate, since), target="changed"
+        )
+    text = say("things.nothing_fell_text", since=since, verdict=terms.verdict_words(violation_rate).lower())
     return Thing(kind="worked", title=say("things.nothing_fell"), text=text, target="changed")
 
 
 def _watch(report: WeekReport) -> Thing:
-    rises = [a for a in report.areas if a.often.verdict == "clear_rise" and a.is_material]
+    rises = [a for a in report.areas if a.violation_rate.verdict == "clear_rise" and a.is_material]
     if rises and report.state == "normal":
-        top = max(rises, key=lambda a: a.often.change or 0.0)
-        text = _against(top.often, terms.week_before(report))
+        top = max(rises, key=lambda a: a.violation_rate.change or 0.0)
+        text = _against(top.violation_rate, week_before(report))
         return Thing(kind="watch", title=say("things.rose", area=top.name), text=text, target="changed")
     spot = report.busiest_spot
     if (
@@ -209,18 +212,22 @@ def _unusual_hour(report: WeekReport) -> Thing | None:
     return Thing(kind="watch", title=say("things.unusual", hour=hour), text=text, target="when")
 
 
-def _against(often: Estimate, since: str) -> str:
-    change, likely = fmt.fewer_more(often.change), fmt.likely_change(often)
+def _against(violation_rate: Estimate, since: str) -> str:
+    change, likely = fmt.fewer_more(violation_rate.change), fmt.likely_change(violation_rate)
     return terms.sentence(say("things.against", change=change, since=since, likely=likely))
 
 
 def _own_change(row: AreaRow | None) -> str:
-    if row is None or row.often.change is None or row.often.verdict not in ("about_same", "cannot_tell"):
+    if (
+        row is None
+        or row.violation_rate.change is None
+        or row.violation_rate.verdict not in ("about_same", "cannot_tell")
+    ):
         return ""
-    if round(row.often.change * 100) == 0:
-        return say("things.own_same") if row.often.verdict == "about_same" else ""
-    key = "things.own_up" if row.often.change > 0 else "things.own_down"
-    return say(key, percent=fmt.percent(abs(row.often.change)))
+    if round(row.violation_rate.change * 100) == 0:
+        return say("things.own_same") if row.violation_rate.verdict == "about_same" else ""
+    key = "things.own_up" if row.violation_rate.change > 0 else "things.own_down"
+    return say(key, percent=fmt.percent(abs(row.violation_rate.change)))
 
 
 def _leans_on(area: AreaRow, camera: CameraRecord, report: WeekReport) -> bool:
@@ -231,11 +238,11 @@ def _leans_on(area: AreaRow, camera: CameraRecord, report: WeekReport) -> bool:
 
 def _distrust(report: WeekReport) -> Thing:
     left_out = [c for c in report.coverage.cameras if c.not_counted is not None]
-    if left_out and report.level.often.value is not None:
+    if left_out and report.level.violation_rate.value is not None:
         title = say("things.not_counted", plural=len(left_out), cameras=_named(left_out))
         return _doubt(title, terms.sentence(reason_text(left_out[0].not_counted)), "data")
-    if report.level.often.state == "not_measurable":
-        return _doubt(say("things.no_often"), terms.sentence(reason_text(report.level.often.reason)), "about")
+    if report.level.violation_rate.state == "not_measurable":
+        return _doubt(say("things.no_often"), terms.sentence(reason_text(report.level.violation_rate.reason)), "about")
     apart = [c for c in report.coverage.cameras if c.not_compared is not None]
     if apart and report.state == "normal":
         title = say("things.not_compared", plural=len(apart), cameras=_named(apart))
@@ -249,8 +256,8 @@ def _distrust(report: WeekReport) -> Thing:
         return _weak(camera, report)
     if report.coverage.is_inferred:
         return _doubt(say("things.inferred"), say("things.inferred_text"), "data")
-    if report.level.risky.state == "not_measurable":
-        text = terms.sentence(reason_text(report.level.risky.reason) or say("lead.no_positions"))
+    if report.level.encounter_rate.state == "not_measurable":
+        text = terms.sentence(reason_text(report.level.encounter_rate.reason) or say("lead.no_positions"))
         return _doubt(say("things.no_risk"), text, "about")
     return _doubt(say("things.chance"), say("things.chance_text"), "about")
 
@@ -263,7 +270,7 @@ def _is_chance_all(report: WeekReport) -> bool:
 
 def _weak(camera: CameraRecord, report: WeekReport) -> Thing:
     areas = [a for a in report.areas if a.area_id is not None and _leans_on(a, camera, report)][:2]
-    is_clear = any(a.often.verdict in ("clear_fall", "clear_rise") for a in areas)
+    is_clear = any(a.violation_rate.verdict in ("clear_fall", "clear_rise") for a in areas)
     key = "things.weak_areas_clear" if is_clear else "things.weak_areas"
     text = say(key, areas=terms.joined(a.name for a in areas)) if areas else say("things.weak_camera_text")
     title = say("things.weak_camera", camera=terms.camera_name(camera.name), share=fmt.percent(camera.share))

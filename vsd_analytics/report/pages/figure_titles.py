@@ -7,10 +7,10 @@ from typing import Final
 
 from vsd_analytics.figures.week.model_map import ChangedPlace, ChangeMaps
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.no_data import nothing
-from vsd_analytics.report.words.things_to_know import weakest_camera
+from vsd_analytics.report.pages.no_data import nothing
+from vsd_analytics.report.pages.things_to_know import weakest_camera
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 
 NAMED_SHARE: Final = 0.2
@@ -49,13 +49,13 @@ def when(report: WeekReport) -> str:
 
 def changed(report: WeekReport) -> str:
     """Return the title of the areas table."""
-    moved = [a for a in report.areas if a.often.verdict in ("clear_fall", "clear_rise")]
-    moved.sort(key=lambda a: -abs(a.often.change or 0.0))
+    moved = [a for a in report.areas if a.violation_rate.verdict in ("clear_fall", "clear_rise")]
+    moved.sort(key=lambda a: -abs(a.violation_rate.change or 0.0))
     clear = [say("words.the_rest") if a.area_id is None else a.name for a in moved]
     if report.state != "normal":
         return say("titles.changed_plain")
     if not report.areas:
-        return say("titles.changed_floor", verdict=terms.verdict_words(report.level.often).lower())
+        return say("titles.changed_floor", verdict=terms.verdict_words(report.level.violation_rate).lower())
     if not clear:
         return say("titles.changed_none")
     if len(clear) == 1:

@@ -14,7 +14,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.wording import format as fmt
-from vsd_analytics.wording.catalogue import DaysText, SpokenDays, about_days
+from vsd_analytics.wording.catalogue import DaysText, SpokenDays, about_days, say
 from vsd_analytics.wording.languages import speaking
 
 P = ParamSpec("P")
@@ -52,3 +52,8 @@ def in_its_words(make: Callable[Concatenate[WeekReport, P], T]) -> Callable[Conc
             return make(report, *args, **options)
 
     return made
+
+
+def week_before(report: WeekReport) -> str:
+    """Return how a sentence speaks of the week before: week 45."""
+    return say("words.week", number=report.previous.number) if report.previous else say("words.last_week")

@@ -17,8 +17,8 @@ from report import sample_weeks as weeks
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.report.pages.mail import make_mail
+from vsd_analytics.report.pages.story import finish, story_of
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.report.words.headline import finish, story_of
 from vsd_analytics.site.model import LANGUAGES
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import catalogue, say

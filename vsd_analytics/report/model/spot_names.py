@@ -1,4 +1,4 @@
-"""Names of the numbered spots, by area, and the question each card asks, by the rules of `words.questions`."""
+"""Names of the numbered spots, by area, and the question each card asks, by the rules of `remedies`."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_sections import Evidence, SpotCard, Spots, UsualHours
 from vsd_analytics.figures.week.spots import place_shape
+from vsd_analytics.report.model import remedies as rules
 from vsd_analytics.report.model.agenda import changed_on, fixtures_to_ask, past_questions
-from vsd_analytics.report.words import questions as rules
-from vsd_analytics.report.words import terms
 from vsd_analytics.site.model import Area
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 
 NEAR_AREA_M: Final = 3.0

@@ -1,13 +1,14 @@
-"""The words of every branch are as in golden/; `python tests/report/words/golden_cases.py` writes them anew."""
+"""The words of every branch are as in golden/; `python tests/report/story/golden_cases.py` writes them anew."""
 
 from __future__ import annotations
 
 import pytest
 from forbidden_words import forbidden_in
-from report.words.golden_cases import CASES, FOLDER, text_of
+from report.story.golden_cases import CASES, FOLDER, text_of
 
-from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.headline import MAX_WORDS, story_of
+from vsd_analytics.report.pages.headline import MAX_WORDS
+from vsd_analytics.report.pages.story import story_of
+from vsd_analytics.wording import terms
 
 
 @pytest.mark.parametrize("name", list(CASES))

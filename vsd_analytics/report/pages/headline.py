@@ -17,13 +17,12 @@ from typing import Final
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.week.model_recording import CameraRecord
 from vsd_analytics.figures.week.results import AreaRow, LogLine
-from vsd_analytics.report.model.week import Span, Story, WeekReport
-from vsd_analytics.report.words import terms
-from vsd_analytics.report.words.no_data import nothing
-from vsd_analytics.report.words.questions import choose, may_ask
-from vsd_analytics.report.words.spoken import spoken_of
-from vsd_analytics.report.words.things_to_know import things
+from vsd_analytics.report.model.week import Span, WeekReport
+from vsd_analytics.report.pages.no_data import nothing
+from vsd_analytics.report.pages.spoken import week_before
+from vsd_analytics.report.pages.things_to_know import things
 from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import has, say
 from vsd_analytics.wording.reasons import reason_text
 
@@ -33,43 +32,12 @@ OWN_SHARE: Final = 0.8
 CLEAR: Final = ("clear_fall", "clear_rise")
 
 
-def finish(report: WeekReport) -> WeekReport:
-    """Return the report with its story filled in."""
-    if report.story is not None:
-        return report
-    with spoken_of(report):
-        return replace(report, story=story_of(report))
-
-
-def story_of(report: WeekReport) -> Story:
-    """Make the words of the page.
-
-    Args:
-        report: The figures; `report.story` is not read.
-
-    Returns:
-        Headline with the name of its rule, lead, at most three things to know, one question, notes.
-    """
-    rule, headline = _headline(report)
-    lead, notes = _lead(report)
-    question = choose(report) if may_ask(report) else None
-    return Story(
-        headline=headline,
-        rule=rule,
-        lead=tuple(lead),
-        things=things(report),
-        question="" if question is None else question.text,
-        question_id="" if question is None else question.question_id,
-        notes=tuple(notes),
-    )
-
-
 def close_key(report: WeekReport) -> str:
     """Return the second key of the table: the verdict on the share of time too close, or not_measurable.
 
     A clear change that leaves the share within its usual range is no news for a headline: the lead says it.
     """
-    close = report.level.close_share
+    close = report.level.close_time_share
     if close is None or close.state == "not_measurable":
         return "not_measurable"
     usual = report.trend.usual_close if report.trend is not None else None
@@ -78,12 +46,13 @@ def close_key(report: WeekReport) -> str:
     return close.verdict or "too_little_data"
 
 
-def often_key(report: WeekReport) -> str:
+def violation_rate_key(report: WeekReport) -> str:
     """Return the first key of the table: the verdict on how often."""
-    return report.level.often.verdict or "too_little_data"
+    return report.level.violation_rate.verdict or "too_little_data"
 
 
-def _headline(report: WeekReport) -> tuple[str, str]:
+def headline(report: WeekReport) -> tuple[str, str]:
+    """Return the name of the rule that a week comes under, and the headline it gives."""
     if report.state == "no_data":  # nothing was recorded anywhere, so no camera is named
         texts = nothing(report)
         return texts.rule, texts.headline
@@ -101,7 +70,7 @@ def _headline(report: WeekReport) -> tuple[str, str]:
 
 def _abnormal_headline(report: WeekReport) -> tuple[str, str] | None:
     """Return the rule and headline of a week that is compared with nothing; None for a normal one."""
-    week, often = report.week, report.level.often
+    week, violation_rate = report.week, report.level.violation_rate
     match report.state:
         case "too_incomplete" if report.is_so_far:
             return "not_over", say("headline.not_over", week=week.number)
@@ -109,9 +78,9 @@ def _abnormal_headline(report: WeekReport) -> tuple[str, str] | None:
             return "too_incomplete", say("headline.too_incomplete", week=week.number)
         case "empty":
             return "empty", say("headline.empty", week=week.number)
-        case _ if often.state == "not_measurable":
+        case _ if violation_rate.state == "not_measurable":
             return "not_measurable", say("headline.not_measurable")
-        case _ if often.value is None:
+        case _ if violation_rate.value is None:
             return "few", say("headline.few", week=week.number)
         case "first_week":
             return _headline_without_week_before(report)
@@ -123,8 +92,8 @@ def _abnormal_headline(report: WeekReport) -> tuple[str, str] | None:
 
 def _headline_without_week_before(report: WeekReport) -> tuple[str, str]:
     """Return the rule and headline of a first week, or of one after a week that was closed or has no data."""
-    rate = fmt.number(report.level.often.value)
-    usual = report.trend.usual_often if report.trend is not None else None
+    rate = fmt.number(report.level.violation_rate.value)
+    usual = report.trend.usual_violation_rate if report.trend is not None else None
     if not report.has_history:
         return "first_week", say("headline.first_week", rate=rate)
     if usual is None:
@@ -134,12 +103,12 @@ def _headline_without_week_before(report: WeekReport) -> tuple[str, str]:
 
 def _compared_headline(report: WeekReport, cameras: Sequence[CameraRecord]) -> tuple[str, str]:
     """Return the rule and headline of a normal week, in which these cameras recorded nothing."""
-    often = report.level.often
-    keys = often_key(report), close_key(report)
+    violation_rate = report.level.violation_rate
+    keys = violation_rate_key(report), close_key(report)
     rule = "/".join(k.removeprefix("clear_") for k in keys)
-    moved = terms.moved(often.change) if often.change is not None else say("headline.changed")
+    moved = terms.moved(violation_rate.change) if violation_rate.change is not None else say("headline.changed")
     plain = say(f"headline.pair.{keys[0]}.{keys[1]}", moved=moved)
-    usual = report.trend.usual_often if report.trend is not None else None
+    usual = report.trend.usual_violation_rate if report.trend is not None else None
     entry = change_to_name(report)
     choices: list[tuple[str, str]] = []
     if entry is not None:
@@ -171,10 +140,14 @@ def _cameras(report: WeekReport, cameras: Sequence[CameraRecord]) -> str:
 
 def _where(report: WeekReport) -> list[str]:
     """Return where most of the floor's change lies, in words: the area that adds most to it, if it adds a third."""
-    often = report.level.often
-    if often.verdict not in ("clear_fall", "clear_rise") or often.previous is None or not often.change:
+    violation_rate = report.level.violation_rate
+    if (
+        violation_rate.verdict not in ("clear_fall", "clear_rise")
+        or violation_rate.previous is None
+        or not violation_rate.change
+    ):
         return []
-    whole = often.previous * often.change
+    whole = violation_rate.previous * violation_rate.change
     material = [a for a in report.areas if a.area_id is not None and a.is_material]
     parts = [(a.difference / whole, a.name) for a in material if a.difference is not None]
     share, name = max(parts, default=(0.0, ""))
@@ -184,7 +157,7 @@ def _where(report: WeekReport) -> list[str]:
 
 def _settings_headline(report: WeekReport) -> str:
     change = report.settings_change
-    when = say("headline.since", week=terms.week_before(report))
+    when = say("headline.since", week=week_before(report))
     if change is not None and change.at is not None:
         when = say("headline.on_day", day=fmt.weekday(change.at.date()))
     key = f"headline.setting_{change.name if change is not None else 'other'}"
@@ -198,11 +171,13 @@ def change_to_name(report: WeekReport) -> LogLine | None:
     after it; and the change is that area's: it holds at least 80 % of the floor's, and the rest of the floor has not
     clearly moved the same way.
     """
-    verdict = report.level.often.verdict
+    verdict = report.level.violation_rate.verdict
     if report.state != "normal" or verdict not in ("clear_fall", "clear_rise"):
         return None
     moved_areas = {
-        a.area_id for a in report.areas if a.often.verdict == verdict and a.area_id is not None and a.is_material
+        a.area_id
+        for a in report.areas
+        if a.violation_rate.verdict == verdict and a.area_id is not None and a.is_material
     }
     entries = [
         line
@@ -224,7 +199,7 @@ def _after(entry: LogLine) -> list[str]:
     return [*quoted, say("headline.after_area", area=entry.area_name or entry.area_id)]
 
 
-def _lead(report: WeekReport) -> tuple[list[Span], list[str]]:
+def lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     """Return the lead and notes of any week; a camera that recorded nothing is named at its end."""
     spans, notes = _lead_of_all(report)
     cameras = report.silent_cameras
@@ -240,7 +215,7 @@ def _lead_of_all(report: WeekReport) -> tuple[list[Span], list[str]]:
     """Return the lead and notes as if all cameras had recorded."""
     coverage, rules = report.coverage, report.rules
     distance, pause = fmt.distance(rules.distance_m, rules.distance_unit), fmt.seconds(rules.episode_min_s)
-    often = report.level.often
+    violation_rate = report.level.violation_rate
     match report.state:
         case "no_data":
             texts = nothing(report)
@@ -263,10 +238,10 @@ def _lead_of_all(report: WeekReport) -> tuple[list[Span], list[str]]:
                 time=pause,
             )
             return [Span(text=text)], [say("lead.empty_note", distance=distance)]
-        case _ if often.value is None:
+        case _ if violation_rate.value is None:
             return _unknown_lead(report)
         case "first_week":
-            level, rule = fmt.likely_level(often), "no_week_before" if report.has_history else "first_week"
+            level, rule = fmt.likely_level(violation_rate), "no_week_before" if report.has_history else "first_week"
             tail = say(f"lead.{rule}", level=say("lead.in_brackets", text=level) if level else "")
             spans = [_people_came(report), _times(report), Span(text=tail), *_usual(report), *_close_spans(report)]
             return spans, [say(f"lead.{rule}_note")]
@@ -278,14 +253,14 @@ def _lead_of_all(report: WeekReport) -> tuple[list[Span], list[str]]:
 
 def _unknown_lead(report: WeekReport) -> tuple[list[Span], list[str]]:
     """Say why how often is not given, and what is known all the same."""
-    often, level, coverage = report.level.often, report.level, report.coverage
+    violation_rate, level, coverage = report.level.violation_rate, report.level, report.coverage
     parts = [
-        reason_text(often.reason) or say("lead.little_data"),
+        reason_text(violation_rate.reason) or say("lead.little_data"),
         say("lead.recorded", share=fmt.percent(coverage.share)),
     ]
     if level.people.value is not None:
         parts.append(say("lead.in_view", people=fmt.number(level.people.value)))
-    code = "" if often.reason is None else often.reason.code
+    code = "" if violation_rate.reason is None else violation_rate.reason.code
     notes = {NO_IDS.code: [say("lead.fix_ids")], NO_FLOOR.code: [say("lead.fix_floor")]}.get(code, [])
     return [Span(text=" ".join(terms.sentence(p) for p in parts))], notes
 
@@ -296,34 +271,36 @@ def _people_came(report: WeekReport) -> Span:
 
 
 def _times(report: WeekReport) -> Span:
-    return Span(text=say("lead.times", rate=fmt.number(report.level.often.value)), is_strong=True)
+    return Span(text=say("lead.times", rate=fmt.number(report.level.violation_rate.value)), is_strong=True)
 
 
 def _normal_lead(report: WeekReport) -> list[Span]:
-    often = report.level.often
+    violation_rate = report.level.violation_rate
     spans = [_people_came(report), _times(report)]
-    since, likely = terms.week_before(report), fmt.likely_change(often)
-    match often.verdict:
+    since, likely = week_before(report), fmt.likely_change(violation_rate)
+    match violation_rate.verdict:
         case "clear_fall" | "clear_rise":
-            spans.append(Span(text=say("lead.clear", change=fmt.fewer_more(often.change), since=since, likely=likely)))
+            spans.append(
+                Span(text=say("lead.clear", change=fmt.fewer_more(violation_rate.change), since=since, likely=likely))
+            )
         case "about_same" | "cannot_tell":
             said = say("lead.in_brackets", text=likely) if likely else ""
             spans.append(Span(text=say("lead.not_clear", since=since, likely=said)))
         case _:
             spans.append(Span(text=say("lead.unknown", since=since)))
     spans += [*_usual(report), *_close_spans(report)]
-    clear = [a for a in report.areas if a.often.verdict in CLEAR]
-    same_way = [a for a in clear if a.often.verdict == often.verdict and a.area_id is not None]
+    clear = [a for a in report.areas if a.violation_rate.verdict in CLEAR]
+    same_way = [a for a in clear if a.violation_rate.verdict == violation_rate.verdict and a.area_id is not None]
     same_way = [a for a in same_way if a.is_material]
-    same_way.sort(key=lambda a: -abs(a.often.change or 0.0))
+    same_way.sort(key=lambda a: -abs(a.violation_rate.change or 0.0))
     if same_way and len(clear) <= 3:
         areas = terms.joined(_with_change(a) for a in same_way)
-        spans.append(Span(text=say(f"lead.{often.verdict}_at", plural=len(same_way), areas=areas)))
+        spans.append(Span(text=say(f"lead.{violation_rate.verdict}_at", plural=len(same_way), areas=areas)))
     return spans + _unusual_hour(report)
 
 
 def _usual(report: WeekReport) -> list[Span]:
-    usual = report.trend.usual_often if report.trend is not None else None
+    usual = report.trend.usual_violation_rate if report.trend is not None else None
     if usual is None:
         return []
     return [Span(text=say("lead.usual", low=fmt.number(usual.lo), high=fmt.number(usual.hi)))]
@@ -343,20 +320,20 @@ def _unusual_hour(report: WeekReport) -> list[Span]:
 
 
 def _with_change(area: AreaRow) -> str:
-    if area.often.change is None:
+    if area.violation_rate.change is None:
         return area.name
-    return say("lead.area_change", area=area.name, change=fmt.fewer_more(area.often.change))
+    return say("lead.area_change", area=area.name, change=fmt.fewer_more(area.violation_rate.change))
 
 
 def _close_spans(report: WeekReport) -> list[Span]:
-    close = report.level.close_share
+    close = report.level.close_time_share
     if close is None or close.state == "not_measurable":
         why = None if close is None else close.reason
         return [Span(text=say("lead.close_unknown", reason=reason_text(why) or say("lead.no_positions")))]
     if close.state == "not_enough_data" or close.value is None:
         return [Span(text=say("lead.close_little", reason=reason_text(close.reason) or say("lead.few_seen")))]
     strong = Span(text=say("lead.close_strong", share=fmt.percent(close.value)), is_strong=True)
-    since = terms.week_before(report)
+    since = week_before(report)
     match close.verdict if report.state == "normal" else None:
         case "clear_fall" | "clear_rise" if close.change is not None:
             likely = fmt.likely_change(close, is_counted=False)

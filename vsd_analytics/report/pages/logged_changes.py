@@ -1,0 +1,206 @@
+"""What came of logged changes and earlier questions: a sentence each, lines above the question, rows of the log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Final
+
+from vsd_analytics.figures.week.change_outcome import outcome
+from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import LedgerLine, Redesign
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.model.week_agenda import PastQuestion
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording import terms
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.reasons import reason_text
+
+
+def came_of(change: Redesign | None) -> str:
+    """Return what became of the time too close in the area of a change; None = nothing is known of it."""
+    if change is None:
+        return say("came_of.nothing")
+    running = change.running
+    likely = "" if running is None else between(running)
+    match outcome(change):
+        case "too_early":
+            reason = reason_text(change.reason if running is None else running.reason).rstrip(".")
+            return say("came_of.early", reason=reason) if reason else say("came_of.nothing")
+        case "works" | "fell" as said:
+            return say(f"came_of.{said}", likely=likely, areas=terms.joined(change.compared_with))
+        case "moved":
+            return say("came_of.moved", share=fmt.percent(min(1.0, change.moved_elsewhere or 0.0)))
+        case said:
+            return say(f"came_of.{said}", likely=likely)
+
+
+def ledger_words(line: LedgerLine) -> str:
+    """Return what a line of the ledger says after the change itself; empty for a change of the whole site."""
+    if line.outcome == "site_wide":
+        return ""
+    parts = [_in_area(line), _on_floor(line)]
+    if line.watched_until is not None:
+        parts.append(say("ledger.until", date=fmt.date_short(line.watched_until)))
+    return " ".join(part for part in parts if part)
+
+
+def _in_area(line: LedgerLine) -> str:
+    if line.outcome == "alone":
+        return say("came_of.alone")
+    if line.avoided_min is None or line.avoided_lo is None or line.avoided_hi is None:
+        reason = reason_text(line.reason).rstrip(".")
+        return say("came_of.early", reason=reason) if reason else say("came_of.nothing")
+    low, high = _minutes(line.avoided_lo), _minutes(line.avoided_hi)
+    n = fmt.count(_rounded(abs(line.avoided_min)))
+    least, most = (fmt.count(_rounded(abs(end))) for end in (line.avoided_lo, line.avoided_hi))
+    return say(
+        f"ledger.{line.outcome}",
+        least=least,
+        most=most, n=n, low=low, high=high, usual=fmt.count(_rounded(line.usual_min or 0.0)),
+        areas=terms.joined(line.compared_with),
+    )  # fmt: skip
+
+
+def _on_floor(line: LedgerLine) -> str:
+    if line.floor_avoided_lo is None or line.floor_avoided_hi is None:
+        return ""
+    is_clear = line.floor_verdict in ("clear_fall", "clear_rise")
+    if line.outcome == "cannot_tell" and not is_clear:  # what nobody can tell of the area has not moved the floor
+        return ""
+    low, high = _minutes(line.floor_avoided_lo), _minutes(line.floor_avoided_hi)
+    return say(f"ledger.floor_{line.floor_verdict or 'cannot_tell'}", low=low, high=high)
+
+
+def _minutes(avoided: float) -> str:
+    """Return an end of a range: 120 fewer, 80 more, no fewer."""
+    n = _rounded(abs(avoided))
+    if not n:
+        return say("ledger.none")
+    return say("ledger.fewer" if avoided > 0 else "ledger.more", n=fmt.count(n))
+
+
+def _rounded(minutes: float) -> float:
+    """Return minutes with two digits: a range of hundreds is not known to the minute."""
+    return float(f"{minutes:.2g}")
+
+
+def between(estimate: Estimate) -> str:
+    """Return the range of a change of time in words: between 30% less and 50% more, up to 30% less."""
+    lo, hi = estimate.change_lo, estimate.change_hi
+    if lo is None or hi is None:
+        return amount(estimate.change)
+    if 0.0 in (lo, hi) and lo < hi:  # a clear change that without one comparison area would not be clear ends there
+        return say("came_of.up_to", amount=amount(lo or hi))
+    return say("came_of.between", low=amount(lo), high=amount(hi))
+
+
+def amount(change: float | None) -> str:
+    """Return a change of time in words: 14% less, 8% more, as much as before."""
+    return say("came_of.same") if round((change or 0.0) * 100) == 0 else fmt.less_more(change)
+
+
+LINES_MAX: Final = 3
+"""Earlier questions on a page; all are in the JSON file."""
+FOLLOWED: Final = timedelta(weeks=9)
+"""What was tried is followed for so long; other answers are reported once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskedLine:
+    """One earlier question.
+
+    Attributes:
+        asked: Which week asked what.
+        answer: What was answered, by whom.
+        result: What came of it; empty where nothing was tried.
+    """
+
+    asked: str
+    answer: str
+    result: str
+
+
+def asked_lines(report: WeekReport) -> tuple[AskedLine, ...]:
+    """Return the earlier questions that have something new: a change that is followed, or the answer of this week."""
+    if report.agenda is None:
+        return ()
+    return tuple(_line(p, report) for p in reversed(report.agenda.asked) if _is_news(p, report))[:LINES_MAX]
+
+
+def _is_news(past: PastQuestion, report: WeekReport) -> bool:
+    if past.answered_at is None:
+        return False
+    age = report.week.sunday - past.answered_at.date()
+    return age < (FOLLOWED if past.change is not None else timedelta(days=14))
+
+
+def _line(past: PastQuestion, report: WeekReport) -> AskedLine:
+    change = next((r for r in report.redesigns if r.number == past.change), None)
+    date = "" if past.answered_at is None else fmt.date_short(past.answered_at.date())
+    kind = (past.answer or "later").replace("-", "_")
+    by = say("asked.by", name=past.by) if past.by else ""
+    said = "" if past.answer_text in ("", past.text) else say("asked.said", text=fmt.ended(past.answer_text))
+    return AskedLine(
+        asked=say("asked.week", week=past.number, question=past.text),
+        answer=say(f"asked.{kind}", date=date, by=by) + said,
+        result=came_of(change) if past.change is not None else "",
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogRow:
+    """One line of the log: texts.
+
+    Attributes:
+        label: Its letter in the charts of the weeks; empty without charts and for what only one list knows.
+        at: When.
+        text: What.
+        about: Its area, and whether it was found rather than logged; empty for neither.
+        result: What it avoided, or that nobody can tell yet; empty where nothing is compared.
+        is_news: It has a result, or falls into the weeks compared and is no gap of this week's cameras, which the page
+            shows with the data. The page folds the rest.
+    """
+
+    label: str
+    at: str
+    text: str
+    about: str
+    result: str
+    is_news: bool
+
+
+def log_rows(report: WeekReport, *, with_weeks: bool) -> tuple[LogRow, ...]:
+    """Return the lines, oldest first.
+
+    Args:
+        report: The report.
+        with_weeks: The list is below the charts of the weeks, so it also explains their marks.
+    """
+    marks = report.trend.marks if with_weeks and report.trend is not None else ()
+    rows = [(m.at, m.label, m.text, m.area_name, False) for m in marks]
+    known = {(m.at, m.text) for m in marks}
+    rows += [
+        (line.at, "", line.text, line.area_name, line.kind == "detected")
+        for line in report.log
+        if (line.at, line.text) not in known
+    ]
+    first = (report.previous or report.week).monday
+    gaps = {(o.start, True) for o in report.coverage.outages}
+    results = {(line.at, line.text): ledger_words(line) for line in report.ledger}
+    return tuple(
+        LogRow(
+            result=results.get((at, text), ""),
+            label=label,
+            at=fmt.instant_short(at),
+            text=fmt.ended(text),
+            about=_about(area, is_detected),
+            is_news=bool(results.get((at, text))) or (at.date() >= first and (at, is_detected) not in gaps),
+        )
+        for at, label, text, area, is_detected in sorted(rows, key=lambda row: (row[0], row[1] == "", row[1]))
+    )
+
+
+def _about(area: str | None, is_detected: bool) -> str:
+    parts = [fmt.ended(area) if area else "", say("changed.detected") if is_detected else ""]
+    return " ".join(p for p in parts if p)
