@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from vsd_analytics.cli.queue_advice import forecast_lines
 from warehouse.small_projects import DAY, HOUR, T0, Frame, Person, beats, make_site, open_days, put
 
-from vsd_analytics.cli.queue_advice import forecast_lines
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.people_present import Presence
 from vsd_analytics.figures.periods import Period

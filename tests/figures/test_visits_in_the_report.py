@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from report import ingested_worlds as w
+from vsd_analytics.figures.catalogue.visit_figures import _long_share
 
 import vsd_analytics
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.cli.visits import _as_dict
-from vsd_analytics.figures.catalogue.visit_figures import _long_share
 from vsd_analytics.figures.rates import NOT_RECORDED
 from vsd_analytics.figures.visits import AreaVisits
 from vsd_analytics.report.pages.json_and_csv import to_json

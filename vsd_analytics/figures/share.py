@@ -92,4 +92,4 @@ def _shared(answer: Answer, small: set[Place], hidden: set[Place], below: int) -
     rows = tuple({c.name: cell(k, row, c.name, c.tells) for c in columns} for k, row in enumerate(answer.rows))
     names = {c.name for c in columns}
     sums = tuple(s for s in answer.sums if s.total in names and all("." in p or p in names for p in s.parts))
-    return Answer(answer.name, columns, rows, answer.holds_for, sums, answer.notes, answer.nothing)
+    return Answer(answer.name, columns, rows, answer.holds_for, sums, answer.notes, answer.nothing, answer.state)

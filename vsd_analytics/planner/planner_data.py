@@ -16,7 +16,7 @@ import numpy as np
 
 from vsd_analytics.answer import Answers, Reason
 from vsd_analytics.figures import hotspots as spots
-from vsd_analytics.figures.catalogue import asks_for, shared_answers
+from vsd_analytics.figures.catalogue import OF_SPACE, asks_for, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_time import change_close_time_share, close_time
 from vsd_analytics.figures.compare import why_not
@@ -301,7 +301,7 @@ def _space(data: TwoWeeks, *, is_ranked: bool) -> Answers:
     level = floor_level(data, is_compared=False, areas=areas)
     found, coverage = findings.Findings(data), recording.coverage(data)
     asked = FigureInputs(data, found, coverage, level, areas.rows, timetable.timetable(data).when, is_ranked)
-    return shared_answers(asked)
+    return shared_answers(asked, metrics=OF_SPACE)
 
 
 def _seen(data: TwoWeeks, shown: FloorMap | None) -> Flags | None:

@@ -75,7 +75,7 @@ def number_text(value: float, column: Column) -> str:
             return f"{value:.0%}"
         case "seconds":
             return f"{value:.0f} s" if abs(value) < _SHOWN_BELOW_S else f"{value / _MINUTE_S:.1f} min"
-        case "count":
+        case "count" | "number":
             return f"{value:,.0f}"
         case _:
             return f"{value:,.0f}" if abs(value) >= 10**column.digits else f"{value:.{column.digits}g}"
