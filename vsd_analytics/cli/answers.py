@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import date
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -14,6 +15,25 @@ if TYPE_CHECKING:
     from vsd_analytics.answer import Answers
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """One column of an answer across a second key.
+
+    Attributes:
+        column: The column.
+        down: Key with a line each.
+        over: Key with a column each.
+    """
+
+    column: str
+    down: str
+    over: str
+
+
+Shown = Mapping[str, Sequence[Sequence[str] | Grid]]
+"""By name of an answer: the grids and sets of columns that text shows one after the other."""
 
 
 def exact_option(command: F) -> F:
@@ -28,9 +48,10 @@ def print_answers(
     *,
     title: str,
     days: tuple[date, date],
-    shown: Mapping[str, Sequence[Sequence[str]]],
+    shown: Shown,
     as_json: bool,
     notes: Sequence[str],
+    beside: Mapping[str, Any] | None = None,
 ) -> None:
     """Print answers: one JSON object, or a title and the chosen columns of each.
 
@@ -38,26 +59,34 @@ def print_answers(
         answers: The answers.
         title: Name of what is printed, for text.
         days: First and last local day.
-        shown: By name of an answer, the sets of columns that text shows one after the other.
+        shown: How text shows each answer; those that are absent are left out.
         as_json: Print JSON: `first`, `last`, `answers` by name, and `notes` where there are any.
         notes: Warnings on what does not compare.
+        beside: What else the JSON object has.
     """
     from vsd_analytics.cli.ranges import noted, warn
     from vsd_analytics.render.json_form import as_json as answer_json
     from vsd_analytics.render.significant import rounded
-    from vsd_analytics.render.text import text
+    from vsd_analytics.render.text import across, head, text
 
     first, last = days
     if as_json:
         printed = {answer.name: rounded(answer_json(answer)) for answer in answers}
-        emit_json(noted({"first": first, "last": last, "answers": printed}, notes))
+        emit_json(noted({"first": first, "last": last, **(beside or {}), "answers": printed}, notes))
         return
     warn(notes)
     lines = [f"{title}, {first} to {last}"]
-    for name, column_sets in shown.items():
+    for name, parts in shown.items():
         if (answer := answers.get(name)) is None:
             continue
-        lines += ["", *text(answer, column_sets)]
+        for grid in (part for part in parts if isinstance(part, Grid) and answer.rows):
+            lines += [
+                "",
+                head(answer.column(grid.column)),
+                *across(answer, grid.column, down=grid.down, over=grid.over),
+            ]
+        if rest := text(answer, [part for part in parts if not isinstance(part, Grid)]):
+            lines += ["", *rest]
     click.echo(plain("\n".join(lines)))
 
 

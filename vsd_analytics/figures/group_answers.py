@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Final
 
-from vsd_analytics.answer import Column, Reason, Row, Value
-from vsd_analytics.figures.groups import GroupReadings, Groups
+from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, Value
+from vsd_analytics.figures.groups import CameraLives, GroupReadings, Groups
 from vsd_analytics.figures.slots import NOTHING_OPEN
-from vsd_analytics.figures.values import known, measured
+from vsd_analytics.figures.values import known, lack, measured
+from vsd_analytics.site.model import Site
 
+MANY: Final = 0.5
+"""Share of tracks that live long below which a camera is named: taken as short visits."""
 _COUNTS: Final = ("n_all", "n_between", "n_within")
 BETWEEN_GROUPS: Final = (
     Column("between_share", "share", "share", "M9", tells=_COUNTS, per="n_violations"),
@@ -21,7 +23,6 @@ READINGS: Final = (
     Column("reading", "key"),
     Column("violation_rate", "rate", "per_open_hour", "M9", tells=_COUNTS, per="n_violations"),
     Column("encounter_rate", "rate", "per_person_hour", "M9", tells=_COUNTS, per="n_violations"),
-    Column("close_time_share", "share", "share", "M6"),
     Column("n_violations", "count", "violations", tells=_COUNTS),
     *(Column(name, "count", "violations", audience="operator") for name in _COUNTS),
 )
@@ -47,6 +48,84 @@ LIVES: Final = (
     Column("takes_part", "fact"),
 )
 """Columns of `track_lives`."""
+
+
+def group_answers(found: Groups, site: Site, *, inputs: str) -> tuple[Answer, ...]:
+    """Return who moves together, with every count exact: for the operator.
+
+    `together`: of the whole site, groups, shares of person-time in groups and of the time in violation within them, and
+    the share of violations between groups (M9); violations of which it is not known. `groups_by_size`: groups by number
+    of tracks. `readings`: rates of each floor, of all violations and of those between groups. `track_lives`: what the
+    track ids of each camera allow.
+
+    Args:
+        found: The groups.
+        site: The site.
+        inputs: Hash of the facts.
+    """
+    holds = HoldsFor(site.site_id, None, found.first, found.last, settings=site.settings.settings_id(), inputs=inputs)
+    rows = tuple(
+        {"floor_id": floor.floor_id, **row} for floor in found.readings for row in reading_rows(floor, why=None)
+    )
+    nothing = None if rows else lack(found.state, found.reason)
+    return (
+        Answer("together", TOGETHER, (_together(found),), holds, notes=_notes(found)),
+        Answer(
+            "groups_by_size",
+            SIZES,
+            tuple({"n_people": size, "n_groups": Value(n)} for size, n in found.n_by_size.items()),
+            holds,
+        ),
+        Answer(
+            "readings",
+            (Column("floor_id", "key"), *READINGS),
+            rows,
+            holds,
+            nothing=None if nothing is None else nothing.reason,
+            state="ok" if nothing is None else nothing.state,
+        ),
+        Answer("track_lives", LIVES, tuple(_lives(c) for c in found.cameras), holds),
+    )
+
+
+def _together(found: Groups) -> Row:
+    why = None if found.state == "ok" else lack(found.state, found.reason)
+    nobody = Reason("nobody.in_violation")
+    return {
+        "floor_id": None,
+        "n_groups": why or Value(sum(found.n_by_size.values())),
+        "people_share": why or known(found.people_share, found.reason),
+        "within_time_share": why or known(found.time_share, nobody),
+        "between_share": why or measured(found.between),
+        "n_violations": why or Value(found.between.of),
+        "n_unknown": why or Value(found.n_unknown),
+    }
+
+
+def _notes(found: Groups) -> tuple[tuple[int | None, Reason], ...]:
+    accuracy = found.accuracy
+    lo, hi = accuracy.time_recall
+    notes = [Reason("note.groups", scenes=accuracy.scenes, lo=lo, hi=hi, weakness=accuracy.weakness)]
+    (f1_lo, f1_hi), (precision_lo, precision_hi) = accuracy.f1, accuracy.time_precision
+    parts = {"f1_lo": f1_lo, "f1_hi": f1_hi, "precision_lo": precision_lo, "precision_hi": precision_hi}
+    notes.append(Reason("groups.accuracy", **parts))
+    short = [c.camera_id for c in found.cameras if c.lives.state == "ok" and (c.lives.long_share or 0) < MANY]
+    if short:
+        notes.append(Reason("groups.short_lives", cameras=", ".join(short)))
+    return tuple((None, note) for note in notes)
+
+
+def _lives(camera: CameraLives) -> Row:
+    lives = camera.lives
+    why = lives.reason
+    return {
+        "camera_id": camera.camera_id,
+        "n_tracks": Value(lives.n_tracks),
+        "life_median_s": known(lives.median_life_s, why, lives.state),
+        "long_lived_share": known(lives.long_share, why, lives.state),
+        "cut_share": known(lives.cut_share, why, lives.state),
+        "takes_part": lives.state == "ok",
+    }
 
 
 def between_groups(
@@ -76,12 +155,11 @@ def between_groups(
     return {"between_share": share, "n_violations": Value(n), **_count_cells(floor)}, note
 
 
-def reading_rows(floor: GroupReadings | None, close: Mapping[str, Value], *, why: Value | None) -> list[Row]:
+def reading_rows(floor: GroupReadings | None, *, why: Value | None) -> list[Row]:
     """Return a row for each reading of a floor: all violations, and those between groups.
 
     Args:
         floor: Its readings.
-        close: Share of person-time too close by reading.
         why: Why rates are not given; None where they are.
     """
     rows: list[Row] = []
@@ -96,7 +174,7 @@ def reading_rows(floor: GroupReadings | None, close: Mapping[str, Value], *, why
             n = known(often.n_events, often.reason, often.state)
             cells = {"violation_rate": measured(often), "encounter_rate": measured(risky), "n_violations": n}
             cells |= _count_cells(floor)
-        rows.append({"reading": reading, "close_time_share": close[reading], **cells})
+        rows.append({"reading": reading, **cells})
     return rows
 
 

@@ -28,12 +28,13 @@ def text(answer: Answer, column_sets: Sequence[Sequence[str]]) -> list[str]:
         return [reason_text(answer.nothing)]
     known = {c.name for c in answer.columns}
     lines: list[str] = []
-    for names in column_sets:
+    for names in column_sets if answer.rows else ():
         columns = [answer.column(name) for name in names if name in known]
         rows = [[head(c) for c in columns], *([cell_text(row[c.name], c) for c in columns] for row in answer.rows)]
         lines += ["", *aligned(rows)] if lines else aligned(rows)
     shown = {name for names in column_sets for name in names if name in known}
-    return [*lines, *_reasons(answer, [c for c in answer.columns if c.name in shown])]
+    reasons = _reasons(answer, [c for c in answer.columns if c.name in shown])
+    return [*lines, "", *reasons] if lines and reasons else [*lines, *reasons]
 
 
 def across(answer: Answer, column: str, *, down: str, over: str) -> list[str]:
@@ -102,7 +103,7 @@ def _reasons(answer: Answer, columns: Sequence[Column]) -> list[str]:
     for of_row, reason in answer.notes:
         if of_row is None:
             lines[reason_text(reason)] = None
-    return ["", *lines] if lines else []
+    return list(lines)
 
 
 def _line(row: Row, reason: Reason) -> str:

@@ -1,4 +1,4 @@
-"""Who with whom: groups (M9), how long and close (M10, M11), contacts (M12, M31, M34), clusters (M21, M22), why (M23)."""
+"""Who with whom: groups (M9), how long and close (M10, M11), contacts (M12, M31, M34), clusters (M21, M22), M23."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from vsd_analytics.figures.suppression import GIVES_AWAY, is_small
 from vsd_analytics.figures.values import known, lack, measured
 from vsd_analytics.stats.decomposition import MixingChange
 
+CLOSE_SHARE: Final = Column("close_time_share", "share", "share", "M6")
+"""What `readings` of a week has beside its rates."""
 DURATIONS: Final = (
     Column("duration_median_s", "seconds", "s", "M10", per="n_measured"),
     Column("duration_p90_s", "seconds", "s", "M10", per="n_measured"),
@@ -96,11 +98,13 @@ def groups(inputs: FigureInputs) -> tuple[Answer, ...]:
     times = inputs.found.person_time
     close = {"all": times.close, "between_groups": times.close_between}
     why_no_time = inputs.why_no_person_time
-    shares = {reading: why_no_time or measured(of) for reading, of in close.items()}
-    rows = reading_rows(own, shares, why=why)
+    rows: list[Row] = [
+        {**row, "close_time_share": why_no_time or measured(close[str(row["reading"])])}
+        for row in reading_rows(own, why=why)
+    ]
     return (
         inputs.floor_answer("between_groups", BETWEEN_GROUPS, share, note),
-        inputs.list_answer("readings", READINGS, rows),
+        inputs.list_answer("readings", (*READINGS, CLOSE_SHARE), rows),
     )
 
 
