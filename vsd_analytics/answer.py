@@ -359,7 +359,7 @@ def check_sums(answers: Sequence[Answer]) -> None:
 
 
 def _parts(answer: Answer, row: Row, part: str, by_name: Mapping[str, Answer]) -> list[float | None]:
-    """Return the counts that a part of a declared sum stands for."""
+    """Return the counts of a part of a declared sum."""
     name, _, column = part.rpartition(".")
     if not name:
         return [value_of(row, column).value]

@@ -18,7 +18,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
+class Across:
     """One column of an answer across a second key.
 
     Attributes:
@@ -32,7 +32,7 @@ class Grid:
     over: str
 
 
-Shown = Mapping[str, Sequence[Sequence[str] | Grid]]
+Shown = Mapping[str, Sequence[Sequence[str] | Across]]
 """By name of an answer: the grids and sets of columns that text shows one after the other."""
 
 
@@ -79,13 +79,13 @@ def print_answers(
     for name, parts in shown.items():
         if (answer := answers.get(name)) is None:
             continue
-        for grid in (part for part in parts if isinstance(part, Grid) and answer.rows):
+        for grid in (part for part in parts if isinstance(part, Across) and answer.rows):
             lines += [
                 "",
                 head(answer.column(grid.column)),
                 *across(answer, grid.column, down=grid.down, over=grid.over),
             ]
-        if rest := text(answer, [part for part in parts if not isinstance(part, Grid)]):
+        if rest := text(answer, [part for part in parts if not isinstance(part, Across)]):
             lines += ["", *rest]
     click.echo(plain("\n".join(lines)))
 

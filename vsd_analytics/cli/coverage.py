@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from vsd_analytics.cli.answers import Grid, Shown, print_answers
+from vsd_analytics.cli.answers import Across, Shown, print_answers
 from vsd_analytics.cli.options import json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import not_over_note, purged_hours_notes, warehouse_of
@@ -21,8 +21,8 @@ _DAYS_SHOWN: Final = 14
 _GAPS_SHOWN: Final = 20
 _WHEN: Final = ("camera_id", "start", "end")
 SHOWN: Final[Shown] = {
-    "recorded": [("camera_id", "name", "recorded_share", "recorded_h", "scheduled_h")],
-    "recorded_days": [Grid("recorded_share", "camera_id", "local_date")],
+    "recorded": [("camera_id", "recorded_share", "recorded_h", "scheduled_h")],
+    "recorded_days": [Across("recorded_share", "camera_id", "local_date")],
     "camera_outages": [(*_WHEN, "open_h", "is_inferred")],
     "message_gaps": [(*_WHEN, "n_missing", "first_missing", "last_missing")],
     "restarts": [_WHEN],

@@ -7,14 +7,14 @@ from typing import Final
 
 import click
 
-from vsd_analytics.cli.answers import Grid, Shown, print_answers
+from vsd_analytics.cli.answers import Across, Shown, print_answers
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import last_monday, warehouse_of
 from vsd_analytics.site.instants import parse_week
 
 SHOWN: Final[Shown] = {
-    "forecast": [Grid(name, "local_hour", "local_date") for name in ("people", "violation_rate")],
+    "forecast": [Across(name, "local_hour", "local_date") for name in ("people", "violation_rate")],
     "forecast_score": [
         ("series", "scored_week", "n_hours", "off_share", "off_share_naive"),
         ("series", "scaled_error", "scaled_error_naive", "in_range_share", "range_share", "late_level"),

@@ -19,7 +19,7 @@ WHOLE: Final[dict[str, tuple[str, dict[str, Scalar]]]] = {
     "M26": ("close_time_share", {"is_legal_distance": True}),
     "M30": ("close_person_min", {}),
 }
-"""Figures of several values one of which stands for the figure: its column, and the row it is in."""
+"""Which of several values a figure has at its top: the column, and the row it is in."""
 MAPS: Final = {"M16": "exposure", "M17": "burden", "M18": "risk", "M19": "excess"}
 """Figures that are maps: each a field of `CellMaps`."""
 MIN_CELL_S: Final = 60.0
@@ -30,6 +30,7 @@ _NO_CELL: Final = {
     "M18": Reason("map.no_cell_hours", least=MIN_EXPOSURE_H),
     "M19": Reason("map.no_cell_expected", least=MIN_EXPECTED_S),
 }
+_FLOOR: Final = ("floor_id",)
 Place = tuple[Answer, Row, Column]
 """Where a value is."""
 
@@ -44,7 +45,7 @@ def figure_of(metric: str, answers: Iterable[Answer], *, unit: Reason) -> Figure
 
     Returns:
         `value`, `lo`, `hi`, `verdict`, `denominator`: those of the only column of the figure in an answer with one row
-        for the floor, or of the column that stands for the figure (`WHOLE`). `rows`: one for each row and column of the
+        for the floor, or of the one that `WHOLE` names. `rows`: one for each row and column of the
         figure, with the keys and facts of the row, `column`, `what` (its name in words), `unit`, `value`, `lo`, `hi`,
         `state`, `reason` and `denominator`. Where nothing has a value, the figure has the first reason that is given.
     """
@@ -58,7 +59,7 @@ def figure_of(metric: str, answers: Iterable[Answer], *, unit: Reason) -> Figure
         return Figure(
             unit=unit,
             value=value.value,
-            rows=rows or None,
+            rows=rows if rows or any(a.keys != _FLOOR for a in chosen) else None,
             denominator=_denominator(whole[1], whole[2].per),
             lo=value.lo,
             hi=value.hi,
@@ -99,16 +100,16 @@ def map_figure(maps: CellMaps, metric: str, *, unit: Reason) -> Figure:
 
 
 def _whole(metric: str, places: Sequence[Place]) -> Place | None:
-    """Return where the value is that stands for a figure."""
+    """Return where the value is that a figure has at its top."""
     if metric in WHOLE:
         name, facts = WHOLE[metric]
         return next((p for p in places if p[2].name == name and facts.items() <= p[1].items()), None)
-    of_floor = [p for p in places if p[0].keys == ("floor_id",) and len(p[0].rows) == 1]
+    of_floor = [p for p in places if p[0].keys == _FLOOR and len(p[0].rows) == 1]
     return of_floor[0] if len(of_floor) == 1 else None
 
 
 def _why_nothing(whole: Place | None, places: Sequence[Place], chosen: Sequence[Answer]) -> tuple[State, Reason]:
-    """Return why a figure has no value: that of the value that stands for it, else the first that is given."""
+    """Return why a figure has no value: that of the value at its top, else the first that is given."""
     values = [value_of(row, column.name) for _, row, column in ([whole] if whole else []) + list(places)]
     lacks = [(v.state, v.reason) for v in values] + [(a.state, a.nothing) for a in chosen]
     for state, reason in lacks:
