@@ -25,7 +25,13 @@ def exact_option(command: F) -> F:
 
 
 def print_answers(
-    answers: Answers, *, days: tuple[date, date], layouts: Mapping[str, Layout], as_json: bool, notes: Sequence[str]
+    answers: Answers,
+    *,
+    days: tuple[date, date],
+    layouts: Mapping[str, Layout],
+    as_json: bool,
+    notes: Sequence[str],
+    beside: Mapping[str, Any] | None = None,
 ) -> None:
     """Print answers: one JSON object, or each under its title, a remark that several of them make once.
 
@@ -35,6 +41,7 @@ def print_answers(
         layouts: By name of an answer, what text shows of it.
         as_json: Print JSON: `first`, `last`, `answers` by name, and `notes` where there are any.
         notes: Warnings on what does not compare.
+        beside: What else the JSON object has.
     """
     from vsd_analytics.cli.ranges import noted, warn
     from vsd_analytics.render.json_form import as_json as answer_json
@@ -43,7 +50,7 @@ def print_answers(
 
     if as_json:
         printed = {answer.name: rounded(answer_json(answer)) for answer in answers}
-        emit_json(noted({"first": days[0], "last": days[1], "answers": printed}, notes))
+        emit_json(noted({"first": days[0], "last": days[1], **(beside or {}), "answers": printed}, notes))
         return
     warn(notes)
     sections, printed_before = [], set[str]()

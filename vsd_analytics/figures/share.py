@@ -106,4 +106,4 @@ def _shared(answer: Answer, small: set[Place], hidden: set[Place], below: int) -
     sums = tuple(s for s in answer.sums if s.total in names and all("." in p or p in names for p in s.parts))
     with_small = {k for name, k, _ in small if name == answer.name}
     notes = tuple((k, note) for k, note in answer.notes if k not in with_small)
-    return Answer(answer.name, columns, rows, answer.holds_for, sums, notes, answer.nothing)
+    return Answer(answer.name, columns, rows, answer.holds_for, sums, notes, answer.nothing, answer.state)

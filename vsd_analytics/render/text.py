@@ -116,7 +116,7 @@ def number_text(value: float, column: Column) -> str:
             return f"{value:.0f} s" if abs(value) < _SHOWN_BELOW_S else f"{value / _MINUTE_S:.1f} min"
         case "hour_of_day":
             return f"{value:02.0f}:00"
-    if column.kind == "count" or abs(value) >= 10**column.digits:
+    if column.kind in ("count", "number") or abs(value) >= 10**column.digits:
         return f"{value:,.0f}"
     return f"<{_LEAST}" if 0 < value < _LEAST else f"{value:.{column.digits}g}"
 
@@ -146,12 +146,12 @@ def _grids(answer: Answer, shown: GridLayout) -> Iterator[list[str]]:
         days, hours = (list(dict.fromkeys(row[c.name] for row in rows)) for c in (over, down))
         lines = [[head(down), *(cell_text(day, over) for day in days)]]
         lines += [[cell_text(h, down), *(cells.get((h, day), "") for day in days)] for h in hours]
-        yield [*aligned([[f"{name}: {head(column)}"]]), *aligned(lines)]
+        yield [*aligned([[f"{name}: {head(column)}" if name else head(column)]]), *aligned(lines)]
 
 
 def _has_value(rows: Sequence[Row], columns: Sequence[Column]) -> bool:
     names = [column.name for column in columns if column.kind in VALUES]
-    return any(value_of(row, name).value is not None for row in rows for name in names)
+    return bool(rows) if not names else any(value_of(row, name).value is not None for row in rows for name in names)
 
 
 def _reasons(row: Row, columns: Sequence[Column]) -> Iterator[Reason]:
