@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 
+from vsd_analytics.cli.detection import ChosenDetector, chosen_detector, detector_options, people_of_source
 from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import count, emit_json
 from vsd_analytics.cli.picture_sizes import known_size, parse_size
@@ -17,6 +18,8 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
+    from datetime import datetime
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -71,7 +74,7 @@ def engine() -> None:
 
 
 @engine.command()
-@click.argument("people", type=click.Path(path_type=Path))
+@click.argument("source", type=click.Path(path_type=Path))
 @click.option("--camera", "camera_id", required=True, metavar="ID", help="Camera of vsd.toml that saw them.")
 @path_option("--out", required=True, help="JSON Lines file to write.")
 @click.option(
@@ -109,11 +112,13 @@ def engine() -> None:
     metavar="FOLDER|VIDEO",
     help="What --overlay draws on: the camera's pictures, the last number in a name is the frame's (default: grey).",
 )
+@detector_options
 @json_option
 @pass_project
 def run(
     project: Project,
-    people: Path,
+    /,
+    source: Path,
     camera_id: str,
     out: Path,
     method: str,
@@ -127,11 +132,13 @@ def run(
     overlay: Path | None,
     pictures: Path | None,
     as_json: bool,
+    **given: Any,
 ) -> int:
-    """Turn the people of a detector into frame messages that vsd ingest reads.
+    """Turn pictures, or the people of a detector, into frame messages that vsd ingest reads.
 
-    PEOPLE is an OpenPose or Monoloco folder, a JSON file of COCO-17, HALPE-26 or BODY_25 joints, a folder of
-    ultralytics labels, or a CSV file of boxes: frame or ts, track_id (may be absent), left, top, right, bottom.
+    SOURCE is a video, a folder of pictures or a picture, with --detector. Or it is what a detector wrote: an OpenPose
+    or Monoloco folder, a JSON file of COCO-17, HALPE-26 or BODY_25 joints, a folder of ultralytics labels, or a CSV
+    file of boxes: frame or ts, track_id (may be absent), left, top, right, bottom.
 
     With --overlay and --pictures, people are on the pictures written: they are personal data, and nothing deletes them.
 
@@ -156,24 +163,29 @@ def run(
         raise UsageError("--pictures is what --overlay draws on", fix="--overlay overlay/")
     camera = camera_called(project.site, camera_id, option="--camera")
     picture_px = parse_size(size) if size else camera.picture_px
-    own = read_monoloco(people) if method == "monoloco" else None
-    read = read_people if method == "paper" else read_each_once  # the paper's method takes skeletons as they are
-    found = read(people, size_px=picture_px) if own is None else own.people
     rate = hz or camera.hz or 1.0
-    if found.ts_ms is None and start is None:
+    begin = instant(start or NO_CLOCK, zone=project.site.timezone, what="--start")
+    detector = chosen_detector(given)
+    own = read_monoloco(source) if method == "monoloco" else None
+    if detector.model is not None:
+        found, ts_ms, picture_px = _detected(project, source, detector, begin=begin, hz=rate, quiet=as_json)
+        has_clock = found.ts_ms is not None
+    else:
+        read = read_people if method == "paper" else read_each_once  # the paper's method takes skeletons as they are
+        found = read(source, size_px=picture_px) if own is None else own.people
+        ts_ms, has_clock = instants_ms(found, start=begin, hz=rate), found.ts_ms is not None
+    if not has_clock and start is None:
         project.say(
-            f"warning: {people.name} has no ts: frame 0 is put at {NO_CLOCK}, {rate:g} frames a second; "
+            f"warning: {source.name} has no ts: frame 0 is put at {NO_CLOCK}, {rate:g} frames a second; "
             f"give --start and --hz before you ingest it"
         )
-    begin = instant(start or NO_CLOCK, zone=camera.clock, what="--start")
-    ts_ms = instants_ms(found, start=begin, hz=rate)
     detected = DetectedPeople(project, camera, found, picture_px, ts_ms, is_tracked=track)
     moves: list[dict[str, object]] = []
     if method == "paper":
         parts = [(_paper(detected, part=part, ratios=_ratios(ratios, convention)), ts_ms)]
     else:
         parts = _calibrated(detected) if own is None else _monoloco(detected, own)
-        moves = _moves(detected, people)
+        moves = _moves(detected, source)
     drawn = {} if overlay is None else _overlay(detected, parts, to=overlay, on=pictures)
     lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when)]
     publish(out, b"".join(line + b"\n" for line in lines))
@@ -194,6 +206,22 @@ def run(
     else:
         _print(done)
     return 0
+
+
+def _detected(
+    project: Project, source: Path, chosen: ChosenDetector, *, begin: datetime, hz: float, quiet: bool
+) -> tuple[People, NDArray[np.int64], tuple[int, int]]:
+    """Return the people that a detector finds in pictures, when their frames were, and the size of the pictures."""
+    from vsd_analytics.engine.pictures import picture_source
+
+    pictures = picture_source(source)
+    every = people_of_source(
+        project, pictures, chosen.opened(), hz=hz, tile_px=chosen.tile_px, quiet=project.quiet or quiet
+    )
+    people, ms = every.people(), every.ms
+    if pictures.has_clock:
+        return replace(people, ts_ms=ms), ms, pictures.size_px
+    return people, ms + round(begin.timestamp() * 1000), pictures.size_px
 
 
 def _print(done: dict[str, Any]) -> None:
