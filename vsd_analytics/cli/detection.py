@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -16,8 +16,10 @@ from vsd_analytics.errors import UsageError
 
 if TYPE_CHECKING:
     from vsd_analytics.engine.detector import Detector
-    from vsd_analytics.engine.people_of_pictures import PeopleOfPictures, SeenFrame
+    from vsd_analytics.engine.people_of_pictures import PeopleOfPictures
     from vsd_analytics.engine.pictures import PictureSource
+    from vsd_analytics.engine.tiles import PictureTile
+    from vsd_analytics.site.model import Camera
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -27,82 +29,137 @@ class ChosenDetector:
     """The options of a detector, as `detector_options` gives them.
 
     Attributes:
-        model: File of ONNX; None = no detector.
+        model: File of ONNX.
+        joints: File of a second model, for the joints in each box.
         provider: Execution provider of onnxruntime; None = a GPU where there is one.
-        score: Least score of a person; None = the default.
+        least_score: Least score of a person; None = the default.
         tile_px: Side of tiles; None = by the size of people, 0 = the whole picture at once.
         n_threads: Processor threads.
     """
 
-    model: Path | None
+    model: Path
+    joints: Path | None
     provider: str | None
-    score: float | None
+    least_score: float | None
     tile_px: int | None
-    n_threads: int
+    n_threads: int | None
 
     def opened(self) -> Detector:
-        """Return the detector; UsageError E101 without a model."""
+        """Return the detector."""
         from vsd_analytics.engine.detector import LEAST_SCORE, Detector
 
-        if self.model is None:
-            raise UsageError("no detector is given", fix="--detector model.onnx")
         return Detector(
             self.model,
+            joints=self.joints,
             providers=None if self.provider is None else [self.provider],
-            n_threads=self.n_threads,
-            least_score=LEAST_SCORE if self.score is None else self.score,
+            n_threads=self.n_threads or 1,
+            least_score=LEAST_SCORE if self.least_score is None else self.least_score,
         )
+
+    def tiles(self, detector: Detector, pictures: PictureSource, *, hz: float, camera: Camera) -> list[PictureTile]:
+        """Return the parts of a picture that the detector looks at, by the size of people in this camera's pictures."""
+        from vsd_analytics.engine.bodies import body_sizes_px
+        from vsd_analytics.engine.people_of_pictures import tiles_of_source
+        from vsd_analytics.engine.tiles import PictureTile, tiles_of
+
+        size_px = pictures.size_px
+        if self.tile_px == 0:
+            return [PictureTile(0, 0, *size_px)]
+        known = camera.calibrations[-1].homography if camera.calibrations else None
+        body_px = None if known is None else body_sizes_px(known, size_px)
+        if self.tile_px is not None:
+            overlap = self.tile_px // 4 if body_px is None else round(body_px[1])
+            return tiles_of(size_px, side_px=self.tile_px, overlap_px=(overlap // 2, overlap))
+        return tiles_of_source(pictures, detector, hz=hz, body_px=body_px)
+
+
+_OPTIONS = ("detector", "joints", "provider", "score", "tile", "threads")
 
 
 def detector_options(command: F) -> F:
-    """Add the options of a detector to a command, which takes them as `detector`, `provider`, `score`, ..."""
+    """Add the options of a detector to a command, which takes them by `chosen_detector`."""
     for option in (
-        click.option("--threads", type=click.IntRange(min=1), default=1, help="Processor threads of the network."),
+        click.option(
+            "--threads", type=click.IntRange(min=1), metavar="N", help="Processor threads of --detector (default: 1)."
+        ),
         click.option(
             "--tile",
             type=click.IntRange(min=0),
             metavar="PX",
-            help="Side of the parts that the detector sees (0: whole).",
+            help="Side of the parts of a picture that --detector looks at (default: by the size of people; 0: whole).",
         ),
-        click.option("--score", type=click.FloatRange(0, 1), help="Least score of a person (default: 0.45)."),
-        click.option("--provider", metavar="NAME", help="Execution provider of onnxruntime, such as cuda or cpu."),
-        path_option("--detector", metavar="MODEL", help="ONNX model that finds the people of a video or pictures."),
+        click.option(
+            "--score", type=click.FloatRange(0, 1), metavar="SCORE", help="Least score of a person (default: 0.45)."
+        ),
+        click.option(
+            "--provider", metavar="NAME", help="Where --detector runs: cpu, cuda, ... of the installed onnxruntime."
+        ),
+        path_option("--joints", metavar="MODEL", help="ONNX model that finds the joints in the boxes of --detector."),
+        path_option("--detector", metavar="MODEL", help="ONNX model that finds the people of a video or of pictures."),
     ):
         command = option(command)
     return command
 
 
-def chosen_detector(given: dict[str, Any]) -> ChosenDetector:
-    """Take the options of a detector out of those of a command."""
-    return ChosenDetector(
-        model=given.pop("detector"),
-        provider=given.pop("provider"),
-        score=given.pop("score"),
-        tile_px=given.pop("tile"),
-        n_threads=given.pop("threads"),
-    )
+def chosen_detector(given: dict[str, Any]) -> ChosenDetector | None:
+    """Return what the options of a detector choose; None without --detector.
+
+    Raises:
+        UsageError: Some of them are given without --detector (E101).
+    """
+    values = [given[name] for name in _OPTIONS]
+    if values[0] is None:
+        if spare := [name for name in _OPTIONS if given[name] is not None]:
+            raise UsageError(
+                f"--{spare[0]} belongs to --detector", fix=f"--detector model.onnx, or leave out --{spare[0]}"
+            )
+        return None
+    return ChosenDetector(*values)
 
 
 def people_of_source(
-    project: Project, source: PictureSource, detector: Detector, *, hz: float, tile_px: int | None, quiet: bool
-) -> PeopleOfPictures:
-    """Return the people of a source, with a progress bar of frames and people."""
-    from vsd_analytics.engine.people_of_pictures import SeenFrame, collected, rounded_px
-    from vsd_analytics.engine.tiles import tiles_of
+    project: Project,
+    source: Path,
+    chosen: ChosenDetector,
+    *,
+    hz: float,
+    camera: Camera,
+    journal_path: Path,
+    quiet: bool,
+) -> tuple[PeopleOfPictures, PictureSource]:
+    """Return the people of a source of pictures, with a progress bar of frames and people.
 
-    tiles = tiles_of(source.size_px, side_px=tile_px or None, overlap_px=(tile_px or 0) // 4)
-    with progress(None, total=source.n_pictures(hz), label="detecting", unit=" frames", quiet=quiet) as bar:
-        n_people = 0
+    A run that was stopped left its frames at `journal_path`; this one goes on after them.
+    """
+    from vsd_analytics.engine.detection_journal import DetectionJournal, about_run
+    from vsd_analytics.engine.people_of_pictures import PeopleOfPictures, seen_frames
+    from vsd_analytics.engine.pictures import picture_source
 
-        def seen() -> Iterator[SeenFrame]:
-            for shot in source.pictures(hz):
-                detections = None if shot.picture is None else rounded_px(detector.people(shot.picture, tiles=tiles))
-                yield SeenFrame(shot.number, shot.ms, detections, shot.name)
-
-        def count_people(n: int) -> None:
-            nonlocal n_people
-            n_people += n
-            bar.set_postfix(people=n_people, refresh=False)
-            bar.update(1)
-
-        return collected(seen(), on_frame=count_people)
+    pictures, detector = picture_source(source), chosen.opened()
+    tiles = chosen.tiles(detector, pictures, hz=hz, camera=camera)
+    models = [chosen.model, *([] if chosen.joints is None else [chosen.joints])]
+    parts = [[tile.left, tile.top, tile.right, tile.bottom] for tile in tiles]
+    about = about_run(source, models, hz=hz, least_score=detector.least_score, tiles=parts)
+    journal = DetectionJournal(journal_path, about)
+    people, is_done = PeopleOfPictures(), False
+    try:
+        with progress(
+            None, total=pictures.n_pictures(hz), label="detecting", unit=" frames", quiet=project.quiet or quiet
+        ) as bar:
+            n_people = 0
+            if journal.frames:
+                project.say(f"going on after frame {journal.last}, where an earlier run was stopped")
+            frames = seen_frames(pictures, detector, hz=hz, tiles=tiles, after=journal.last)
+            for frame in [*journal.frames]:
+                people.add(frame)
+                bar.update(1)
+            for frame in frames:
+                journal.add(frame)
+                people.add(frame)
+                n_people += 0 if frame.detections is None else len(frame.detections)
+                bar.set_postfix(people=n_people, refresh=False)
+                bar.update(1)
+        is_done = True
+    finally:
+        journal.close(is_done=is_done)
+    return people, pictures

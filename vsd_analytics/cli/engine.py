@@ -3,64 +3,28 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from vsd_analytics.cli.detection import ChosenDetector, chosen_detector, detector_options, people_of_source
+from vsd_analytics.cli.located_people import DetectedPeople, by_calibrations, by_monoloco, by_paper
 from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import count, emit_json
-from vsd_analytics.cli.picture_sizes import known_size, parse_size
+from vsd_analytics.cli.picture_sizes import parse_size
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
-    from datetime import datetime
-
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from vsd_analytics.engine.calibration_error import LikelyCameras
+    from vsd_analytics.cli.located_people import LocatedParts
     from vsd_analytics.engine.monoloco_files import MonolocoPeople
-    from vsd_analytics.engine.people import People
     from vsd_analytics.engine.ratios import Ratios
-    from vsd_analytics.engine.seen import Seen
-    from vsd_analytics.site.model import Calibration, Camera, Plane
-
-_Parts: TypeAlias = "list[tuple[Seen, NDArray[np.int64]]]"
-"""What was seen under each of a camera's calibrations, and the times of its frames."""
 
 NO_CLOCK = "2000-01-01T00:00:00Z"
 """Instant of frame 0 where nothing says when it was: visibly not a time of a camera."""
-
-
-@dataclass(frozen=True, slots=True)
-class DetectedPeople:
-    """The people of a detector, and the camera that saw them.
-
-    Attributes:
-        project: The project and clock.
-        camera: The camera.
-        people: Their joints or boxes.
-        picture_px: Width and height of the picture; None = not known.
-        ts_ms: UTC milliseconds of the frames.
-        is_tracked: Follow people on the floor.
-    """
-
-    project: Project
-    camera: Camera
-    people: People
-    picture_px: tuple[int, int] | None
-    ts_ms: NDArray[np.int64]
-    is_tracked: bool
-
-    @property
-    def known_px(self) -> tuple[int, int]:
-        """Return the size of the picture; UsageError E101 where it is not known."""
-        return known_size(self.camera, self.picture_px)
 
 
 @click.group()
@@ -166,25 +130,36 @@ def run(
     rate = hz or camera.hz or 1.0
     begin = instant(start or NO_CLOCK, zone=project.site.timezone, what="--start")
     detector = chosen_detector(given)
+    _check_source(source, detector, method=method, size=size)
     own = read_monoloco(source) if method == "monoloco" else None
-    if detector.model is not None:
-        found, ts_ms, picture_px = _detected(project, source, detector, begin=begin, hz=rate, quiet=as_json)
-        has_clock = found.ts_ms is not None
+    if detector is not None:
+        journal = out.with_name(f"{out.name}.part")
+        every, shots = people_of_source(
+            project, source, detector, hz=rate, camera=camera, journal_path=journal, quiet=as_json
+        )
+        found, ts_ms, picture_px = every.people(), every.ms, shots.size_px
+        if shots.has_clock:
+            found = replace(found, ts_ms=ts_ms)
+        else:
+            ts_ms = ts_ms + round(begin.timestamp() * 1000)
+        pictures = source if overlay is not None and pictures is None else pictures
     else:
         read = read_people if method == "paper" else read_each_once  # the paper's method takes skeletons as they are
         found = read(source, size_px=picture_px) if own is None else own.people
-        ts_ms, has_clock = instants_ms(found, start=begin, hz=rate), found.ts_ms is not None
-    if not has_clock and start is None:
+        ts_ms = instants_ms(found, start=begin, hz=rate)
+    if found.ts_ms is None and start is None:
         project.say(
             f"warning: {source.name} has no ts: frame 0 is put at {NO_CLOCK}, {rate:g} frames a second; "
             f"give --start and --hz before you ingest it"
         )
-    detected = DetectedPeople(project, camera, found, picture_px, ts_ms, is_tracked=track)
+    detected = DetectedPeople(
+        project, camera, found, picture_px, ts_ms, is_tracked=track, is_of_pictures=detector is not None
+    )
     moves: list[dict[str, object]] = []
     if method == "paper":
-        parts = [(_paper(detected, part=part, ratios=_ratios(ratios, convention)), ts_ms)]
+        parts = [(by_paper(detected, part=part, ratios=_ratios(ratios, convention)), ts_ms)]
     else:
-        parts = _calibrated(detected) if own is None else _monoloco(detected, own)
+        parts = by_calibrations(detected) if own is None else by_monoloco(detected, own)
         moves = _moves(detected, source)
     drawn = {} if overlay is None else _overlay(detected, parts, to=overlay, on=pictures)
     lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when)]
@@ -197,6 +172,7 @@ def run(
         "pairs": sum(len(seen.a) for seen, _ in parts),
         "left_out": dict(sum((Counter(seen.left_out) for seen, _ in parts), Counter())),
         "bad_rows": dict(found.bad),
+        **({} if detector is None else {"unread": every.unread, "boxes": dict(detected.changed)}),
         **({} if own is None else _social(own)),
         "moves": moves,
         **drawn,
@@ -208,20 +184,26 @@ def run(
     return 0
 
 
-def _detected(
-    project: Project, source: Path, chosen: ChosenDetector, *, begin: datetime, hz: float, quiet: bool
-) -> tuple[People, NDArray[np.int64], tuple[int, int]]:
-    """Return the people that a detector finds in pictures, when their frames were, and the size of the pictures."""
-    from vsd_analytics.engine.pictures import picture_source
+def _check_source(source: Path, detector: ChosenDetector | None, *, method: str, size: str | None) -> None:
+    """Refuse pictures without a detector, and a detector without pictures."""
+    from vsd_analytics.engine.pictures import is_picture_source
 
-    pictures = picture_source(source)
-    every = people_of_source(
-        project, pictures, chosen.opened(), hz=hz, tile_px=chosen.tile_px, quiet=project.quiet or quiet
-    )
-    people, ms = every.people(), every.ms
-    if pictures.has_clock:
-        return replace(people, ts_ms=ms), ms, pictures.size_px
-    return people, ms + round(begin.timestamp() * 1000), pictures.size_px
+    has_pictures = is_picture_source(source)
+    if has_pictures and detector is None:
+        raise UsageError(
+            f"{source.name} has pictures, and nothing finds people in them",
+            why="this program has no detector of its own",
+            fix="--detector model.onnx; docs/detectors.md names models and their licences",
+        )
+    if detector is None:
+        return
+    if source.exists() and not has_pictures:
+        raise UsageError(
+            f"--detector finds people in pictures, and {source.name} is no video, picture or folder of pictures",
+            fix="leave out --detector, or give the video",
+        )
+    if method == "monoloco" or size is not None:
+        raise UsageError("--method monoloco and --size are for people that another program found", fix="leave them out")
 
 
 def _print(done: dict[str, Any]) -> None:
@@ -252,111 +234,6 @@ def _ratios(text: str, convention: str) -> Ratios:
     return Ratios(horizontal, vertical, "share" if convention == "share" else "inset")
 
 
-def _paper(detected: DetectedPeople, *, part: str | None, ratios: Ratios) -> Seen:
-    from vsd_analytics.engine.body import PART_M
-    from vsd_analytics.engine.paper_method import detect
-
-    chosen = next((p for p in PART_M if p == part), "torso" if detected.people.has_joints else "box")
-    settings = detected.project.site.settings
-    return detect(
-        detected.people,
-        ratios=ratios,
-        size_px=detected.known_px,
-        part=chosen,
-        distance_m=settings.distance_m,
-        within_m=settings.pair_max_m,
-    )
-
-
-def _calibrated(detected: DetectedPeople) -> _Parts:
-    """Return what was seen by the metres of the camera's calibrations."""
-    from vsd_analytics.engine.floor_method import locate
-    from vsd_analytics.engine.plane_method import locate_on_planes, standing
-    from vsd_analytics.engine.tracker import tracked, tracked_at
-
-    camera, people, picture_px = detected.camera, detected.people, detected.picture_px
-    if not camera.calibrations and not camera.planes:
-        raise UsageError(
-            f"camera {camera.camera_id!r} has no calibration",
-            why="--method people measures in metres on the floor",
-            fix=f"vsd calibrate {camera.camera_id} --from-people PEOPLE --size 1920x1080, or --method paper",
-        )
-    timed, parts = replace(people, ts_ms=detected.ts_ms), []
-    settings = detected.project.site.settings
-    reach = {"within_m": settings.pair_max_m, "distance_m": settings.distance_m}
-    for from_ms, to_ms, used, planes in _grounds(camera):
-        part = timed.between(from_ms, to_ms)
-        if not len(part.frames):
-            continue
-        when, part = part.ts_ms, replace(part, ts_ms=None) if people.ts_ms is None else part
-        assert when is not None
-        if planes:
-            if detected.is_tracked:
-                on = standing(part, planes=planes, calibration=used, picture_px=picture_px)
-                part = tracked_at(part, on.xy, on.floor_per_px, picture_px=picture_px, ts_ms=when)
-            seen = locate_on_planes(
-                part,
-                planes=planes,
-                calibration=used,
-                picture_px=picture_px,
-                **reach,
-                stated_error=_stated_error,
-            )
-        else:
-            assert used is not None
-            if detected.is_tracked:
-                part = tracked(part, homography=used.homography, picture_px=picture_px, ts_ms=when)
-            seen = locate(
-                part,
-                homography=used.homography,
-                picture_px=picture_px,
-                **reach,
-                name=used.calibration_id,
-                error=_stated_error(used),
-            )
-        parts.append((seen, when))
-    return parts
-
-
-def _grounds(camera: Camera) -> list[tuple[int, int, Calibration | None, tuple[Plane, ...]]]:
-    """Return the spans of UTC milliseconds in which a camera has the same calibration and planes, and these."""
-    from datetime import UTC, datetime
-    from itertools import pairwise
-
-    from vsd_analytics.geometry.plane_views import plane_starts, planes_in_force
-    from vsd_analytics.warehouse.dimensions import FOREVER_MS, calibration_spans, in_force
-
-    changes = {from_ms for from_ms, _, _ in calibration_spans(camera)}
-    changes |= {round(start.timestamp() * 1000) for start in plane_starts(camera.planes)}
-    found = []
-    for from_ms, to_ms in pairwise([*sorted(changes | {-FOREVER_MS}), FOREVER_MS]):
-        at = None if from_ms == -FOREVER_MS else datetime.fromtimestamp(from_ms / 1000, UTC)
-        used = in_force(camera, from_ms)
-        found.append((from_ms, to_ms, used[0] if used else None, planes_in_force(camera.planes, at)))
-    return found
-
-
-def _monoloco(detected: DetectedPeople, own: MonolocoPeople) -> _Parts:
-    """Return what Monoloco placed under each of the camera's calibrations, else on the plane of its people."""
-    from vsd_analytics.engine.monoloco_method import floor_of_calibration, floor_of_people, locate_monoloco
-    from vsd_analytics.warehouse.dimensions import calibration_spans
-
-    settings, ts_ms, floors = detected.project.site.settings, detected.ts_ms, []
-    for from_ms, to_ms, used in calibration_spans(detected.camera):
-        floor = floor_of_calibration(used.homography, picture_px=detected.known_px, name=used.calibration_id)
-        floors.append((from_ms, to_ms, floor))
-    timed, parts = replace(own, people=replace(own.people, ts_ms=ts_ms)), []
-    for from_ms, to_ms, floor in floors or [(int(ts_ms[0]), int(ts_ms[-1]) + 1, floor_of_people(own))]:
-        part = timed.between(from_ms, to_ms)
-        when = part.people.ts_ms
-        if when is None or not len(when):
-            continue
-        part = replace(part, people=replace(part.people, ts_ms=own.people.ts_ms))
-        reach = {"within_m": settings.pair_max_m, "distance_m": settings.distance_m}
-        parts.append((locate_monoloco(part, floor, **reach, ts_ms=when if detected.is_tracked else None), when))
-    return parts
-
-
 def _social(own: MonolocoPeople) -> dict[str, object]:
     """Return how many people Monoloco's own rule flags: a judgement of its own, which is no distance."""
     import numpy as np
@@ -367,7 +244,7 @@ def _social(own: MonolocoPeople) -> dict[str, object]:
     return {"social_flags": {"persons": int(np.nansum(own.is_social)), "of": int(judged.sum())}}
 
 
-def _overlay(detected: DetectedPeople, parts: _Parts, *, to: Path, on: Path | None) -> dict[str, object]:
+def _overlay(detected: DetectedPeople, parts: LocatedParts, *, to: Path, on: Path | None) -> dict[str, object]:
     """Draw what was seen; return what was drawn, for `--json`."""
     from vsd_analytics.engine.frame_pictures import frame_pictures
     from vsd_analytics.engine.overlay import OverlayLook, write_overlay
@@ -377,15 +254,6 @@ def _overlay(detected: DetectedPeople, parts: _Parts, *, to: Path, on: Path | No
     look = OverlayLook(detected.known_px, settings.distance_m, lambda metres: distance(metres, settings.distance_unit))
     n_pictured = write_overlay(to, parts, pictures=frame_pictures(on, people), source=on, look=look)
     return {"overlay": str(to), "pictures": len(people.frames), "pictured": n_pictured}
-
-
-def _stated_error(used: Calibration) -> LikelyCameras | None:
-    from vsd_analytics.engine.people_calibration_file import read_stated_error
-    from vsd_analytics.geometry.stated_errors import beside
-
-    if used.source is None:
-        return None
-    return read_stated_error(beside(used.source, "people"), calibration_id=used.calibration_id)
 
 
 def _moves(detected: DetectedPeople, source: Path) -> list[dict[str, object]]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.engine.people import COCO_17, N_JOINTS, Array, joints_of
+from vsd_analytics.engine.people import N_JOINTS, SKELETONS, Array, joints_of
 
 JOINT_SCORE = 0.3
 """Joints that a network is less sure of are missing: published decoders of MoveNet and of COCO-17 draw from here on."""
@@ -60,13 +60,14 @@ def joined(parts: Sequence[Detections]) -> Detections:
     return Detections(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("box", "score", "joints")))
 
 
-def coco_joints(points: Array, confidence: Array) -> Array:
-    """Return joints of COCO-17 in the order of BODY_25, shape (n, 25, 2).
+def body_joints(points: Array, confidence: Array) -> Array:
+    """Return joints of any known skeleton in the order of BODY_25, shape (n, 25, 2).
 
     Args:
-        points: Pixels, shape (n, 17, 2).
-        confidence: Shape (n, 17); joints below `JOINT_SCORE` are missing.
+        points: Pixels, shape (n, k, 2) with k of `people.SKELETONS`, such as COCO's 17.
+        confidence: Shape (n, k); joints below `JOINT_SCORE` are missing.
     """
+    order = SKELETONS[points.shape[1]]
     sure = np.where(confidence >= JOINT_SCORE, confidence, 0.0)
-    turned = [joints_of(one, sure_of, order=COCO_17) for one, sure_of in zip(points, sure, strict=True)]
+    turned = [joints_of(one, sure_of, order=order) for one, sure_of in zip(points, sure, strict=True)]
     return np.array(turned, dtype=np.float64).reshape(-1, N_JOINTS, 2)

@@ -12,12 +12,14 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.engine.decoders import Decoder, decoder_for
+from vsd_analytics.engine.crops import JointFinder
+from vsd_analytics.engine.decoders import decoder_for
+from vsd_analytics.engine.decoders.decoder import Decoder
 from vsd_analytics.engine.detections import Detections, joined
 from vsd_analytics.engine.frame_pictures import Picture
 from vsd_analytics.engine.network import Network
 from vsd_analytics.engine.suppression import each_once
-from vsd_analytics.engine.tiles import Tile, tiles_of
+from vsd_analytics.engine.tiles import PictureTile
 
 LEAST_SCORE: Final = 0.45
 """Below, double boxes and mannequins make more false pairs than people found make true ones (docs/detectors.md)."""
@@ -31,6 +33,7 @@ class Detector:
         providers: Execution providers of onnxruntime; None = a GPU where there is one, else the processor.
         n_threads: Processor threads.
         least_score: People with a lower score are left out.
+        joints: File of a second model, which finds the joints in each box; None = those of the first, if it has any.
 
     Raises:
         UsageError: onnxruntime is not installed (E101).
@@ -44,12 +47,14 @@ class Detector:
         providers: Sequence[str] | None = None,
         n_threads: int = 1,
         least_score: float = LEAST_SCORE,
+        joints: Path | None = None,
     ) -> None:
         self.network = Network(model, providers=providers, n_threads=n_threads)
         self.decoder: Decoder = decoder_for(self.network.signature, model=model)
         self.least_score = least_score
+        self.joint_finder = None if joints is None else JointFinder(joints, providers=providers, n_threads=n_threads)
 
-    def people(self, picture: Picture, *, tiles: Sequence[Tile] | None = None) -> Detections:
+    def people(self, picture: Picture, *, tiles: Sequence[PictureTile] | None = None) -> Detections:
         """Return the people of a picture, each once, the surest first.
 
         Args:
@@ -58,19 +63,20 @@ class Detector:
         """
         size_px = (int(picture.shape[1]), int(picture.shape[0]))
         parts = []
-        for tile in tiles or tiles_of(size_px, side_px=None, overlap_px=0):
+        for tile in tiles or [PictureTile(0, 0, *size_px)]:
             part = self._in_tile(picture, tile)
             parts.append(part.rows(~tile.is_cut(part, size_px)))
-        return each_once(joined(parts))
+        people = each_once(joined(parts))
+        return people if self.joint_finder is None else self.joint_finder.with_joints(picture, people)
 
-    def _in_tile(self, picture: Picture, tile: Tile) -> Detections:
+    def _in_tile(self, picture: Picture, tile: PictureTile) -> Detections:
         tensor, placed = self.decoder.preparation.tensor(tile.cut(picture))
         outputs = self.network.run({self.network.signature.inputs[0].name: tensor})
         detections = self.decoder.decode(outputs, least_score=self.least_score)
         return within(placed.back(detections), tile)
 
 
-def within(detections: Detections, tile: Tile) -> Detections:
+def within(detections: Detections, tile: PictureTile) -> Detections:
     """Return the people of a tile in pixels of the whole picture, with boxes cut off where the tile ends."""
     size = np.array([tile.right - tile.left, tile.bottom - tile.top])
     box = np.clip(detections.box, 0, np.tile(size, 2))

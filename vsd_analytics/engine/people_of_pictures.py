@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.engine.detections import Detections, joined
+from vsd_analytics.engine.detector import Detector
 from vsd_analytics.engine.people import People
+from vsd_analytics.engine.pictures import PictureSource
+from vsd_analytics.engine.tiles import PictureTile, tiles_for
 
-DIGITS_PX = 2
+N_FIRST: Final = 5
+"""So many pictures show how large people are where no calibration does."""
+DIGITS_PX: Final = 2
 """Pixels are kept to a hundredth, so that a run that goes on after a stop gives the same bytes."""
 
 
@@ -77,10 +84,39 @@ def rounded_px(detections: Detections) -> Detections:
     return Detections(detections.box.round(DIGITS_PX), detections.score.round(4), detections.joints.round(DIGITS_PX))
 
 
-def collected(frames: Iterable[SeenFrame], *, on_frame: Callable[[int], None]) -> PeopleOfPictures:
-    """Return all frames; `on_frame` is told the people of each."""
-    people = PeopleOfPictures()
-    for frame in frames:
-        people.add(frame)
-        on_frame(0 if frame.detections is None else len(frame.detections))
-    return people
+def seen_frames(
+    source: PictureSource, detector: Detector, *, hz: float, tiles: Sequence[PictureTile], after: int = -1
+) -> Iterator[SeenFrame]:
+    """Yield what a detector finds in each picture of a source.
+
+    Args:
+        source: The pictures.
+        detector: The detector.
+        hz: As in `PictureSource.pictures`.
+        tiles: Parts that the detector looks at one by one.
+        after: Pictures up to this frame number are passed over.
+    """
+    for shot in source.pictures(hz, after=after):
+        seen = None if shot.picture is None else rounded_px(detector.people(shot.picture, tiles=tiles))
+        yield SeenFrame(shot.number, shot.ms, seen, shot.name)
+
+
+def tiles_of_source(
+    source: PictureSource, detector: Detector, *, hz: float, body_px: tuple[float, float] | None
+) -> list[PictureTile]:
+    """Return tiles for the bodies of a source.
+
+    Args:
+        source: The pictures.
+        detector: The detector; its input says how large a body must be.
+        hz: As in `PictureSource.pictures`.
+        body_px: Height of small and of large bodies; None = as the detector finds them in the first pictures at once.
+    """
+    if body_px is None:
+        shots = (shot.picture for shot in islice(source.pictures(hz), N_FIRST))
+        boxes = [detector.people(picture).box for picture in shots if picture is not None]
+        heights = np.concatenate([box[:, 3] - box[:, 1] for box in boxes]) if boxes else np.empty(0)
+        if len(heights):
+            small, large = np.quantile(heights, [0.1, 0.9])
+            body_px = (float(small), float(large))
+    return tiles_for(source.size_px, input_px=detector.decoder.preparation.size_px, body_px=body_px)

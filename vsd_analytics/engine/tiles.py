@@ -16,7 +16,7 @@ EDGE_PX: Final = 4.0
 
 
 @dataclass(frozen=True, slots=True)
-class Tile:
+class PictureTile:
     """A part of a picture, pixels: left and top are inside, right and bottom outside."""
 
     left: int
@@ -42,21 +42,50 @@ class Tile:
         return np.asarray(at_edge.any(axis=1), dtype=np.bool_)
 
 
-def tiles_of(size_px: tuple[int, int], *, side_px: int | None, overlap_px: int) -> list[Tile]:
-    """Return tiles that cover a picture, evenly spaced; one for the whole picture without `side_px`.
+LEAST_BODY_PX: Final = 40.0
+"""A body of a person must be so high in a network's input; published detectors lose smaller ones."""
+MOST_TILES: Final = 8
+OVERLAP_WIDTH: Final = 0.5
+"""Width of a body against its height, with arms and a stride."""
+
+
+def tiles_for(
+    size_px: tuple[int, int], *, input_px: tuple[int, int], body_px: tuple[float, float] | None
+) -> list[PictureTile]:
+    """Return the fewest tiles in which small bodies are `LEAST_BODY_PX` high for the network, at most `MOST_TILES`.
+
+    Args:
+        size_px: Width and height of the picture.
+        input_px: Width and height of the network's input.
+        body_px: Height of small and of large bodies in the picture (`bodies.body_sizes_px`); None = not known: then
+            the whole picture at once.
+    """
+    whole = [PictureTile(0, 0, *size_px)]
+    if body_px is None:
+        return whole
+    side_px = min(input_px) * body_px[0] / LEAST_BODY_PX
+    if side_px >= max(size_px):
+        return whole
+    side_px = min(side_px, *size_px)
+    overlap_px = (round(OVERLAP_WIDTH * body_px[1]), round(body_px[1]))
+    while len(tiles := tiles_of(size_px, side_px=int(side_px), overlap_px=overlap_px)) > MOST_TILES:
+        side_px *= 1.1
+    return tiles
+
+
+def tiles_of(size_px: tuple[int, int], *, side_px: int, overlap_px: tuple[int, int]) -> list[PictureTile]:
+    """Return tiles that cover a picture, evenly spaced.
 
     Args:
         size_px: Width and height of the picture.
         side_px: Width and height of a tile; the picture's where that is less.
-        overlap_px: What neighbours share at least: as much as a body is high.
+        overlap_px: What neighbours share at least, beside and above each other: as much as a body is wide and high.
     """
-    if side_px is None:
-        return [Tile(0, 0, *size_px)]
     spans = []
-    for length in size_px:
+    for length, shared in zip(size_px, overlap_px, strict=True):
         side = min(side_px, length)
-        step = max(1, side - min(overlap_px, side // 2))
+        step = max(1, side - min(shared, side // 2))
         n = 1 + max(0, -(-(length - side) // step))
         begins = np.linspace(0, length - side, n).round().astype(int)
         spans.append([(int(begin), int(begin) + side) for begin in begins])
-    return [Tile(left, top, right, bottom) for top, bottom in spans[1] for left, right in spans[0]]
+    return [PictureTile(left, top, right, bottom) for top, bottom in spans[1] for left, right in spans[0]]

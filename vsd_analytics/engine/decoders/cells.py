@@ -27,3 +27,8 @@ def cells_of(size_px: tuple[int, int], strides: Sequence[int], *, begin: float) 
         points.append((np.column_stack([x.ravel(), y.ravel()]) + begin) * stride)
         sizes.append(np.full(rows * columns, float(stride)))
     return np.concatenate(points).astype(np.float64), np.concatenate(sizes)
+
+
+def n_cells(size_px: tuple[int, int], strides: Sequence[int]) -> int:
+    """Return how many cells the grids of an input have."""
+    return sum(-(-size_px[0] // stride) * -(-size_px[1] // stride) for stride in strides)

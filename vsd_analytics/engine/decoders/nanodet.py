@@ -11,14 +11,17 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.engine.decoders.cells import cells_of
+from vsd_analytics.engine.decoders.cells import cells_of, n_cells
+from vsd_analytics.engine.decoders.decoder import ModelNotes, Outputs
 from vsd_analytics.engine.detections import Detections
 from vsd_analytics.engine.model_input import IMAGENET_MEAN, IMAGENET_SD, Preparation
 from vsd_analytics.engine.network import Signature
-from vsd_analytics.engine.people import Array
 
 STRIDES: Final = (8, 16, 32)
 PLUS_STRIDES: Final = (8, 16, 32, 64)
+PLUS_BINS: Final = 8
+COCO_CLASSES: Final = 80
+"""With fewer classes than bins, scores are the narrower output."""
 MIDDLE: Final = 0.5
 """NanoDet's distances begin in the middle of a cell, those of NanoDet-Plus at its upper left corner."""
 
@@ -29,17 +32,19 @@ class NanoDet:
 
     Attributes:
         preparation: What it expects of a picture.
-        n_classes: Class scores of a cell; class 0 is a person.
+        n_classes: Class scores of a cell.
         is_plus: Whether it is NanoDet-Plus.
+        person: Number of the class of a person.
     """
 
     preparation: Preparation
     n_classes: int
     is_plus: bool
+    person: int
     family: str = "nanodet"
     has_joints: bool = False
 
-    def decode(self, outputs: dict[str, Array], *, least_score: float) -> Detections:
+    def decode(self, outputs: Outputs, *, least_score: float) -> Detections:
         """Return the people in pixels of the input (`Decoder.decode`)."""
         if self.is_plus:
             (both,) = (output[0] for output in outputs.values())
@@ -50,7 +55,7 @@ class NanoDet:
             scores = np.concatenate([part for part in parts if part.shape[1] == self.n_classes])
             bins = np.concatenate([part for part in parts if part.shape[1] != self.n_classes])
             corner, stride = cells_of(self.preparation.size_px, STRIDES, begin=MIDDLE)
-        score = scores[:, 0]
+        score = scores[:, self.person]
         chosen = np.flatnonzero(score >= least_score)
         logits = bins[chosen].reshape(len(chosen), 4, -1)
         share = np.exp(logits - logits.max(axis=2, keepdims=True))
@@ -60,24 +65,22 @@ class NanoDet:
         return Detections.of(np.concatenate([at - side[:, :2], at + side[:, 2:]], axis=1), score[chosen])
 
 
-def nanodet(signature: Signature) -> NanoDet | None:
+def nanodet(signature: Signature, notes: ModelNotes) -> NanoDet | None:
     """Return the decoder of a network with the outputs of NanoDet, None for others."""
-    size_px = signature.picture_px or (416, 416)
-    preparation = Preparation(size_px, mean=IMAGENET_MEAN[::-1], sd=IMAGENET_SD[::-1], pad=0, fit="corner")
     shapes = [port.shape for port in signature.outputs]
-    if any(len(shape) != 3 for shape in shapes):
+    if any(len(shape) != 3 or shape[2] is None for shape in shapes):
         return None
-    cells = [shape[1] for shape in shapes]
-    widths = [shape[2] for shape in shapes]
-    if len(shapes) == 1 and widths[0] is not None and widths[0] > 32 and (widths[0] - 80) % 4 == 0:
-        n_cells = len(cells_of(size_px, PLUS_STRIDES, begin=0.0)[0])
-        is_plus = cells[0] == n_cells and widths[0] != 84 and widths[0] != 85
-        return NanoDet(preparation, 80, is_plus=True) if is_plus else None
-    if len(shapes) != 2 * len(STRIDES) or None in widths:
+    size_px = signature.picture_px or (416, 416)
+    preparation = Preparation(
+        size_px, mean=IMAGENET_MEAN[::-1], sd=IMAGENET_SD[::-1], pad=0, kind=signature.inputs[0].kind
+    )
+    widths = sorted({int(shape[2] or 0) for shape in shapes})
+    if len(shapes) == 1:  # four sides of 8 bins after the class scores
+        n_classes = widths[0] - 4 * PLUS_BINS
+        is_plus = n_classes > 0 and shapes[0][1] == n_cells(size_px, PLUS_STRIDES)
+        return NanoDet(preparation, n_classes, True, notes.person(0)) if is_plus else None
+    each = [n_cells(size_px, (stride,)) for stride in STRIDES]
+    if len(widths) != 2 or sorted(shape[1] or 0 for shape in shapes) != sorted([*each, *each]):
         return None
-    each = [len(cells_of(size_px, (stride,), begin=0.0)[0]) for stride in STRIDES]
-    if sorted(cells, key=str) != sorted([*each, *each], key=str):
-        return None
-    kinds = sorted({width for width in widths if width is not None})
-    bins, classes = (kinds[0], kinds[1]) if len(kinds) == 2 and kinds[1] == 80 else (kinds[-1], kinds[0])
-    return NanoDet(preparation, classes, is_plus=False) if len(kinds) == 2 and bins % 4 == 0 else None
+    n_classes = widths[1] if widths[1] == COCO_CLASSES else widths[0]
+    return NanoDet(preparation, n_classes, False, notes.person(0))
