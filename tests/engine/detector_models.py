@@ -31,3 +31,61 @@ def _written(path: Path, graph: onnx.GraphProto) -> Path:
     onnx.checker.check_model(model)
     onnx.save(model, str(path))
     return path
+
+
+def blob_model(path: Path, colours: Sequence[tuple[int, int, int]], size_px: tuple[int, int]) -> Path:
+    """Write a model that finds the box of all pixels of each colour exactly: rows of corners, score and class.
+
+    Args:
+        path: File to write.
+        colours: Red, green, blue of each person, far from each other and from the ground.
+        size_px: Width and height of its input.
+    """
+    n, (width, height) = len(colours), size_px
+    constants = {
+        "colours": np.array(colours, dtype=np.float32).reshape(n, 3, 1, 1) / 255,
+        "near": np.array(0.15, dtype=np.float32),
+        "one": np.array(1.0, dtype=np.float32),
+        "of_colour": np.array([1], dtype=np.int64),
+        "of_rows": np.array([1], dtype=np.int64),
+        "of_columns": np.array([2], dtype=np.int64),
+        "of_picture": np.array([1, 2], dtype=np.int64),
+        "person": np.zeros((n, 1), dtype=np.float32),
+        "first": np.array([0], dtype=np.int64),
+    }
+    node = helper.make_node
+    nodes = [
+        node("Sub", ["picture", "colours"], ["off"]),
+        node("Abs", ["off"], ["apart"]),
+        node("ReduceMax", ["apart"], ["farthest"], axes=[1], keepdims=0),
+        node("Less", ["farthest", "near"], ["is_there"]),
+        node("Cast", ["is_there"], ["mask"], to=TensorProto.FLOAT),
+        node("ReduceMax", ["mask"], ["columns"], axes=[1], keepdims=0),
+        node("ReduceMax", ["mask"], ["rows"], axes=[2], keepdims=0),
+        node("ReduceMax", ["rows"], ["score"], axes=[1], keepdims=1),
+    ]
+    sides = []
+    for name, profile, is_last in (
+        *(("left", "columns", 0), ("top", "rows", 0)),
+        *(("right", "columns", 1), ("bottom", "rows", 1)),
+    ):
+        nodes += [
+            node("ArgMax", [profile], [f"{name}_at"], axis=1, keepdims=1, select_last_index=is_last),
+            node("Cast", [f"{name}_at"], [f"{name}_px"], to=TensorProto.FLOAT),
+        ]
+        if is_last:
+            nodes.append(node("Add", [f"{name}_px", "one"], [f"{name}_end"]))
+        sides.append(f"{name}_end" if is_last else f"{name}_px")
+    nodes += [
+        node("Concat", [*sides, "score", "person"], ["table"], axis=1),
+        node("Unsqueeze", ["table", "first"], ["people"]),
+    ]
+    used = {name for one in nodes for name in one.input}
+    graph = helper.make_graph(
+        nodes,
+        "blobs",
+        [helper.make_tensor_value_info("picture", TensorProto.FLOAT, [1, 3, height, width])],
+        [helper.make_tensor_value_info("people", TensorProto.FLOAT, [1, n, 6])],
+        [numpy_helper.from_array(values, name) for name, values in constants.items() if name in used],
+    )
+    return _written(path, graph)

@@ -163,3 +163,33 @@ def people_of_source(
     finally:
         journal.close(is_done=is_done)
     return people, pictures
+
+
+def journal_path(project: Project, source: Path, camera_id: str, out: Path | None) -> Path:
+    """Return where a run keeps what it has found so far: beside its result, or in the project folder."""
+    if out is not None:
+        return out.with_name(f"{out.name}.part")
+    return project.root / f".{camera_id}-{source.stem}.part"
+
+
+def store_messages(project: Project, text: bytes, *, name: str) -> int:
+    """Put frame messages into the store; return how many records are new.
+
+    Raises:
+        VsdError: They were not stored.
+    """
+    import tempfile
+
+    from vsd_analytics.ingest.adapter import IngestOptions
+    from vsd_analytics.ingest.pipeline import ingest
+
+    with tempfile.TemporaryDirectory(dir=project.root, prefix=".engine-") as folder:
+        path = Path(folder) / name
+        path.write_bytes(text)
+        result = ingest(project.site, [path], IngestOptions(), now=project.now, is_dry_run=False)
+    for source in result.sources:
+        if source.error is not None:
+            raise source.error
+        for note in source.notes:
+            project.say(note)
+    return result.fold.n_new

@@ -1,4 +1,4 @@
-"""`vsd engine`: the reference engine, from joints or boxes to frame messages."""
+"""`vsd engine run`: the reference engine, from pictures, joints or boxes to frame messages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.detection import ChosenDetector, chosen_detector, detector_options, people_of_source
+from vsd_analytics.cli.calibrate import put_into_force_from_people
+from vsd_analytics.cli.detection import (
+    ChosenDetector,
+    chosen_detector,
+    detector_options,
+    journal_path,
+    people_of_source,
+    store_messages,
+)
 from vsd_analytics.cli.located_people import DetectedPeople, by_calibrations, by_monoloco, by_paper
 from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import count, emit_json
@@ -23,16 +31,20 @@ if TYPE_CHECKING:
     from vsd_analytics.engine.monoloco_files import MonolocoPeople
     from vsd_analytics.engine.ratios import Ratios
 
+NAMED = 5
+"""So many pictures that cannot be read are named on the terminal; --json has all."""
 NO_CLOCK = "2000-01-01T00:00:00Z"
 """Instant of frame 0 where nothing says when it was: visibly not a time of a camera."""
 
 
 @click.group()
 def engine() -> None:
-    """Find people too close to each other, from the joints or boxes of any detector.
+    """Find people too close to each other, in pictures or in the joints or boxes of any detector.
 
     \b
     Example:
+      vsd engine probe model.onnx picture.jpg
+      vsd engine run door.mp4 --camera cam-1 --detector model.onnx --start 2026-11-09T08:00 --track
       vsd engine run people.csv --camera cam-1 --out frames.jsonl
     """
 
@@ -40,7 +52,7 @@ def engine() -> None:
 @engine.command()
 @click.argument("source", type=click.Path(path_type=Path))
 @click.option("--camera", "camera_id", required=True, metavar="ID", help="Camera of vsd.toml that saw them.")
-@path_option("--out", required=True, help="JSON Lines file to write.")
+@path_option("--out", help="JSON Lines file to write (default: straight into the store).")
 @click.option(
     "--method",
     type=click.Choice(["people", "paper", "monoloco"]),
@@ -77,6 +89,12 @@ def engine() -> None:
     help="What --overlay draws on: the camera's pictures, the last number in a name is the frame's (default: grey).",
 )
 @detector_options
+@click.option(
+    "--from-people",
+    "is_calibrated",
+    is_flag=True,
+    help="First calibrate the camera from the people that --detector finds here (as vsd calibrate does).",
+)
 @json_option
 @pass_project
 def run(
@@ -84,7 +102,7 @@ def run(
     /,
     source: Path,
     camera_id: str,
-    out: Path,
+    out: Path | None,
     method: str,
     part: str | None,
     ratios: str,
@@ -95,6 +113,7 @@ def run(
     start: str | None,
     overlay: Path | None,
     pictures: Path | None,
+    is_calibrated: bool,
     as_json: bool,
     **given: Any,
 ) -> int:
@@ -114,6 +133,7 @@ def run(
       vsd engine run joints/ --camera cam-1 --method paper --ratios 0.5,0.8 --out frames.jsonl
       vsd engine run monoloco/ --camera cam-1 --method monoloco --track --hz 10 --out frames.jsonl
       vsd engine run joints/ --camera cam-1 --out frames.jsonl --overlay look/ --pictures door.mp4
+      vsd engine run door.mp4 --camera cam-1 --detector model.onnx --start 2026-11-09T08:00 --track
     """
     from vsd_analytics.config.calibrate import camera_called
     from vsd_analytics.engine.messages import frame_messages, instants_ms
@@ -130,10 +150,14 @@ def run(
     rate = hz or camera.hz or 1.0
     begin = instant(start or NO_CLOCK, zone=project.site.timezone, what="--start")
     detector = chosen_detector(given)
+    if is_calibrated and detector is None:
+        raise UsageError(
+            "--from-people belongs to --detector", fix=f"vsd calibrate {camera_id} --from-people {source}, then this"
+        )
     _check_source(source, detector, method=method, size=size)
     own = read_monoloco(source) if method == "monoloco" else None
     if detector is not None:
-        journal = out.with_name(f"{out.name}.part")
+        journal = journal_path(project, source, camera_id, out)
         every, shots = people_of_source(
             project, source, detector, hz=rate, camera=camera, journal_path=journal, quiet=as_json
         )
@@ -142,6 +166,10 @@ def run(
             found = replace(found, ts_ms=ts_ms)
         else:
             ts_ms = ts_ms + round(begin.timestamp() * 1000)
+        if is_calibrated:
+            put_into_force_from_people(project, camera_id, replace(found, ts_ms=ts_ms), size_px=picture_px)
+            project = project.inside(project.root)  # reads the calibration that is in force now
+            camera = camera_called(project.site, camera_id, option="--camera")
         pictures = source if overlay is not None and pictures is None else pictures
     else:
         read = read_people if method == "paper" else read_each_once  # the paper's method takes skeletons as they are
@@ -163,9 +191,14 @@ def run(
         moves = _moves(detected, source)
     drawn = {} if overlay is None else _overlay(detected, parts, to=overlay, on=pictures)
     lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when)]
-    publish(out, b"".join(line + b"\n" for line in lines))
+    text = b"".join(line + b"\n" for line in lines)
+    if out is None:
+        stored = store_messages(project, text, name=f"{camera_id}-{source.stem}.jsonl")
+    else:
+        publish(out, text)
     done = {
-        "file": str(out),
+        "file": None if out is None else str(out),
+        **({"stored": stored} if out is None else {}),
         "engine": ", ".join(seen.engine for seen, _ in parts),
         "frames": len(lines),
         "persons": sum(len(seen.people) for seen, _ in parts),
@@ -181,7 +214,7 @@ def run(
         emit_json(done)
     else:
         _print(done)
-    return 0
+    return 1 if detector is not None and every.unread else 0
 
 
 def _check_source(source: Path, detector: ChosenDetector | None, *, method: str, size: str | None) -> None:
@@ -208,7 +241,14 @@ def _check_source(source: Path, detector: ChosenDetector | None, *, method: str,
 
 def _print(done: dict[str, Any]) -> None:
     frames, persons, pairs = (count(done[what], what[:-1]) for what in ("frames", "persons", "pairs"))
-    click.echo(f"{done['file']}: {frames}, {persons}, {pairs} ({done['engine']})")
+    click.echo(f"{done['file'] or 'store'}: {frames}, {persons}, {pairs} ({done['engine']})")
+    if "stored" in done:
+        click.echo(f"  {count(done['stored'], 'new record')} stored")
+    if done.get("unread"):
+        names = ", ".join(done["unread"][:NAMED]) + (", ..." if len(done["unread"]) > NAMED else "")
+        click.echo(f"  {count(len(done['unread']), 'picture')} cannot be read: {names}")
+    for what, n in done.get("boxes", {}).items():
+        click.echo(f"  {count(n, 'box').replace('boxs', 'boxes')}: {what}")
     if "overlay" in done:
         on = f"{done['pictured']:,} of them on the camera's" if done["pictured"] else "on grey ground"
         click.echo(f"{done['overlay']}/: {count(done['pictures'], 'picture')}, {on}")
@@ -220,7 +260,7 @@ def _print(done: dict[str, Any]) -> None:
         )
     for what, n in done["left_out"].items():
         click.echo(f"  {count(n, 'person')} not used: {what}")
-    for what, n in done["bad_rows"].items():
+    for what, n in ({} if "boxes" in done else done["bad_rows"]).items():
         click.echo(f"  {count(n, 'bad row')}: {what}")
 
 
