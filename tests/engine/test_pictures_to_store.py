@@ -59,7 +59,7 @@ def three_cameras(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Vsd:
     return vsd
 
 
-@pytest.mark.parametrize("minutes", [2, pytest.param(10, marks=pytest.mark.long)])
+@pytest.mark.parametrize("minutes", [1, pytest.param(10, marks=pytest.mark.long)])
 def test_everybody_is_found_at_the_right_time_and_episodes_are_the_planned_ones(
     minutes: int, tmp_path: Path, three_cameras: Vsd
 ) -> None:
