@@ -262,8 +262,15 @@ def _print(done: dict[str, Any]) -> None:
             f"  {flags['persons']:,} of {count(flags['of'], 'person')} flagged by Monoloco's own rule of people who "
             "face each other: not a distance, and not in the messages"
         )
+    from vsd_analytics.engine.seen import ABOVE_HORIZON, NO_FOOT, OFF_PLANES
+
+    advice = {
+        NO_FOOT: "; they are sent as people without a place: hang the camera higher, or turn it, so that feet are seen",
+        ABOVE_HORIZON: "; if that is no picture on a wall, look at the calibration: vsd calibrate draws it",
+        OFF_PLANES: "; add a plane to the calibration for where they stand",
+    }
     for what, n in done["left_out"].items():
-        click.echo(f"  {count(n, 'person')} not used: {what}")
+        click.echo(f"  {count(n, 'person')} not used: {what}{advice.get(what, '')}")
     for what, n in ({} if "boxes" in done else done["bad_rows"]).items():
         click.echo(f"  {count(n, 'bad row')}: {what}")
 

@@ -208,7 +208,7 @@ def _person(canvas: Picture, seen: Seen, row: int, colour: tuple[int, int, int],
 
 def _figure(canvas: Picture, joints: Array, box: Array, colour: tuple[int, int, int], *, scale: float) -> None:
     """Draw the bones of somebody, or the box where no joint is known."""
-    is_known = np.isfinite(joints).all(axis=1)
+    is_known = np.asarray(np.isfinite(joints).all(axis=1), dtype=np.bool_)
     if is_known.any():
         bones = [_fixed(joints[list(bone)]) for bone in BONES if is_known[list(bone)].all()]
         for shade, width in ((_WHITE, 5), (colour, 2)):
