@@ -84,7 +84,13 @@ engine.add_command(probe)
     "--track", is_flag=True, help="Give people track ids by following them on the floor (not with --method paper)."
 )
 @click.option("--size", metavar="WxH", help="Picture size in pixels (default: picture_px of the camera).")
-@click.option("--hz", type=click.FloatRange(min=0, min_open=True), help="Frames a second (default: hz of the camera).")
+@click.option(
+    "--hz",
+    "--fps",
+    "hz",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Frames a second, of pictures those that are taken (default: hz of the camera, else 1).",
+)
 @click.option("--start", metavar="INSTANT", help="When frame 0 was, for files without ts.")
 @path_option(
     "--overlay",
