@@ -136,7 +136,7 @@ def _with_bodies(detected: DetectedPeople, people: People, used: Calibration) ->
     people = people_with_bodies(people, bodies)
     detected.changed.update({f"{what}, left out": n for what, n in bodies.left_out.items() if n})
     if bodies.n_extended:
-        detected.changed["half body, with feet where the usual height puts them"] += bodies.n_extended
+        detected.changed["half a body, with feet where the usual height puts them"] += bodies.n_extended
     return people
 
 

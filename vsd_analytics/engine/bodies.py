@@ -36,7 +36,7 @@ MOST_LEARNT: Final = 20_000
 FARTHEST_M: Final = 60.0
 """People farther away are too small for distances, so tiles are not made for them."""
 
-DOUBLE, TOO_HIGH = "second box on the same person", "box of an impossible height"
+DOUBLE, TOO_HIGH = "a second one on the same person", "of an impossible height"
 
 
 class Bodies:
