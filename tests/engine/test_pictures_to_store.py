@@ -199,6 +199,42 @@ def test_somebody_who_never_moves_is_named_and_left_out_on_request(
     assert all(len(json.loads(line)["persons"]) == 2 for line in out.read_text().splitlines())
 
 
+def crossings(k: int) -> Walk:
+    """Return one who crosses the floor every 6 s, somewhere else each time."""
+
+    def at(time_s: float) -> tuple[float, float]:
+        way, since = divmod(time_s + 1.5 * k, 6.0)
+        rng = np.random.default_rng([k, int(way)])
+        begin, turn = rng.uniform([-1.5, 8.0], [1.5, 10.0]), rng.uniform(0, 2 * np.pi)
+        return (float(begin[0] + since * 0.4 * np.cos(turn)), float(begin[1] + since * 0.5 * np.sin(turn)))
+
+    return Walk(at)
+
+
+def test_people_of_the_same_video_calibrate_the_camera_first(tmp_path: Path, three_cameras: Vsd) -> None:
+    video = write_blob_video(tmp_path / "door.avi", [crossings(k) for k in range(3)], seconds=100, fps=5)
+    out = tmp_path / "frames.jsonl"
+    words = ["engine", "run", str(video), "--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx")]
+    code, printed, err = three_cameras(
+        *words, "--hz", "5", "--start", "2026-11-09T09:00", "--from-people", "--out", str(out)
+    )
+    assert (code, err) == (0, ""), printed
+    first = json.loads(out.read_text().splitlines()[0])
+    truth = sorted(crossings(k).at(0.0)[1] for k in range(3))
+    assert sorted(p["y_m"] for p in first["persons"]) == pytest.approx(truth, rel=0.15)
+    assert (tmp_path / "calibration" / "cam-1-from-people.json").exists()
+
+
+def test_too_few_people_are_refused_and_nothing_is_written(tmp_path: Path, three_cameras: Vsd) -> None:
+    video = write_blob_video(tmp_path / "door.avi", approach(0), seconds=10, fps=5)
+    out = tmp_path / "frames.jsonl"
+    words = ["engine", "run", str(video), "--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx")]
+    code, _, err = three_cameras(*words, "--start", "2026-11-09T09:00", "--from-people", "--out", str(out))
+    assert (code, "E411" in err, out.exists()) == (2, True, False)
+    code, _, err = three_cameras("calibrate", "cam-1", "--from-people", str(video))
+    assert (code, "--detector MODEL.onnx --from-people" in err) == (2, True)
+
+
 def test_no_picture_and_no_film_is_written_unless_an_overlay_is_asked_for(tmp_path: Path, three_cameras: Vsd) -> None:
     if shutil.which("strace") is None:
         pytest.skip("strace is not installed")

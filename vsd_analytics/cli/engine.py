@@ -139,8 +139,8 @@ def run(
 ) -> int:
     """Turn pictures, or the people of a detector, into frame messages that vsd ingest reads.
 
-    SOURCE is a video, a folder of pictures or a picture, with --detector. Or it is what a detector wrote: an OpenPose
-    or Monoloco folder, a JSON file of COCO-17, HALPE-26 or BODY_25 joints, a folder of ultralytics labels, or a CSV
+    SOURCE is a video, a folder of pictures or a picture, with --detector. Or it comes from a detector: an OpenPose or
+    Monoloco folder, a JSON file of COCO-17, HALPE-26 or BODY_25 joints, a folder of ultralytics labels, or a CSV
     file of boxes: frame or ts, track_id (may be absent), left, top, right, bottom.
 
     With --overlay and --pictures, people are on the pictures written: they are personal data, and nothing deletes them.

@@ -1,7 +1,7 @@
 """From boxes to bodies on a floor: doubles and impossible heights go, half bodies get the feet that cannot be seen.
 
 A camera whose homography is known says how high the body in a box is, and where on the floor somebody of usual height
-stands whose head is seen at a pixel. The usual height is the median of the whole boxes of the same camera, so it holds
+is whose head is seen at a pixel. The usual height is the median of the whole boxes of the same camera, so it holds
 for its people and for what its detector puts into a box. Order and effect of the steps are measured in docs/engine.md.
 """
 
@@ -160,7 +160,7 @@ def heights_m(box: Array, camera: CameraModel) -> Array:
 
 
 def to_floor_boxes(box: Array, camera: CameraModel, height_m: float) -> Array:
-    """Return boxes whose bottom edge is where somebody of a height stands who has the head at the top edge.
+    """Return boxes whose bottom edge is at the feet of somebody of a height who has the head at the top edge.
 
     A bottom edge may come to lie below the picture. Boxes at or above the horizon of that height stay as they are.
     """
