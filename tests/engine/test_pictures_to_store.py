@@ -170,6 +170,12 @@ def test_one_picture_and_pictures_with_times_in_their_names(tmp_path: Path, thre
     words = ["--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx"), "--out", str(tmp_path / "f.jsonl")]
     cv2.imwrite(str(tmp_path / "one.png"), painted(approach(0), 30.0))
     assert three_cameras("engine", "run", str(tmp_path / "one.png"), *words, "--start", "2026-11-09T09:00")[0] == 0
+    assert (
+        three_cameras("engine", "run", str(tmp_path / "one.png"), *words, "--overlay", str(tmp_path / "look"))[0] == 0
+    )
+    drawn = cv2.imread(str(tmp_path / "look" / "frame-00000000.jpg"))
+    assert np.abs(drawn[200, 10].astype(int) - 120).max() < 10  # the picture's own ground
+    assert three_cameras("engine", "run", str(tmp_path / "one.png"), *words, "--start", "2026-11-09T09:00")[0] == 0
     (message,) = [json.loads(line) for line in (tmp_path / "f.jsonl").read_text().splitlines()]
     assert (message["ts"], len(message["persons"])) == ("2026-11-09T08:00:00.000Z", 3)
     folder = tmp_path / "timed"
@@ -179,6 +185,24 @@ def test_one_picture_and_pictures_with_times_in_their_names(tmp_path: Path, thre
     assert three_cameras("engine", "run", str(folder), *words)[0] == 0
     messages = [json.loads(line) for line in (tmp_path / "f.jsonl").read_text().splitlines()]
     assert [m["ts"][-9:-5] for m in messages] == ["0:00", "0:02", "0:04"]
+
+
+def test_what_has_no_time_never_reaches_the_store_and_no_calibration_is_said_before_the_work(
+    tmp_path: Path, three_cameras: Vsd
+) -> None:
+    video = write_blob_video(tmp_path / "door.avi", approach(0), seconds=2, fps=5)
+    words = ["engine", "run", str(video), "--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx")]
+    code, _, err = three_cameras(*words)
+    assert (code, "--start 2026-11-09T08:00" in err) == (2, True)
+    (tmp_path / "people.csv").write_text("frame,left,top,right,bottom\n0,100,50,120,110\n")
+    code, _, err = three_cameras("engine", "run", str(tmp_path / "people.csv"), "--camera", "cam-1")
+    assert (code, "--start 2026-11-09T08:00 --hz 1" in err) == (2, True)
+    assert not (tmp_path / "store" / "frames").exists()
+    (tmp_path / "vsd.toml").write_text(site_text("cam-9"))
+    words[4] = "cam-9"
+    code, _, err = three_cameras(*words, "--start", "2026-11-09T09:00")
+    assert (code, "vsd calibrate cam-9 --draw" in err) == (2, True)
+    assert not list(tmp_path.glob("*.part")) + list(tmp_path.glob(".*.part"))  # nothing was detected
 
 
 def test_somebody_who_never_moves_is_named_and_left_out_on_request(

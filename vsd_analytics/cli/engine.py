@@ -19,7 +19,13 @@ from vsd_analytics.cli.detection import (
     store_messages,
 )
 from vsd_analytics.cli.engine_probe import probe
-from vsd_analytics.cli.located_people import DetectedPeople, by_calibrations, by_monoloco, by_paper
+from vsd_analytics.cli.located_people import (
+    DetectedPeople,
+    by_calibrations,
+    by_monoloco,
+    by_paper,
+    check_calibrated,
+)
 from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import count, emit_json
 from vsd_analytics.cli.picture_sizes import parse_size
@@ -177,9 +183,16 @@ def run(
     if without_statues and detector is None:
         raise UsageError("--without-statues belongs to --detector", fix="leave it out")
     _check_source(source, detector, method=method, size=size)
+    if out is None and start is None and not _has_times(source, detector):
+        raise UsageError(
+            f"nothing says when the frames of {source.name} were, and the store needs to know",
+            fix="--start 2026-11-09T08:00, or --out frames.jsonl for messages without a true time",
+        )
+    if method == "people" and not is_calibrated:
+        check_calibrated(camera, is_of_pictures=detector is not None)
     own = read_monoloco(source) if method == "monoloco" else None
+    journal = journal_path(project, source, camera_id, out)
     if detector is not None:
-        journal = journal_path(project, source, camera_id, out)
         every, shots = people_of_source(
             project, source, detector, hz=rate, camera=camera, journal_path=journal, quiet=as_json
         )
@@ -198,6 +211,8 @@ def run(
         read = read_people if method == "paper" else read_each_once  # the paper's method takes skeletons as they are
         found = read(source, size_px=picture_px) if own is None else own.people
         ts_ms = instants_ms(found, start=begin, hz=rate)
+    if out is None and found.ts_ms is None and start is None:
+        raise UsageError(f"{source.name} has no ts, and the store needs times", fix="--start 2026-11-09T08:00 --hz 1")
     if found.ts_ms is None and start is None:
         project.say(
             f"warning: {source.name} has no ts: frame 0 is put at {NO_CLOCK}, {rate:g} frames a second; "
@@ -219,6 +234,8 @@ def run(
         stored = store_messages(project, text, name=f"{camera_id}-{source.stem}.jsonl")
     else:
         publish(out, text)
+    if detector is not None:
+        journal.unlink(missing_ok=True)
     done = {
         "file": None if out is None else str(out),
         **({"stored": stored} if out is None else {}),
@@ -238,6 +255,13 @@ def run(
     else:
         _print(done)
     return 1 if detector is not None and every.unread else 0
+
+
+def _has_times(source: Path, detector: ChosenDetector | None) -> bool:
+    """Return whether frames of a source carry their times; people of other programs are asked after they are read."""
+    from vsd_analytics.engine.pictures import picture_source
+
+    return detector is None or picture_source(source).has_clock
 
 
 def _statues(people: People, ts_ms: NDArray[np.int64], *, is_left_out: bool) -> tuple[People, list[dict[str, object]]]:
