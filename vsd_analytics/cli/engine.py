@@ -196,30 +196,30 @@ def run(
         every, shots = people_of_source(
             project, source, detector, hz=rate, camera=camera, journal_path=journal, quiet=as_json
         )
-        found, ts_ms, picture_px = every.people(), every.ms, shots.size_px
+        people, ts_ms, picture_px = every.people(), every.ms, shots.size_px
         if shots.has_clock:
-            found = replace(found, ts_ms=ts_ms)
+            people = replace(people, ts_ms=ts_ms)
         else:
             ts_ms = ts_ms + round(begin.timestamp() * 1000)
-        found, still = _statues(found, ts_ms, is_left_out=without_statues)
+        people, still = _statues(people, ts_ms, is_left_out=without_statues)
         if is_calibrated:
-            put_into_force_from_people(project, camera_id, replace(found, ts_ms=ts_ms), size_px=picture_px)
+            put_into_force_from_people(project, camera_id, replace(people, ts_ms=ts_ms), size_px=picture_px)
             project = project.inside(project.root)  # reads the calibration that is in force now
             camera = camera_called(project.site, camera_id, option="--camera")
         pictures = source if overlay is not None and pictures is None else pictures
     else:
         read = read_people if method == "paper" else read_each_once  # the paper's method takes skeletons as they are
-        found = read(source, size_px=picture_px) if own is None else own.people
-        ts_ms = instants_ms(found, start=begin, hz=rate)
-    if out is None and found.ts_ms is None and start is None:
+        people = read(source, size_px=picture_px) if own is None else own.people
+        ts_ms = instants_ms(people, start=begin, hz=rate)
+    if out is None and people.ts_ms is None and start is None:
         raise UsageError(f"{source.name} has no ts, and the store needs times", fix="--start 2026-11-09T08:00 --hz 1")
-    if found.ts_ms is None and start is None:
+    if people.ts_ms is None and start is None:
         project.say(
             f"warning: {source.name} has no ts: frame 0 is put at {NO_CLOCK}, {rate:g} frames a second; "
             f"give --start and --hz before you ingest it"
         )
     detected = DetectedPeople(
-        project, camera, found, picture_px, ts_ms, is_tracked=track, is_of_pictures=detector is not None
+        project, camera, people, picture_px, ts_ms, is_tracked=track, is_of_pictures=detector is not None
     )
     moves: list[dict[str, object]] = []
     if method == "paper":
@@ -244,7 +244,7 @@ def run(
         "persons": sum(len(seen.people) for seen, _ in parts),
         "pairs": sum(len(seen.a) for seen, _ in parts),
         "left_out": dict(sum((Counter(seen.left_out) for seen, _ in parts), Counter())),
-        "bad_rows": dict(found.bad),
+        "bad_rows": dict(people.bad),
         **({} if detector is None else {"unread": every.unread, "boxes": dict(detected.changed), "statues": still}),
         **({} if own is None else _social(own)),
         "moves": moves,
@@ -270,13 +270,13 @@ def _statues(people: People, ts_ms: NDArray[np.int64], *, is_left_out: bool) -> 
 
     from vsd_analytics.engine.statues import statues
 
-    found = statues(people, ts_ms=ts_ms)
-    if is_left_out and found:
-        people = people.rows(np.setdiff1d(np.arange(len(people)), np.concatenate([statue.rows for statue in found])))
+    who_stay = statues(people, ts_ms=ts_ms)
+    if is_left_out and who_stay:
+        people = people.rows(np.setdiff1d(np.arange(len(people)), np.concatenate([statue.rows for statue in who_stay])))
     return people, [
         {"box_px": statue.box.round().astype(int).tolist(), "share_of_frames": round(statue.presence, 3)}
         | {"left_out": is_left_out}
-        for statue in found
+        for statue in who_stay
     ]
 
 

@@ -111,13 +111,13 @@ def people_with_bodies(people: People, bodies: Bodies) -> People:
     """Return the people of many pictures as `Bodies.cleaned` makes them, by the usual height of all of them."""
     frames = np.unique(people.frame)
     edges = np.searchsorted(people.frame, [*frames.tolist(), np.iinfo(np.int64).max])
-    found = [
+    detections_of = [
         Detections.of(people.box[start:stop], np.ones(stop - start), people.joints[start:stop])
         for start, stop in pairwise(edges.tolist())
     ]
-    for detections in found:
+    for detections in detections_of:
         bodies.learn(detections)
-    cleaned = [bodies.cleaned(detections) for detections in found]
+    cleaned = [bodies.cleaned(detections) for detections in detections_of]
     every = joined(cleaned)
     frame = np.repeat(frames, [len(detections) for detections in cleaned])
     track = np.full(len(every), None, dtype=object)

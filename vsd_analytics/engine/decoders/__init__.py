@@ -75,13 +75,13 @@ def _chosen(families: dict[str, Callable[[Signature, ModelNotes], Any]], signatu
 def _unknown(
     model: Path, signature: Signature, families: dict[str, Callable[[Signature, ModelNotes], Any]], *, why: str | None
 ) -> InputError:
-    said = f"{why}; its inputs and outputs are {signature}" if why else str(signature)
+    explanation = f"{why}; its inputs and outputs are {signature}" if why else str(signature)
     if families is CROP_FAMILIES:
         return InputError(
             f"{model.name} does not find the joints of one person in a way that is known",
             code="E216",
             where=Where(str(model)),
-            why=said,
+            why=explanation,
             fix=f"give a model of {' or '.join(CROP_FAMILIES)}, or leave out --joints",
         )
     width, height = signature.picture_px or (640, 640)
@@ -103,6 +103,6 @@ def _unknown(
         f"{model.name} is a model of no known family",
         code="E216",
         where=Where(str(model)),
-        why=said,
+        why=explanation,
         fix=f"write {model.with_suffix('.toml').name} beside it and fill it in:\n  " + "\n  ".join(lines),
     )
