@@ -191,12 +191,12 @@ def run(
     if method == "people" and not is_calibrated:
         check_calibrated(camera, is_of_pictures=detector is not None)
     own = read_monoloco(source) if method == "monoloco" else None
-    journal = journal_path(project, source, camera_id, out)
+    journal, seq = journal_path(project, source, camera_id, out), None
     if detector is not None:
         every, shots = people_of_source(
             project, source, detector, hz=rate, camera=camera, journal_path=journal, quiet=as_json
         )
-        people, ts_ms, picture_px = every.people(), every.ms, shots.size_px
+        people, ts_ms, picture_px, seq = every.people(), every.ms, shots.size_px, every.seq
         if shots.has_clock:
             people = replace(people, ts_ms=ts_ms)
         else:
@@ -228,7 +228,7 @@ def run(
         parts = by_calibrations(detected) if own is None else by_monoloco(detected, own)
         moves = _moves(detected, source)
     drawn = {} if overlay is None else _overlay(detected, parts, to=overlay, on=pictures)
-    lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when)]
+    lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when, seq=seq)]
     text = b"".join(line + b"\n" for line in lines)
     if out is None:
         stored = store_messages(project, text, name=f"{camera_id}-{source.stem}.jsonl")
