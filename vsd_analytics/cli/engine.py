@@ -27,7 +27,7 @@ from vsd_analytics.cli.located_people import (
     check_calibrated,
 )
 from vsd_analytics.cli.options import json_option, path_option
-from vsd_analytics.cli.output import count, emit_json
+from vsd_analytics.cli.output import count, emit_json, plain
 from vsd_analytics.cli.picture_sizes import parse_size
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
@@ -309,7 +309,7 @@ def _print(done: dict[str, Any]) -> None:
         click.echo(f"  {count(done['stored'], 'new record')} stored")
     if done.get("unread"):
         names = ", ".join(done["unread"][:NAMED]) + (", ..." if len(done["unread"]) > NAMED else "")
-        click.echo(f"  {count(len(done['unread']), 'picture')} cannot be read: {names}")
+        click.echo(plain(f"  {count(len(done['unread']), 'picture')} cannot be read: {names}"))
     for statue in done.get("statues", ()):
         left, top, right, bottom = statue["box_px"]
         fate = "left out" if statue["left_out"] else "--without-statues leaves it out"
