@@ -8,6 +8,7 @@ and by box with one pair of ratios, those that are best for the torso, as in the
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -16,12 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from engine.prove_engine import cameras, labelled, scores
+from engine.prove_engine import SIZE, cameras, labelled, oxtown, people_of, scores
 from engine.simulated_people import Scene, simulate
 
+from vsd_analytics.engine.body import PART_M
+from vsd_analytics.engine.detector import Detector
+from vsd_analytics.engine.floor_method import locate
 from vsd_analytics.engine.people import HEAD, MID_HIP, N_JOINTS, NECK
+from vsd_analytics.engine.people_of_pictures import PeopleOfPictures, SeenFrame
+from vsd_analytics.engine.pictures import VideoFile
+from vsd_analytics.engine.place_matching import assigned
 from vsd_analytics.engine.ratio_search import paper_distances, search
 from vsd_analytics.engine.safe_space import pairs_of_frames
+from vsd_analytics.engine.tiles import tiles_of
 
 Array = NDArray[np.float64]
 TRUNK = (NECK, MID_HIP, 2, 5, 9, 12)
@@ -81,6 +89,36 @@ WAYS = (
 )
 
 
+def real(data: Path) -> None:
+    """Print the same for joints of MoveNet on every second frame of the Oxford clip, whose places are the annotated."""
+    matrix = np.loadtxt(data / "oxtown" / "H_image_to_ground_m.txt")
+    detector = Detector(data / "detector_models" / "movenet_multipose.onnx", least_score=0.25)
+    tiles = tiles_of(SIZE, side_px=540, overlap_px=(150, 300))
+    every = PeopleOfPictures()
+    for shot in VideoFile(data / "oxtown" / "oxford_clip_frames_0_99.mp4").pictures(12.5):
+        assert shot.picture is not None
+        every.add(SeenFrame(shot.number, shot.ms, detector.people(shot.picture, tiles=tiles)))
+    people = every.people()
+    annotated, _ = people_of(oxtown(data))
+    seen, true = (locate(p, homography=matrix, picture_px=SIZE, within_m=0, name="").xy for p in (people, annotated))
+    assert seen is not None
+    assert true is not None
+    xy = np.full((len(people), 2), np.nan)
+    for frame in people.frames:
+        rows, others = (np.flatnonzero(p.frame == frame) for p in (people, annotated))
+        apart_m = np.linalg.norm(seen[rows][:, None] - true[others][None], axis=2)
+        for row, other in assigned(np.where(np.isfinite(apart_m), apart_m, np.inf), within=1.5):
+            xy[rows[row]] = true[others[other]]
+    known = np.flatnonzero(np.isfinite(xy).all(axis=1))
+    matched = people.rows(known)
+    given = labelled(replace(matched, box=np.full((len(matched), 4), np.nan)), xy[known])
+    ratios = search([given], part="torso").ratios
+    print(f"\n{len(matched)} real skeletons, {(given.distance_m < 2).sum()} close pairs: F1 of pairs, of persons")
+    for part in PART_M:
+        measured = scores(given, paper_distances(given, ratios=ratios, part=part))
+        print(f"{part}: {measured[0]:.3f}, {measured[2]:.3f}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cameras", type=int, default=24)
@@ -109,6 +147,9 @@ def main() -> None:
             f"| {torso[3]:.1%} | {box[3]:.1%} |"
         )
     print(f"\nMedians over {len(rows[0, 'torso'])} cameras.")
+    data = Path(os.environ.get("VSD_REALDATA") or Path(__file__).parents[3] / "shared" / "data")
+    if data.is_dir():
+        real(data)
 
 
 if __name__ == "__main__":
