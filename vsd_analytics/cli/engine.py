@@ -18,6 +18,7 @@ from vsd_analytics.cli.detection import (
     people_of_source,
     store_messages,
 )
+from vsd_analytics.cli.engine_live import live
 from vsd_analytics.cli.located_people import DetectedPeople, by_calibrations, by_monoloco, by_paper
 from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import count, emit_json
@@ -47,6 +48,9 @@ def engine() -> None:
       vsd engine run door.mp4 --camera cam-1 --detector model.onnx --start 2026-11-09T08:00 --track
       vsd engine run people.csv --camera cam-1 --out frames.jsonl
     """
+
+
+engine.add_command(live)
 
 
 @engine.command()

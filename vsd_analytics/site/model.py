@@ -57,6 +57,27 @@ class Plane:
 
 
 @dataclass(frozen=True, slots=True)
+class CameraSource:
+    """Where the pictures of a camera come from.
+
+    Attributes:
+        address: An address of RTSP or HTTP, a device such as `/dev/video0`, or the path of a video that is shown again and
+            again. It has no password: `{password}` in it stands for one.
+        username: Who logs in; None = nobody.
+        password_file: File with the password on its first line; the environment's VSD_SOURCE_PASSWORD_ID wins.
+    """
+
+    address: str
+    username: str | None = None
+    password_file: Path | None = None
+
+    @property
+    def is_network(self) -> bool:
+        """Return whether the pictures come over a network."""
+        return "://" in self.address
+
+
+@dataclass(frozen=True, slots=True)
 class Camera:
     """A camera, or any sensor that acts as one.
 
@@ -74,6 +95,7 @@ class Camera:
             outline where the site states none.
         has_clock: Whether the site states `clock`; else times without an offset are doubtful.
         planes: Parts of its picture with homographies of their own, for `vsd engine run`; the first that matches wins.
+        source: Where `vsd engine live` gets its pictures; None = another engine sends its people.
     """
 
     camera_id: str
@@ -88,6 +110,7 @@ class Camera:
     view: tuple[Point, ...] | None = None
     has_clock: bool = False
     planes: tuple[Plane, ...] = ()
+    source: CameraSource | None = None
 
 
 @dataclass(frozen=True, slots=True)
