@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
+import subprocess
+import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from engine.blob_video import CAMERA, COLOURS, SIZE, Walk, painted, write_blob_video
+from engine.blob_video import CAMERA, COLOURS, SIZE, Walk, box_of, painted, write_blob_video
 from engine.detector_models import blob_model
 from engine.vsd_in_a_shop import Vsd, in_shop
 from site_text import site_text
+
+from vsd_analytics.engine.frame_pictures import SUFFIXES
+from vsd_analytics.engine.pictures import VIDEO_SUFFIXES
 
 START = datetime(2026, 11, 9, 8, tzinfo=UTC)
 RATES = {"cam-1": 5.0, "cam-2": 12.5, "cam-3": 29.97}
@@ -59,7 +66,7 @@ def three_cameras(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Vsd:
     return vsd
 
 
-@pytest.mark.parametrize("minutes", [2, pytest.param(10, marks=pytest.mark.long)])
+@pytest.mark.parametrize("minutes", [1, pytest.param(10, marks=pytest.mark.long)])
 def test_everybody_is_found_at_the_right_time_and_episodes_are_the_planned_ones(
     minutes: int, tmp_path: Path, three_cameras: Vsd
 ) -> None:
@@ -172,6 +179,60 @@ def test_one_picture_and_pictures_with_times_in_their_names(tmp_path: Path, thre
     assert three_cameras("engine", "run", str(folder), *words)[0] == 0
     messages = [json.loads(line) for line in (tmp_path / "f.jsonl").read_text().splitlines()]
     assert [m["ts"][-9:-5] for m in messages] == ["0:00", "0:02", "0:04"]
+
+
+def test_somebody_who_never_moves_is_named_and_left_out_on_request(
+    tmp_path: Path, three_cameras: Vsd, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vsd_analytics.engine.statues.LEAST_S", 10.0)  # of a video of 20 s
+    around = [Walk(lambda t: (2.5 * np.sin(t / 2) + 1, 13.0)), Walk(lambda t: (2.5 * np.cos(t / 2) + 1, 10.0))]
+    video = write_blob_video(tmp_path / "door.avi", [*approach(0)[:1], *around], seconds=20, fps=5)
+    out = tmp_path / "frames.jsonl"
+    words = ["engine", "run", str(video), "--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx")]
+    words += ["--start", "2026-11-09T09:00", "--out", str(out)]
+    code, printed, _ = three_cameras(*words)
+    left, top, right, bottom = box_of((-1.0, 8.0))
+    assert f"somebody never moves, at {(left + right) // 2}, {(top + bottom) // 2} in the picture (100%" in printed
+    assert all(len(json.loads(line)["persons"]) == 3 for line in out.read_text().splitlines())
+    code, printed, _ = three_cameras(*words, "--without-statues")
+    assert (code, "left out" in printed) == (0, True)
+    assert all(len(json.loads(line)["persons"]) == 2 for line in out.read_text().splitlines())
+
+
+def test_no_picture_and_no_film_is_written_unless_an_overlay_is_asked_for(tmp_path: Path, three_cameras: Vsd) -> None:
+    if shutil.which("strace") is None:
+        pytest.skip("strace is not installed")
+    video = write_blob_video(tmp_path / "door.avi", approach(0), seconds=6, fps=5)
+    trace = tmp_path / "trace"
+    words = ["engine", "run", str(video), "--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx"), "--track"]
+    vsd = [
+        sys.executable,
+        "-c",
+        "from vsd_analytics.cli import main; main()",
+        "-C",
+        str(tmp_path),
+        "--now",
+        "2026-11-20T12:00",
+    ]
+    traced = [
+        "strace",
+        "-f",
+        "-qq",
+        "-o",
+        str(trace),
+        "-e",
+        "trace=open,openat,creat,rename,renameat,renameat2,connect",
+    ]
+    subprocess.run([*traced, *vsd, *words, "--start", "2026-11-09T09:00"], check=True, timeout=120)
+    opened = r'(?:open|openat|creat)\((?:AT_FDCWD, )?"([^"]+)", [^)]*(?:O_WRONLY|O_RDWR|O_CREAT)'
+    written = re.findall(opened, trace.read_text())
+    kept = {Path(name) for name in written if not name.startswith(("/dev/", "/proc/"))}
+    assert {p for p in kept if tmp_path not in p.parents and "__pycache__" not in str(p)} == set()
+    pixels = {p for p in kept if p.suffix.lower() in SUFFIXES | VIDEO_SUFFIXES | {".npy", ".raw", ".pkl"}}
+    assert not pixels
+    assert "AF_INET" not in trace.read_text()  # nothing is sent to anybody
+    pictures = {p.name for p in tmp_path.rglob("*") if p.suffix.lower() in SUFFIXES}
+    assert pictures == {f"{camera}-overlay.png" for camera in RATES}  # the empty grid of each calibration
 
 
 @pytest.mark.parametrize(

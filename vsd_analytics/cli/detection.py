@@ -74,31 +74,33 @@ class ChosenDetector:
 
 
 _OPTIONS = ("detector", "joints", "provider", "score", "tile", "threads")
+_SETTINGS = (
+    click.option("--threads", type=click.IntRange(min=1), metavar="N", help="Processor threads (default: 1)."),
+    click.option(
+        "--tile",
+        type=click.IntRange(min=0),
+        metavar="PX",
+        help="Side of the parts of a picture that the detector looks at (default: by the size of people; 0: whole).",
+    ),
+    click.option(
+        "--score", type=click.FloatRange(0, 1), metavar="SCORE", help="Least score of a person (default: 0.45)."
+    ),
+    click.option("--provider", metavar="NAME", help="Where it runs: cpu, cuda, ... of the installed onnxruntime."),
+    path_option("--joints", metavar="MODEL", help="ONNX model that finds the joints in the boxes of the detector."),
+)
+
+
+def detector_settings(command: F) -> F:
+    """Add the options of a detector to a command that has the model as its argument."""
+    for option in _SETTINGS:
+        command = option(command)
+    return command
 
 
 def detector_options(command: F) -> F:
-    """Add the options of a detector to a command, which takes them by `chosen_detector`."""
-    for option in (
-        click.option(
-            "--threads", type=click.IntRange(min=1), metavar="N", help="Processor threads of --detector (default: 1)."
-        ),
-        click.option(
-            "--tile",
-            type=click.IntRange(min=0),
-            metavar="PX",
-            help="Side of the parts of a picture that --detector looks at (default: by the size of people; 0: whole).",
-        ),
-        click.option(
-            "--score", type=click.FloatRange(0, 1), metavar="SCORE", help="Least score of a person (default: 0.45)."
-        ),
-        click.option(
-            "--provider", metavar="NAME", help="Where --detector runs: cpu, cuda, ... of the installed onnxruntime."
-        ),
-        path_option("--joints", metavar="MODEL", help="ONNX model that finds the joints in the boxes of --detector."),
-        path_option("--detector", metavar="MODEL", help="ONNX model that finds the people of a video or of pictures."),
-    ):
-        command = option(command)
-    return command
+    """Add --detector and its options to a command, which takes them by `chosen_detector`."""
+    model = path_option("--detector", metavar="MODEL", help="ONNX model that finds people in a video or in pictures.")
+    return model(detector_settings(command))
 
 
 def chosen_detector(given: dict[str, Any]) -> ChosenDetector | None:

@@ -19,6 +19,7 @@ from vsd_analytics.cli.detection import (
     store_messages,
 )
 from vsd_analytics.cli.engine_live import live
+from vsd_analytics.cli.engine_probe import probe
 from vsd_analytics.cli.located_people import DetectedPeople, by_calibrations, by_monoloco, by_paper
 from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import count, emit_json
@@ -28,8 +29,12 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from vsd_analytics.cli.located_people import LocatedParts
     from vsd_analytics.engine.monoloco_files import MonolocoPeople
+    from vsd_analytics.engine.people import People
     from vsd_analytics.engine.ratios import Ratios
 
 NAMED = 5
@@ -51,6 +56,7 @@ def engine() -> None:
 
 
 engine.add_command(live)
+engine.add_command(probe)
 
 
 @engine.command()
@@ -99,6 +105,11 @@ engine.add_command(live)
     is_flag=True,
     help="First calibrate the camera from the people that --detector finds here (as vsd calibrate does).",
 )
+@click.option(
+    "--without-statues",
+    is_flag=True,
+    help="Leave out people whom --detector finds at one spot for hours: mannequins, pictures of people.",
+)
 @json_option
 @pass_project
 def run(
@@ -118,6 +129,7 @@ def run(
     overlay: Path | None,
     pictures: Path | None,
     is_calibrated: bool,
+    without_statues: bool,
     as_json: bool,
     **given: Any,
 ) -> int:
@@ -158,6 +170,8 @@ def run(
         raise UsageError(
             "--from-people belongs to --detector", fix=f"vsd calibrate {camera_id} --from-people {source}, then this"
         )
+    if without_statues and detector is None:
+        raise UsageError("--without-statues belongs to --detector", fix="leave it out")
     _check_source(source, detector, method=method, size=size)
     own = read_monoloco(source) if method == "monoloco" else None
     if detector is not None:
@@ -170,6 +184,7 @@ def run(
             found = replace(found, ts_ms=ts_ms)
         else:
             ts_ms = ts_ms + round(begin.timestamp() * 1000)
+        found, still = _statues(found, ts_ms, is_left_out=without_statues)
         if is_calibrated:
             put_into_force_from_people(project, camera_id, replace(found, ts_ms=ts_ms), size_px=picture_px)
             project = project.inside(project.root)  # reads the calibration that is in force now
@@ -209,7 +224,7 @@ def run(
         "pairs": sum(len(seen.a) for seen, _ in parts),
         "left_out": dict(sum((Counter(seen.left_out) for seen, _ in parts), Counter())),
         "bad_rows": dict(found.bad),
-        **({} if detector is None else {"unread": every.unread, "boxes": dict(detected.changed)}),
+        **({} if detector is None else {"unread": every.unread, "boxes": dict(detected.changed), "statues": still}),
         **({} if own is None else _social(own)),
         "moves": moves,
         **drawn,
@@ -219,6 +234,22 @@ def run(
     else:
         _print(done)
     return 1 if detector is not None and every.unread else 0
+
+
+def _statues(people: People, ts_ms: NDArray[np.int64], *, is_left_out: bool) -> tuple[People, list[dict[str, object]]]:
+    """Return the people, without those who never move if asked, and where these are."""
+    import numpy as np
+
+    from vsd_analytics.engine.statues import statues
+
+    found = statues(people, ts_ms=ts_ms)
+    if is_left_out and found:
+        people = people.rows(np.setdiff1d(np.arange(len(people)), np.concatenate([statue.rows for statue in found])))
+    return people, [
+        {"box_px": statue.box.round().astype(int).tolist(), "share_of_frames": round(statue.presence, 3)}
+        | {"left_out": is_left_out}
+        for statue in found
+    ]
 
 
 def _check_source(source: Path, detector: ChosenDetector | None, *, method: str, size: str | None) -> None:
@@ -251,6 +282,13 @@ def _print(done: dict[str, Any]) -> None:
     if done.get("unread"):
         names = ", ".join(done["unread"][:NAMED]) + (", ..." if len(done["unread"]) > NAMED else "")
         click.echo(f"  {count(len(done['unread']), 'picture')} cannot be read: {names}")
+    for statue in done.get("statues", ()):
+        left, top, right, bottom = statue["box_px"]
+        fate = "left out" if statue["left_out"] else "--without-statues leaves it out"
+        click.echo(
+            f"  somebody never moves, at {(left + right) // 2}, {(top + bottom) // 2} in the picture "
+            f"({statue['share_of_frames']:.0%} of the frames): a mannequin or a picture? {fate}"
+        )
     for what, n in done.get("boxes", {}).items():
         click.echo(f"  {count(n, 'box').replace('boxs', 'boxes')}: {what}")
     if "overlay" in done:
@@ -262,8 +300,15 @@ def _print(done: dict[str, Any]) -> None:
             f"  {flags['persons']:,} of {count(flags['of'], 'person')} flagged by Monoloco's own rule of people who "
             "face each other: not a distance, and not in the messages"
         )
+    from vsd_analytics.engine.seen import ABOVE_HORIZON, NO_FOOT, OFF_PLANES
+
+    advice = {
+        NO_FOOT: "; they are sent as people without a place: hang the camera higher, or turn it, so that feet are seen",
+        ABOVE_HORIZON: "; if that is no picture on a wall, look at the calibration: vsd calibrate draws it",
+        OFF_PLANES: "; add a plane to the calibration for where they stand",
+    }
     for what, n in done["left_out"].items():
-        click.echo(f"  {count(n, 'person')} not used: {what}")
+        click.echo(f"  {count(n, 'person')} not used: {what}{advice.get(what, '')}")
     for what, n in ({} if "boxes" in done else done["bad_rows"]).items():
         click.echo(f"  {count(n, 'bad row')}: {what}")
 

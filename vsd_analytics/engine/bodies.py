@@ -86,18 +86,25 @@ class Bodies:
         self.n_extended += int(is_half.sum())
         box = np.where(is_half[:, None], to_floor_boxes(box, self.camera, self.usual_m), box)
         some = Detections(box, detections.score, detections.joints).rows(~too_high)
-        double = self._doubles(some)  # of whole bodies: the feet of an upper half are elsewhere
+        double = self._doubles(some, is_half[~too_high])  # of whole bodies: the feet of an upper half are elsewhere
         self.left_out[DOUBLE] += int(double.sum())
         return some.rows(~double)
 
-    def _doubles(self, detections: Detections) -> NDArray[np.bool_]:
-        """Return which boxes lie in a larger one whose feet are at the same place."""
+    def _doubles(self, detections: Detections, is_half: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which boxes lie in another one whose feet are at the same place.
+
+        Of two that lie in each other, the one whose feet were seen stays, else the surer one.
+        """
         assert self.camera is not None
         assert self.homography is not None
         xy = to_floor(self.homography, below_boxes(detections.box, self.camera), picture_px=self.size_px)
         apart_m = np.linalg.norm(xy[:, None] - xy[None], axis=2)
         with np.errstate(invalid="ignore"):
-            return np.asarray((is_inside(detections.box, share=INSIDE_SHARE) & (apart_m < SAME_PLACE_M)).any(axis=1))
+            lies_in = is_inside(detections.box, share=INSIDE_SHARE) & (apart_m < SAME_PLACE_M)
+        double = np.zeros(len(detections), dtype=bool)
+        for row in np.lexsort((detections.score, ~is_half)).tolist():  # halves first, and the least sure of each
+            double[row] = bool((lies_in[row] & ~double).any())
+        return double
 
 
 def people_with_bodies(people: People, bodies: Bodies) -> People:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +63,10 @@ class Signature:
         return len(shape) == 4 and shape[3] in {1, 3} and shape[1] not in {1, 3}
 
 
+NO_TELEMETRY: Final = "ORT_DISABLE_TELEMETRY"
+"""Without this variable, set before it is loaded, onnxruntime keeps a file of events and sends it to its maker."""
+
+
 class Network:
     """A network ready to run.
 
@@ -77,6 +82,7 @@ class Network:
     """
 
     def __init__(self, path: Path, *, providers: Sequence[str] | None = None, n_threads: int = 1) -> None:
+        os.environ[NO_TELEMETRY] = "1"
         try:
             import onnxruntime
         except ImportError as error:

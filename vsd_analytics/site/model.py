@@ -61,8 +61,8 @@ class CameraSource:
     """Where the pictures of a camera come from.
 
     Attributes:
-        address: An address of RTSP or HTTP, a device such as `/dev/video0`, or the path of a video that is shown again and
-            again. It has no password: `{password}` in it stands for one.
+        address: An address of RTSP or HTTP, a device such as `/dev/video0`, or the path of a video, shown in a loop.
+            It has no password: `{password}` in it stands for one.
         username: Who logs in; None = nobody.
         password_file: File with the password on its first line; the environment's VSD_SOURCE_PASSWORD_ID wins.
     """
