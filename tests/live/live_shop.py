@@ -32,13 +32,16 @@ def pair_walks(shift_s: float) -> list[Walk]:
     return [Walk(lambda t: (-1.0, 8.0 + 0.3 * np.sin(t / 5))), Walk(comes)]
 
 
-def live_shop(root: Path, camera: PictureServer | None = None, *, seconds: float = 60, keys: str = "") -> list[str]:
+def live_shop(
+    root: Path, camera: PictureServer | None = None, *, seconds: float = 60, hz: float = 1.0, keys: str = ""
+) -> list[str]:
     """Make the project; return its cameras. Each is on a floor of its own.
 
     Args:
         root: Project folder.
         camera: The camera of the network; None = all are videos.
         seconds: Length of the videos.
+        hz: Pictures a second of each camera.
         keys: More lines of the last camera.
     """
     root.mkdir(parents=True, exist_ok=True)
@@ -52,7 +55,7 @@ def live_shop(root: Path, camera: PictureServer | None = None, *, seconds: float
             looped_video(root / source, lambda _, k=k: pair_walks(7 * k), seconds=seconds, seed=k)
         np.savetxt(root / f"{name}.txt", CAMERA.homography())
         text += f'[[floor]]\nid = "floor-{k + 1}"\nname = "Floor {k + 1}"\n[[camera]]\nid = "{name}"\nname = "{name}"\n'
-        text += f'floor = "floor-{k + 1}"\nhz = 1.0\npicture_px = [320, 240]\nsource = "{source}"\n'
+        text += f'floor = "floor-{k + 1}"\nhz = {hz}\npicture_px = [320, 240]\nsource = "{source}"\n'
         text += f'homography = "{name}.txt"\n'
     (root / "vsd.toml").write_text(text + keys)
     blob_model(root / "blobs.onnx", COLOURS[:3], SIZE)
@@ -84,6 +87,8 @@ def stored_instants(root: Path) -> dict[str, list[int]]:
     store = Store(root / "store", site_id="shop")
     store.fold()
     names = [str(p.path) for p in store.parts("frames")]
+    if not names:
+        return {}
     query = "select camera_id, list(epoch_ms(ts) order by ts) from read_parquet($n) group by 1 order by 1"
     return dict(duckdb.execute(query, {"n": names}).fetchall())
 

@@ -66,10 +66,10 @@ def live(
     from vsd_analytics.cli.alarms import live_alarms
     from vsd_analytics.cli.stop_signals import stop_signals
     from vsd_analytics.live.alone import alone
-    from vsd_analytics.live.camera_engine import CameraEngine
     from vsd_analytics.live.listener import Listener
     from vsd_analytics.live.live_camera import TileChoice
     from vsd_analytics.live.mqtt import password_of
+    from vsd_analytics.live.picture_door import PictureDoor
 
     chosen = chosen_detector(given)
     if chosen is None:
@@ -86,7 +86,7 @@ def live(
         detector = chosen.opened()
         tiles = TileChoice(input_px=detector.decoder.preparation.size_px, side_px=chosen.tile_px)
         looked_at = _live_cameras(project, cameras, tiles, hz=hz, has_news=has_news)
-        door = CameraEngine(looked_at, detector, has_news=has_news, report=project.say)
+        door = PictureDoor(looked_at, detector, has_news=has_news, report=project.say)
         listener = Listener(
             project.site,
             broker=broker,

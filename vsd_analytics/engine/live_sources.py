@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 import re
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -32,6 +33,8 @@ READ_S: Final = 10.0
 """And one that sends no picture for so long is lost."""
 HUNG_S: Final = 5.0
 """A picture that stays the same to the byte for longer shows nothing of now: a camera's noise changes every picture."""
+PORTS: Final = {"rtsp": 554, "rtsps": 322, "http": 80, "https": 443}
+DEVICE: Final = re.compile(r"/dev/video(\d+)")
 QUIET_LOG: Final = {"OPENCV_LOG_LEVEL": "SILENT", "OPENCV_FFMPEG_LOGLEVEL": "-8", "OPENCV_VIDEOIO_DEBUG": "0"}
 """What OpenCV and FFmpeg print has addresses in it, with their passwords."""
 
@@ -50,6 +53,9 @@ class Video(Protocol):
 
     def get(self, propId: int) -> float:  # noqa: N803 - name of the library
         """Return a property."""
+
+    def set(self, propId: int, value: float) -> bool:  # noqa: N803 - name of the library
+        """Set a property, such as the number of the next picture."""
 
     def release(self) -> None:
         """Close it."""
@@ -89,7 +95,7 @@ class SourceCounts:
 
 def open_video(address: str) -> Video:
     """Return an address, a device or a file as a video, which may not be open."""
-    if device := re.fullmatch(r"/dev/video(\d+)", address):
+    if device := DEVICE.fullmatch(address):
         return cv2.VideoCapture(int(device[1]), cv2.CAP_V4L2)
     if "://" not in address:
         return cv2.VideoCapture(address, cv2.CAP_FFMPEG)
@@ -135,6 +141,7 @@ class LiveSource:
         self._newest: LivePicture | None = None
         self._last: Picture | None = None
         self._last_new_s = 0.0
+        self._slot = -1
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="source", daemon=True)
@@ -173,6 +180,9 @@ class LiveSource:
 
     def _read(self) -> None:
         """Read one connection to its end."""
+        if not self._answers():
+            self._lose("it does not answer")
+            return
         video = self.opener(self._with_login())
         try:
             if not video.isOpened():
@@ -180,25 +190,60 @@ class LiveSource:
                 return
             self.counts.n_connections += 1
             self._last = None
-            began_s, slot = time.monotonic(), -1
-            is_file = self._is_file
-            while not self._stop.is_set():
-                if not video.grab():
-                    if is_file and slot >= 0:
-                        return
-                    self._lose(f"no picture for {READ_S:g} s, or the connection ended")
-                    return
-                if is_file:
-                    self._wait_until(began_s + video.get(cv2.CAP_PROP_POS_MSEC) / 1000)
-                ms = self.now_ms()
-                if (now_slot := int(ms * self.hz // 1000)) == slot:
-                    continue
-                slot = now_slot
-                is_read, picture = video.retrieve()
-                if is_read:
-                    self._keep(np.asarray(picture, dtype=np.uint8), ms)
+            if self._is_file:
+                while self._show(video) and video.set(cv2.CAP_PROP_POS_FRAMES, 0):
+                    pass
+            else:
+                self._watch(video)
         finally:
             video.release()
+
+    def _watch(self, video: Video) -> None:
+        """Keep the first picture of each slot until the connection ends."""
+        while not self._stop.is_set():
+            if not video.grab():
+                self._lose(f"no picture for {READ_S:g} s, or the connection ended")
+                return
+            self._note(video)
+
+    def _show(self, video: Video) -> bool:
+        """Show a file at its own pace to its end; return whether it may begin again."""
+        began_s, n_grabbed = time.monotonic(), 0
+        while not self._stop.is_set():
+            if not video.grab():
+                if not n_grabbed:
+                    self._lose("the file has no picture")
+                    return False
+                self._wait_until(began_s + n_grabbed / max(1.0, video.get(cv2.CAP_PROP_FPS)))
+                return True
+            self._wait_until(began_s + video.get(cv2.CAP_PROP_POS_MSEC) / 1000)
+            n_grabbed += 1
+            self._note(video)
+        return False
+
+    def _note(self, video: Video) -> None:
+        """Keep the picture that was grabbed where it is the first of its slot."""
+        ms = self.now_ms()
+        if (slot := int(ms * self.hz // 1000)) == self._slot:
+            return
+        self._slot = slot
+        is_read, picture = video.retrieve()
+        if is_read:
+            self._keep(np.asarray(picture, dtype=np.uint8), ms)
+
+    def _answers(self) -> bool:
+        """Return whether somebody listens at an address of the network.
+
+        OpenCV opens one source at a time in the whole process: one that is away must not keep the others from it.
+        """
+        parts = urlsplit(self.address)
+        if not parts.hostname:
+            return True
+        try:
+            with socket.create_connection((parts.hostname, parts.port or PORTS[parts.scheme]), timeout=OPEN_S):
+                return True
+        except OSError:
+            return False
 
     def _keep(self, picture: Picture, ms: int) -> None:
         now_s = time.monotonic()
@@ -227,12 +272,12 @@ class LiveSource:
 
     @property
     def _is_file(self) -> bool:
-        return "://" not in self.address and not self.address.startswith("/dev/")
+        return "://" not in self.address and DEVICE.fullmatch(self.address) is None
 
     def _why_closed(self) -> str:
         if self._is_file:
             return "the file is no video" if Path(self.address).is_file() else "there is no such file"
-        return f"it cannot be opened: away, a wrong path, a wrong login, or no answer within {OPEN_S:g} s"
+        return f"it answers and shows nothing: a wrong path, a wrong login, or no picture within {OPEN_S:g} s"
 
     def _with_login(self) -> str:
         """Return the address with its login, to be opened and never shown."""

@@ -21,7 +21,7 @@ WAKE_S: Final = 0.25
 STOP_S: Final = 3.0
 
 
-class CameraEngine(MessageQueue):
+class PictureDoor(MessageQueue):
     """Looks at the pictures of several cameras.
 
     Args:
