@@ -33,7 +33,13 @@ def pair_walks(shift_s: float) -> list[Walk]:
 
 
 def live_shop(
-    root: Path, camera: PictureServer | None = None, *, seconds: float = 60, hz: float = 1.0, keys: str = ""
+    root: Path,
+    camera: PictureServer | None = None,
+    *,
+    seconds: float = 60,
+    hz: float = 1.0,
+    keys: str = "",
+    walks: list[Walk] | None = None,
 ) -> list[str]:
     """Make the project; return its cameras. Each is on a floor of its own.
 
@@ -42,6 +48,7 @@ def live_shop(
         camera: The camera of the network; None = all are videos.
         seconds: Length of the videos.
         hz: Pictures a second of each camera.
+        walks: Who walks in all videos; None = two people who meet once a minute, at another second for each.
         keys: More lines of the last camera.
     """
     root.mkdir(parents=True, exist_ok=True)
@@ -52,7 +59,7 @@ def live_shop(
         if camera is not None and k == 2:
             source = f"http://127.0.0.1:{camera.port}/video"
         else:
-            looped_video(root / source, lambda _, k=k: pair_walks(7 * k), seconds=seconds, seed=k)
+            looped_video(root / source, lambda _, k=k: walks or pair_walks(7 * k), seconds=seconds, seed=k)
         np.savetxt(root / f"{name}.txt", CAMERA.homography())
         text += f'[[floor]]\nid = "floor-{k + 1}"\nname = "Floor {k + 1}"\n[[camera]]\nid = "{name}"\nname = "{name}"\n'
         text += f'floor = "floor-{k + 1}"\nhz = {hz}\npicture_px = [320, 240]\nsource = "{source}"\n'

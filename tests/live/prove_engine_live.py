@@ -35,7 +35,7 @@ PICTURE_BYTES = 320 * 240 * 3
 
 
 def written_paths(trace: Path, folder: Path) -> tuple[set[str], list[str], int]:
-    """Return the paths opened for writing, made or renamed; writes that begin as a picture; the longest write to a file."""
+    """Return paths opened for writing, made or renamed; writes that begin as a picture; the longest write to a file."""
     paths: set[str] = set()
     pictures: list[str] = []
     longest = 0
@@ -164,18 +164,15 @@ def report(
         )
         good &= n_stored == n_distinct and engine["processed"] >= n_stored >= engine["processed"] - 3
         lost = {k: engine[k] for k in ("too_slow", "hung", "not_stored")}
-        print(
-            f"| {name}: too slow, hung, not stored, connections | {', '.join(map(str, lost.values()))}, {engine['connections']}; longest gap {longest_s:.1f} s |"
-        )
-    print(
-        f"| memory after start, at the end, most | {used_mb[settled][0]:.1f}, {used_mb[-1]:.1f}, {used_mb.max():.1f} MB |"
-    )
+        lost_text = f"{', '.join(map(str, lost.values()))}, {engine['connections']}; longest gap {longest_s:.1f} s"
+        print(f"| {name}: too slow, hung, not stored, connections | {lost_text} |")
+    first_mb, last_mb, most_mb = used_mb[settled][0], used_mb[-1], used_mb.max()
+    print(f"| memory after start, at the end, most | {first_mb:.1f}, {last_mb:.1f}, {most_mb:.1f} MB |")
     print(f"| slope of memory | {slope:+.2f} MB an hour |")
     some = np.array(latencies_s)
     if len(some):
-        print(
-            f"| picture to `vsd hours`, its own run included | median {np.median(some):.1f}, most {some.max():.1f} s of {len(some)} |"
-        )
+        text = f"median {np.median(some):.1f}, most {some.max():.1f} s of {len(some)}"
+        print(f"| picture to `vsd hours`, its own run included | {text} |")
         good &= bool(np.isfinite(some).all())
     print(f"| newest instant stored, behind the clock | median {np.median(lags_s):.1f}, most {max(lags_s):.1f} s |")
     print(f"| a picture takes, a running mean | {status['engine']['picture_ms']} ms |")

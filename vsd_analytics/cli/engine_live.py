@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -31,6 +32,15 @@ USUAL_HZ = 1.0
     type=click.FloatRange(min=0, min_open=True, max=100),
     help="Pictures a second of each camera (default: hz of the camera, else 1).",
 )
+@click.option(
+    "--look",
+    "look_port",
+    is_flag=False,
+    flag_value=0,
+    type=click.IntRange(0, 65535),
+    metavar="[PORT]",
+    help="Serve a page on this machine that shows pictures and plan as they are now (default: a free port).",
+)
 @detector_options
 @rhythm_options
 @json_option
@@ -40,6 +50,7 @@ def live(
     /,
     camera_ids: tuple[str, ...],
     hz: float | None,
+    look_port: int | None,
     fold_every_s: float,
     status_every_s: float,
     as_json: bool,
@@ -53,9 +64,14 @@ def live(
     are stored as well, as by vsd listen. SIGTERM and Ctrl-C store what was seen, and end with exit code 0.
     status/listen.json and vsd doctor show the state of each camera.
 
+    With --look, one page on this machine shows the picture as it is now with people, circles of the legal distance and
+    lines between those too close, beside the plan; it is drawn in memory and kept nowhere. There a camera can be
+    calibrated by eye.
+
     \b
     Example:
       vsd engine live --detector model.onnx
+      vsd engine live --detector model.onnx --look
       vsd engine live --detector model.onnx --camera entrance --hz 2
     """
     import os
@@ -74,7 +90,7 @@ def live(
     chosen = chosen_detector(given)
     if chosen is None:
         raise UsageError("nothing finds people in the pictures", fix="vsd engine live --detector model.onnx")
-    cameras = _with_sources(project, camera_ids)
+    cameras = _with_sources(project, camera_ids, is_looked_at=look_port is not None)
     broker = project.site.broker
     with (
         alone(project.root),
@@ -106,7 +122,10 @@ def live(
                 alarms.delivery.publish = partial(listener.link.publish, qos=1)
         names = ", ".join(camera.camera_id for camera in cameras)
         project.say(f"looking at {names}; Ctrl-C ends it")
-        status = listener.run(should_stop=stopped.is_set)
+        with contextlib.ExitStack() as opened:
+            if look_port is not None:
+                _serve_look(project, looked_at, look_port, opened)
+            status = listener.run(should_stop=stopped.is_set)
     if as_json:
         emit_json(status.as_dict(now=machine_clock(project)()))
     else:
@@ -117,8 +136,30 @@ def live(
     return 0
 
 
-def _with_sources(project: Project, camera_ids: Sequence[str]) -> list[Camera]:
-    """Return the cameras to look at."""
+def _serve_look(project: Project, looked_at: Sequence[LiveCamera], port: int, opened: contextlib.ExitStack) -> None:
+    """Serve the look page until `opened` is closed."""
+    from vsd_analytics.live.look_page import look_policy, render_look_page
+    from vsd_analytics.live.look_server import LookServer
+    from vsd_analytics.live.look_view import LookView
+    from vsd_analytics.wording.languages import speaking
+
+    site, cameras = project.site, tuple(camera.camera for camera in looked_at)
+    with speaking(site.language):
+        pages = {c.camera_id: render_look_page(site, c, cameras=cameras) for c in cameras}
+    look = LookServer(
+        LookView(site, looked_at),
+        pages=pages,
+        policy=look_policy(),
+        port=port,
+        language=site.language,
+        clock=machine_clock(project),
+    )
+    opened.callback(look.close)
+    project.say(f"look: {look.address}")
+
+
+def _with_sources(project: Project, camera_ids: Sequence[str], *, is_looked_at: bool) -> list[Camera]:
+    """Return the cameras to look at; one without a calibration only where somebody looks, who can make one."""
     site = project.site
     known = {camera.camera_id: camera for camera in site.cameras}
     for camera_id in camera_ids:
@@ -135,11 +176,11 @@ def _with_sources(project: Project, camera_ids: Sequence[str]) -> list[Camera]:
             fix='under a [[camera]]: source = "rtsp://192.168.1.20/stream1", "/dev/video0" or "door.mp4"',
         )
     for camera in cameras:
-        if not camera.calibrations and not camera.planes:
+        if not camera.calibrations and not camera.planes and not is_looked_at:
             raise UsageError(
                 f"camera {camera.camera_id!r} has no calibration",
                 why="nothing says where on the floor its people are",
-                fix=f"vsd calibrate {camera.camera_id} --points FILE",
+                fix=f"vsd calibrate {camera.camera_id} --points FILE, or by eye: vsd engine live --look",
             )
     return cameras
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -31,6 +32,8 @@ from vsd_analytics.live.status import iso_utc
 from vsd_analytics.site.model import Calibration, Camera, Plane
 from vsd_analytics.warehouse.dimensions import in_force
 
+RECENT: Final = 300
+"""Frames whose people say how large a body is, for a calibration by eye."""
 SAME_SHAPE: Final = 0.01
 """Pictures whose proportions differ more than this from `picture_px` show something else."""
 
@@ -103,6 +106,7 @@ class LiveCamera:
         error: Why its last picture could not be looked at; None = it could.
         last_ms: When the last picture looked at was; None = none yet.
         newest: The last frame, for the look page; None where nobody looks.
+        recent: The people of the last `RECENT` frames, for the look page.
     """
 
     def __init__(
@@ -113,6 +117,7 @@ class LiveCamera:
         self.error: str | None = None
         self.last_ms: int | None = None
         self.newest: LiveFrame | None = None
+        self.recent: deque[People] = deque(maxlen=RECENT)
         self.is_looked_at = False
         self._within_m, self._distance_m, self._tile_choice = within_m, distance_m, tiles
         self._ground: tuple[Calibration | None, tuple[int, int]] | None = None
@@ -189,6 +194,7 @@ class LiveCamera:
         frame = LiveFrame(ms, picture, people, seen)
         if self.is_looked_at:
             self.newest = frame
+            self.recent.append(people)
         self.n_processed += 1
         self.last_ms, self.error = ms, None
         return frame
