@@ -14,16 +14,22 @@ KINDS = {"float": TensorProto.FLOAT, "int32": TensorProto.INT32, "uint8": Tensor
 
 
 def constant_model(
-    path: Path, outputs: dict[str, NDArray], *, shape: Sequence[int | str] = (1, 3, 64, 64), kind: str = "float"
+    path: Path,
+    outputs: dict[str, NDArray],
+    *,
+    shape: Sequence[int | str] = (1, 3, 64, 64),
+    kind: str = "float",
+    beside: dict[str, Sequence[int]] | None = None,
 ) -> Path:
-    """Write a model that takes a picture and gives the same outputs for all of them."""
+    """Write a model that takes a picture, and whole numbers `beside` it, and gives the same outputs for all of them."""
     nodes, ports = [], []
     for name, values in outputs.items():
         tensor = numpy_helper.from_array(np.ascontiguousarray(values), name)
         nodes.append(helper.make_node("Constant", [], [name], value=tensor))
         ports.append(helper.make_tensor_value_info(name, tensor.data_type, list(values.shape)))
     picture = helper.make_tensor_value_info("picture", KINDS[kind], list(shape))
-    return _written(path, helper.make_graph(nodes, "constant", [picture], ports))
+    others = [helper.make_tensor_value_info(n, TensorProto.INT64, list(s)) for n, s in (beside or {}).items()]
+    return _written(path, helper.make_graph(nodes, "constant", [picture, *others], ports))
 
 
 def _written(path: Path, graph: onnx.GraphProto) -> Path:

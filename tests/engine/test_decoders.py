@@ -346,3 +346,15 @@ def test_a_file_that_is_no_network_is_refused(tmp_path: Path) -> None:
     assert refused.value.code == "E215"
     with pytest.raises(InputError, match="there is no file"):
         Detector(tmp_path / "other.onnx")
+
+
+def test_a_network_that_takes_the_size_of_the_picture_gets_it_and_other_inputs_are_refused(tmp_path: Path) -> None:
+    known = Known(4)
+    outputs = {key: values.astype(np.float32) for key, values in detr(known).items()}
+    mask = {"pixel_mask": (1, SIZE[1], SIZE[0])}
+    model = constant_model(tmp_path / "detr.onnx", outputs, shape=NCHW, beside=mask)
+    assert len(Detector(model).people(np.zeros((SIZE[1], SIZE[0], 3), dtype=np.uint8))) == len(known.box)
+    model = constant_model(tmp_path / "asks.onnx", outputs, shape=NCHW, beside={"text": (1, 16)})
+    with pytest.raises(InputError) as refused:
+        Detector(model)
+    assert "it takes more than a picture" in str(refused.value.why)

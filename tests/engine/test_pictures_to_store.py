@@ -81,10 +81,12 @@ def test_everybody_is_found_at_the_right_time_and_episodes_are_the_planned_ones(
         assert len(messages) == seconds
         for second, message in enumerate(messages):
             assert len(message["persons"]) == 3
-            assert message["seq"] == due(second, fps)
-            true_at = START + timedelta(seconds=message["seq"] / fps)
+            assert message["seq"] == second  # pictures that were not taken leave no gap
+            true_at = START + timedelta(seconds=due(second, fps) / fps)
             assert abs(datetime.fromisoformat(message["ts"]) - true_at) <= timedelta(milliseconds=1)
         assert three_cameras("ingest", str(out))[0] == 0
+    code, printed, err = three_cameras("sql", "select count(*) as n from message_gaps", "--json")
+    assert (code, json.loads(printed)["rows"]) == (0, [{"n": 0}]), err
     query = "select camera_id, started_ms, ended_ms from episodes order by all"
     code, printed, err = three_cameras("sql", query, "--json")
     assert code == 0, err
@@ -170,6 +172,12 @@ def test_one_picture_and_pictures_with_times_in_their_names(tmp_path: Path, thre
     words = ["--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx"), "--out", str(tmp_path / "f.jsonl")]
     cv2.imwrite(str(tmp_path / "one.png"), painted(approach(0), 30.0))
     assert three_cameras("engine", "run", str(tmp_path / "one.png"), *words, "--start", "2026-11-09T09:00")[0] == 0
+    assert (
+        three_cameras("engine", "run", str(tmp_path / "one.png"), *words, "--overlay", str(tmp_path / "look"))[0] == 0
+    )
+    drawn = cv2.imread(str(tmp_path / "look" / "frame-00000000.jpg"))
+    assert np.abs(drawn[200, 10].astype(int) - 120).max() < 10  # the picture's own ground
+    assert three_cameras("engine", "run", str(tmp_path / "one.png"), *words, "--start", "2026-11-09T09:00")[0] == 0
     (message,) = [json.loads(line) for line in (tmp_path / "f.jsonl").read_text().splitlines()]
     assert (message["ts"], len(message["persons"])) == ("2026-11-09T08:00:00.000Z", 3)
     folder = tmp_path / "timed"
@@ -179,6 +187,24 @@ def test_one_picture_and_pictures_with_times_in_their_names(tmp_path: Path, thre
     assert three_cameras("engine", "run", str(folder), *words)[0] == 0
     messages = [json.loads(line) for line in (tmp_path / "f.jsonl").read_text().splitlines()]
     assert [m["ts"][-9:-5] for m in messages] == ["0:00", "0:02", "0:04"]
+
+
+def test_what_has_no_time_never_reaches_the_store_and_no_calibration_is_said_before_the_work(
+    tmp_path: Path, three_cameras: Vsd
+) -> None:
+    video = write_blob_video(tmp_path / "door.avi", approach(0), seconds=2, fps=5)
+    words = ["engine", "run", str(video), "--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx")]
+    code, _, err = three_cameras(*words)
+    assert (code, "--start 2026-11-09T08:00" in err) == (2, True)
+    (tmp_path / "people.csv").write_text("frame,left,top,right,bottom\n0,100,50,120,110\n")
+    code, _, err = three_cameras("engine", "run", str(tmp_path / "people.csv"), "--camera", "cam-1")
+    assert (code, "--start 2026-11-09T08:00 --hz 1" in err) == (2, True)
+    assert not (tmp_path / "store" / "frames").exists()
+    (tmp_path / "vsd.toml").write_text(site_text("cam-9"))
+    words[4] = "cam-9"
+    code, _, err = three_cameras(*words, "--start", "2026-11-09T09:00")
+    assert (code, "vsd calibrate cam-9 --draw" in err) == (2, True)
+    assert not list(tmp_path.glob("*.part")) + list(tmp_path.glob(".*.part"))  # nothing was detected
 
 
 def test_somebody_who_never_moves_is_named_and_left_out_on_request(
@@ -197,6 +223,42 @@ def test_somebody_who_never_moves_is_named_and_left_out_on_request(
     code, printed, _ = three_cameras(*words, "--without-statues")
     assert (code, "left out" in printed) == (0, True)
     assert all(len(json.loads(line)["persons"]) == 2 for line in out.read_text().splitlines())
+
+
+def crossings(k: int) -> Walk:
+    """Return one who crosses the floor every 6 s, somewhere else each time."""
+
+    def at(time_s: float) -> tuple[float, float]:
+        way, since = divmod(time_s + 1.5 * k, 6.0)
+        rng = np.random.default_rng([k, int(way)])
+        begin, turn = rng.uniform([-1.5, 8.0], [1.5, 10.0]), rng.uniform(0, 2 * np.pi)
+        return (float(begin[0] + since * 0.4 * np.cos(turn)), float(begin[1] + since * 0.5 * np.sin(turn)))
+
+    return Walk(at)
+
+
+def test_people_of_the_same_video_calibrate_the_camera_first(tmp_path: Path, three_cameras: Vsd) -> None:
+    video = write_blob_video(tmp_path / "door.avi", [crossings(k) for k in range(3)], seconds=100, fps=5)
+    out = tmp_path / "frames.jsonl"
+    words = ["engine", "run", str(video), "--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx")]
+    code, printed, err = three_cameras(
+        *words, "--hz", "5", "--start", "2026-11-09T09:00", "--from-people", "--out", str(out)
+    )
+    assert (code, err) == (0, ""), printed
+    first = json.loads(out.read_text().splitlines()[0])
+    truth = sorted(crossings(k).at(0.0)[1] for k in range(3))
+    assert sorted(p["y_m"] for p in first["persons"]) == pytest.approx(truth, rel=0.15)
+    assert (tmp_path / "calibration" / "cam-1-from-people.json").exists()
+
+
+def test_too_few_people_are_refused_and_nothing_is_written(tmp_path: Path, three_cameras: Vsd) -> None:
+    video = write_blob_video(tmp_path / "door.avi", approach(0), seconds=10, fps=5)
+    out = tmp_path / "frames.jsonl"
+    words = ["engine", "run", str(video), "--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx")]
+    code, _, err = three_cameras(*words, "--start", "2026-11-09T09:00", "--from-people", "--out", str(out))
+    assert (code, "E411" in err, out.exists()) == (2, True, False)
+    code, _, err = three_cameras("calibrate", "cam-1", "--from-people", str(video))
+    assert (code, "--detector MODEL.onnx --from-people" in err) == (2, True)
 
 
 def test_no_picture_and_no_film_is_written_unless_an_overlay_is_asked_for(tmp_path: Path, three_cameras: Vsd) -> None:

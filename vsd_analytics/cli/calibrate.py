@@ -179,8 +179,14 @@ def _from_people(
     """Calibrate a camera from the people it sees while the result will be in force, and put it into force."""
     from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.engine.people_files import read_each_once
+    from vsd_analytics.engine.pictures import is_picture_source
     from vsd_analytics.engine.plane_method import off_planes
 
+    if people.exists() and is_picture_source(people):
+        raise UsageError(
+            f"{people.name} has pictures, and nothing has found people in them yet",
+            fix=f"vsd engine run {people} --camera {camera_id} --detector MODEL.onnx --from-people",
+        )
     camera = calibration.camera_called(project.site, camera_id)
     picture_px = _picture_px(camera, size)
     seen = off_planes(read_each_once(people, size_px=picture_px), camera.planes)

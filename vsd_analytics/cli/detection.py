@@ -131,7 +131,8 @@ def people_of_source(
 ) -> tuple[PeopleOfPictures, PictureSource]:
     """Return the people of a source of pictures, with a progress bar of frames and people.
 
-    A run that was stopped left its frames at `journal_path`; this one goes on after them.
+    A run that was stopped left its frames at `journal_path`; this one goes on after them. Whoever has put the result
+    where it belongs removes that file.
     """
     from vsd_analytics.engine.detection_journal import DetectionJournal, about_run
     from vsd_analytics.engine.people_of_pictures import PeopleOfPictures, seen_frames
@@ -143,7 +144,7 @@ def people_of_source(
     parts = [[tile.left, tile.top, tile.right, tile.bottom] for tile in tiles]
     about = about_run(source, models, hz=hz, least_score=detector.least_score, tiles=parts)
     journal = DetectionJournal(journal_path, about)
-    people, is_done = PeopleOfPictures(), False
+    people = PeopleOfPictures()
     try:
         with progress(
             None, total=pictures.n_pictures(hz), label="detecting", unit=" frames", quiet=project.quiet or quiet
@@ -161,9 +162,8 @@ def people_of_source(
                 n_people += 0 if frame.detections is None else len(frame.detections)
                 bar.set_postfix(people=n_people, refresh=False)
                 bar.update(1)
-        is_done = True
     finally:
-        journal.close(is_done=is_done)
+        journal.close()
     return people, pictures
 
 

@@ -20,9 +20,15 @@ from vsd_analytics.cli.detection import (
 )
 from vsd_analytics.cli.engine_live import live
 from vsd_analytics.cli.engine_probe import probe
-from vsd_analytics.cli.located_people import DetectedPeople, by_calibrations, by_monoloco, by_paper
+from vsd_analytics.cli.located_people import (
+    DetectedPeople,
+    by_calibrations,
+    by_monoloco,
+    by_paper,
+    check_calibrated,
+)
 from vsd_analytics.cli.options import json_option, path_option
-from vsd_analytics.cli.output import count, emit_json
+from vsd_analytics.cli.output import count, emit_json, plain
 from vsd_analytics.cli.picture_sizes import parse_size
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
@@ -86,7 +92,13 @@ engine.add_command(probe)
     "--track", is_flag=True, help="Give people track ids by following them on the floor (not with --method paper)."
 )
 @click.option("--size", metavar="WxH", help="Picture size in pixels (default: picture_px of the camera).")
-@click.option("--hz", type=click.FloatRange(min=0, min_open=True), help="Frames a second (default: hz of the camera).")
+@click.option(
+    "--hz",
+    "--fps",
+    "hz",
+    type=click.FloatRange(min=0, min_open=True),
+    help="Frames a second, of pictures those that are taken (default: hz of the camera, else 1).",
+)
 @click.option("--start", metavar="INSTANT", help="When frame 0 was, for files without ts.")
 @path_option(
     "--overlay",
@@ -135,8 +147,8 @@ def run(
 ) -> int:
     """Turn pictures, or the people of a detector, into frame messages that vsd ingest reads.
 
-    SOURCE is a video, a folder of pictures or a picture, with --detector. Or it is what a detector wrote: an OpenPose
-    or Monoloco folder, a JSON file of COCO-17, HALPE-26 or BODY_25 joints, a folder of ultralytics labels, or a CSV
+    SOURCE is a video, a folder of pictures or a picture, with --detector. Or it comes from a detector: an OpenPose or
+    Monoloco folder, a JSON file of COCO-17, HALPE-26 or BODY_25 joints, a folder of ultralytics labels, or a CSV
     file of boxes: frame or ts, track_id (may be absent), left, top, right, bottom.
 
     With --overlay and --pictures, people are on the pictures written: they are personal data, and nothing deletes them.
@@ -173,34 +185,43 @@ def run(
     if without_statues and detector is None:
         raise UsageError("--without-statues belongs to --detector", fix="leave it out")
     _check_source(source, detector, method=method, size=size)
+    if out is None and start is None and not _has_times(source, detector):
+        raise UsageError(
+            f"nothing says when the frames of {source.name} were, and the store needs to know",
+            fix="--start 2026-11-09T08:00, or --out frames.jsonl for messages without a true time",
+        )
+    if method == "people" and not is_calibrated:
+        check_calibrated(camera, is_of_pictures=detector is not None)
     own = read_monoloco(source) if method == "monoloco" else None
+    journal, seq = journal_path(project, source, camera_id, out), None
     if detector is not None:
-        journal = journal_path(project, source, camera_id, out)
         every, shots = people_of_source(
             project, source, detector, hz=rate, camera=camera, journal_path=journal, quiet=as_json
         )
-        found, ts_ms, picture_px = every.people(), every.ms, shots.size_px
+        people, ts_ms, picture_px, seq = every.people(), every.ms, shots.size_px, every.seq
         if shots.has_clock:
-            found = replace(found, ts_ms=ts_ms)
+            people = replace(people, ts_ms=ts_ms)
         else:
             ts_ms = ts_ms + round(begin.timestamp() * 1000)
-        found, still = _statues(found, ts_ms, is_left_out=without_statues)
+        people, still = _statues(people, ts_ms, is_left_out=without_statues)
         if is_calibrated:
-            put_into_force_from_people(project, camera_id, replace(found, ts_ms=ts_ms), size_px=picture_px)
+            put_into_force_from_people(project, camera_id, replace(people, ts_ms=ts_ms), size_px=picture_px)
             project = project.inside(project.root)  # reads the calibration that is in force now
             camera = camera_called(project.site, camera_id, option="--camera")
         pictures = source if overlay is not None and pictures is None else pictures
     else:
         read = read_people if method == "paper" else read_each_once  # the paper's method takes skeletons as they are
-        found = read(source, size_px=picture_px) if own is None else own.people
-        ts_ms = instants_ms(found, start=begin, hz=rate)
-    if found.ts_ms is None and start is None:
+        people = read(source, size_px=picture_px) if own is None else own.people
+        ts_ms = instants_ms(people, start=begin, hz=rate)
+    if out is None and people.ts_ms is None and start is None:
+        raise UsageError(f"{source.name} has no ts, and the store needs times", fix="--start 2026-11-09T08:00 --hz 1")
+    if people.ts_ms is None and start is None:
         project.say(
             f"warning: {source.name} has no ts: frame 0 is put at {NO_CLOCK}, {rate:g} frames a second; "
             f"give --start and --hz before you ingest it"
         )
     detected = DetectedPeople(
-        project, camera, found, picture_px, ts_ms, is_tracked=track, is_of_pictures=detector is not None
+        project, camera, people, picture_px, ts_ms, is_tracked=track, is_of_pictures=detector is not None
     )
     moves: list[dict[str, object]] = []
     if method == "paper":
@@ -209,12 +230,14 @@ def run(
         parts = by_calibrations(detected) if own is None else by_monoloco(detected, own)
         moves = _moves(detected, source)
     drawn = {} if overlay is None else _overlay(detected, parts, to=overlay, on=pictures)
-    lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when)]
+    lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when, seq=seq)]
     text = b"".join(line + b"\n" for line in lines)
     if out is None:
         stored = store_messages(project, text, name=f"{camera_id}-{source.stem}.jsonl")
     else:
         publish(out, text)
+    if detector is not None:
+        journal.unlink(missing_ok=True)
     done = {
         "file": None if out is None else str(out),
         **({"stored": stored} if out is None else {}),
@@ -223,7 +246,7 @@ def run(
         "persons": sum(len(seen.people) for seen, _ in parts),
         "pairs": sum(len(seen.a) for seen, _ in parts),
         "left_out": dict(sum((Counter(seen.left_out) for seen, _ in parts), Counter())),
-        "bad_rows": dict(found.bad),
+        "bad_rows": dict(people.bad),
         **({} if detector is None else {"unread": every.unread, "boxes": dict(detected.changed), "statues": still}),
         **({} if own is None else _social(own)),
         "moves": moves,
@@ -236,19 +259,26 @@ def run(
     return 1 if detector is not None and every.unread else 0
 
 
+def _has_times(source: Path, detector: ChosenDetector | None) -> bool:
+    """Return whether frames of a source carry their times; people of other programs are asked after they are read."""
+    from vsd_analytics.engine.pictures import picture_source
+
+    return detector is None or picture_source(source).has_clock
+
+
 def _statues(people: People, ts_ms: NDArray[np.int64], *, is_left_out: bool) -> tuple[People, list[dict[str, object]]]:
     """Return the people, without those who never move if asked, and where these are."""
     import numpy as np
 
     from vsd_analytics.engine.statues import statues
 
-    found = statues(people, ts_ms=ts_ms)
-    if is_left_out and found:
-        people = people.rows(np.setdiff1d(np.arange(len(people)), np.concatenate([statue.rows for statue in found])))
+    who_stay = statues(people, ts_ms=ts_ms)
+    if is_left_out and who_stay:
+        people = people.rows(np.setdiff1d(np.arange(len(people)), np.concatenate([statue.rows for statue in who_stay])))
     return people, [
         {"box_px": statue.box.round().astype(int).tolist(), "share_of_frames": round(statue.presence, 3)}
         | {"left_out": is_left_out}
-        for statue in found
+        for statue in who_stay
     ]
 
 
@@ -281,7 +311,7 @@ def _print(done: dict[str, Any]) -> None:
         click.echo(f"  {count(done['stored'], 'new record')} stored")
     if done.get("unread"):
         names = ", ".join(done["unread"][:NAMED]) + (", ..." if len(done["unread"]) > NAMED else "")
-        click.echo(f"  {count(len(done['unread']), 'picture')} cannot be read: {names}")
+        click.echo(plain(f"  {count(len(done['unread']), 'picture')} cannot be read: {names}"))
     for statue in done.get("statues", ()):
         left, top, right, bottom = statue["box_px"]
         fate = "left out" if statue["left_out"] else "--without-statues leaves it out"

@@ -9,7 +9,7 @@ import click
 
 from vsd_analytics.cli.detection import chosen_detector, detector_settings
 from vsd_analytics.cli.options import json_option, path_option
-from vsd_analytics.cli.output import count, emit_json, rounded
+from vsd_analytics.cli.output import count, emit_json, plain, rounded
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import InputError, UsageError, Where
 
@@ -64,12 +64,12 @@ def probe(project: Project, /, model: Path, picture: Path, out: Path | None, as_
         emit_json(rounded({**_understood(detector), "people": _people(people), "picture": str(to)}))
         return 0
     for line in _lines(detector):
-        click.echo(line)
+        click.echo(plain(line))
     parts = f" in {len(tiles)} parts" if tiles else ""
-    click.echo(f"{picture.name}: {count(len(people), 'person').replace('persons', 'people')}{parts}")
+    click.echo(plain(f"{picture.name}: {count(len(people), 'person').replace('persons', 'people')}{parts}"))
     for box, score in zip(people.box.round().astype(int).tolist(), people.score.tolist(), strict=True):
         click.echo(f"  score {score:.2f}  {box[0]}, {box[1]} to {box[2]}, {box[3]}")
-    click.echo(f"{to}   look: it shows people; delete it afterwards")
+    click.echo(plain(f"{to}   look: it shows people; delete it afterwards"))
     if not len(people):
         project.say(
             "nobody found: is somebody in the picture? Try --score 0.2; else colours, mean, sd or person may be "

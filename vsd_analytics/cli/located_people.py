@@ -72,6 +72,19 @@ def by_paper(detected: DetectedPeople, *, part: str | None, ratios: Ratios) -> S
     )
 
 
+def check_calibrated(camera: Camera, *, is_of_pictures: bool) -> None:
+    """Raise UsageError (E101) for a camera without a calibration, with the command that makes one."""
+    if camera.calibrations or camera.planes:
+        return
+    raise UsageError(
+        f"camera {camera.camera_id!r} has no calibration",
+        why="--method people measures in metres on the floor",
+        fix=f"vsd calibrate {camera.camera_id} --draw --picture PICTURE, or --from-people with this command"
+        if is_of_pictures
+        else f"vsd calibrate {camera.camera_id} --from-people PEOPLE --size 1920x1080, or --method paper",
+    )
+
+
 def by_calibrations(detected: DetectedPeople) -> LocatedParts:
     """Return what was seen by the metres of the camera's calibrations."""
     from vsd_analytics.engine.floor_method import locate
@@ -79,14 +92,7 @@ def by_calibrations(detected: DetectedPeople) -> LocatedParts:
     from vsd_analytics.engine.tracker import tracked, tracked_at
 
     camera, people, picture_px = detected.camera, detected.people, detected.picture_px
-    if not camera.calibrations and not camera.planes:
-        raise UsageError(
-            f"camera {camera.camera_id!r} has no calibration",
-            why="--method people measures in metres on the floor",
-            fix=f"vsd calibrate {camera.camera_id} --points FILE, or --from-people with the people of this source"
-            if detected.is_of_pictures
-            else f"vsd calibrate {camera.camera_id} --from-people PEOPLE --size 1920x1080, or --method paper",
-        )
+    check_calibrated(camera, is_of_pictures=detected.is_of_pictures)
     timed, parts = replace(people, ts_ms=detected.ts_ms), []
     settings = detected.project.site.settings
     reach = {"within_m": settings.pair_max_m, "distance_m": settings.distance_m}
@@ -136,7 +142,7 @@ def _with_bodies(detected: DetectedPeople, people: People, used: Calibration) ->
     people = people_with_bodies(people, bodies)
     detected.changed.update({f"{what}, left out": n for what, n in bodies.left_out.items() if n})
     if bodies.n_extended:
-        detected.changed["half body, with feet where the usual height puts them"] += bodies.n_extended
+        detected.changed["half a body, with feet where the usual height puts them"] += bodies.n_extended
     return people
 
 

@@ -1,7 +1,7 @@
 """From boxes to bodies on a floor: doubles and impossible heights go, half bodies get the feet that cannot be seen.
 
 A camera whose homography is known says how high the body in a box is, and where on the floor somebody of usual height
-stands whose head is seen at a pixel. The usual height is the median of the whole boxes of the same camera, so it holds
+is whose head is seen at a pixel. The usual height is the median of the whole boxes of the same camera, so it holds
 for its people and for what its detector puts into a box. Order and effect of the steps are measured in docs/engine.md.
 """
 
@@ -36,7 +36,7 @@ MOST_LEARNT: Final = 20_000
 FARTHEST_M: Final = 60.0
 """People farther away are too small for distances, so tiles are not made for them."""
 
-DOUBLE, TOO_HIGH = "second box on the same person", "box of an impossible height"
+DOUBLE, TOO_HIGH = "a second one on the same person", "of an impossible height"
 
 
 class Bodies:
@@ -111,13 +111,13 @@ def people_with_bodies(people: People, bodies: Bodies) -> People:
     """Return the people of many pictures as `Bodies.cleaned` makes them, by the usual height of all of them."""
     frames = np.unique(people.frame)
     edges = np.searchsorted(people.frame, [*frames.tolist(), np.iinfo(np.int64).max])
-    found = [
+    detections_of = [
         Detections.of(people.box[start:stop], np.ones(stop - start), people.joints[start:stop])
         for start, stop in pairwise(edges.tolist())
     ]
-    for detections in found:
+    for detections in detections_of:
         bodies.learn(detections)
-    cleaned = [bodies.cleaned(detections) for detections in found]
+    cleaned = [bodies.cleaned(detections) for detections in detections_of]
     every = joined(cleaned)
     frame = np.repeat(frames, [len(detections) for detections in cleaned])
     track = np.full(len(every), None, dtype=object)
@@ -160,7 +160,7 @@ def heights_m(box: Array, camera: CameraModel) -> Array:
 
 
 def to_floor_boxes(box: Array, camera: CameraModel, height_m: float) -> Array:
-    """Return boxes whose bottom edge is where somebody of a height stands who has the head at the top edge.
+    """Return boxes whose bottom edge is at the feet of somebody of a height who has the head at the top edge.
 
     A bottom edge may come to lie below the picture. Boxes at or above the horizon of that height stay as they are.
     """

@@ -1,7 +1,7 @@
 """What a detector found so far, in a file beside the result, so that a run that was stopped goes on where it was.
 
 The first line says of what: source, model and settings. A journal of anything else is begun again. It holds boxes and
-joints and no picture, and goes when the run is done.
+joints and no picture.
 """
 
 from __future__ import annotations
@@ -53,11 +53,9 @@ class DetectionJournal:
         self._file.flush()
         self.frames.append(frame)
 
-    def close(self, *, is_done: bool) -> None:
-        """Close the file, and remove it when the run is done."""
+    def close(self) -> None:
+        """Close the file; it stays until its frames are where they belong."""
         self._file.close()
-        if is_done:
-            self.path.unlink(missing_ok=True)
 
 
 def about_run(source: Path, models: list[Path], **settings: Any) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from vsd_analytics.engine.decoders import decoder_for
 from vsd_analytics.engine.decoders.decoder import Decoder
 from vsd_analytics.engine.detections import Detections, joined
 from vsd_analytics.engine.frame_pictures import Picture
+from vsd_analytics.engine.model_input import other_inputs
 from vsd_analytics.engine.network import Network
 from vsd_analytics.engine.suppression import each_once
 from vsd_analytics.engine.tiles import PictureTile
@@ -71,7 +72,9 @@ class Detector:
 
     def _in_tile(self, picture: Picture, tile: PictureTile) -> Detections:
         tensor, placed = self.decoder.preparation.tensor(tile.cut(picture))
-        outputs = self.network.run({self.network.signature.inputs[0].name: tensor})
+        picture_port, *ports = self.network.signature.inputs
+        others = other_inputs(ports, self.decoder.preparation.size_px) or {}
+        outputs = self.network.run({picture_port.name: tensor, **others})
         detections = self.decoder.decode(outputs, least_score=self.least_score)
         return within(placed.back(detections), tile)
 

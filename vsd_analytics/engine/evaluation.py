@@ -71,7 +71,7 @@ def evaluate(found: FoundPairs, truth: Positions, *, distance_m: float) -> Evalu
     if not index.n_common:
         unnamed = f"; {found.n_unnamed:,} persons have no id" if found.n_unnamed else ""
         example = f"the truth has such as {truth.track[0]!r}" if len(truth.track) else "the truth has nobody"
-        raise _nothing("track id", f"{example}{unnamed}")
+        raise _nothing("track id", f"{example}{unnamed}", more="; or compare by place: --by place")
     true = index.true_pairs(truth)
     said = index.found_pairs(found, beyond_m=distance_m)
     n = index.size
@@ -182,11 +182,10 @@ def _span(instants: NDArray[np.int64]) -> str:
     return f"{instants[0]} to {instants[-1]}" if len(instants) else "none"
 
 
-def _nothing(what: str, why: str) -> InputError:
+def _nothing(what: str, why: str, *, more: str = "") -> InputError:
     return InputError(
         f"messages and truth have no {what} in common",
         code="E412",
         why=why,
-        fix="compare the same recording: frame is the frame number of the file given to vsd engine run"
-        + ("; or compare by place: --by place" if what == "track id" else ""),
+        fix="compare the same recording: frame is the frame number of the file given to vsd engine run" + more,
     )

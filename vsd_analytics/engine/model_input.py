@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from vsd_analytics.engine.detections import Detections
 from vsd_analytics.engine.frame_pictures import Picture
+from vsd_analytics.engine.network import Port
 
 Fit = Literal["corner", "centre", "stretch"]
 """How a picture of other proportions goes in: scaled into the upper left corner or into the middle and padded, or
@@ -20,6 +22,23 @@ IMAGENET_MEAN, IMAGENET_SD = (123.675, 116.28, 103.53), (58.395, 57.12, 57.375)
 GREY: Final = 114
 """What YOLO, YOLOX and RTMDet are padded with."""
 TYPES: Final = {"float": np.float32, "float16": np.float16, "double": np.float64, "int32": np.int32, "uint8": np.uint8}
+
+
+def other_inputs(ports: Sequence[Port], size_px: tuple[int, int]) -> dict[str, NDArray[Any]] | None:
+    """Return what goes into a network beside the picture: its size, or which of its pixels count (all).
+
+    None where an input is none of those that exports of DETR, RT-DETR and PicoDet have.
+    """
+    width, height = size_px
+    known = {
+        "pixel_mask": np.ones((1, height, width)),
+        "orig_target_sizes": np.array([[width, height]]),
+        "im_shape": np.array([[height, width]]),
+        "scale_factor": np.ones((1, 2)),
+    }
+    if any(port.name not in known for port in ports):
+        return None
+    return {port.name: known[port.name].astype(TYPES.get(port.kind, np.int64)) for port in ports}
 
 
 @dataclass(frozen=True, slots=True)

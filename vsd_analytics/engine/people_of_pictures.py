@@ -19,7 +19,7 @@ from vsd_analytics.engine.tiles import PictureTile, tiles_for
 N_FIRST: Final = 5
 """So many pictures show how large people are where no calibration does."""
 DIGITS_PX: Final = 2
-"""Pixels are kept to a hundredth, so that a run that goes on after a stop gives the same bytes."""
+"""Pixels are rounded to a hundredth, so that a run that goes on after a stop gives the same bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,13 +46,18 @@ class PeopleOfPictures:
     Attributes:
         frames: Those that were processed.
         unread: Names of pictures that cannot be read.
+        seq: Running number of each processed frame. Pictures that cannot be read have one, too, so that a gap shows
+            them; pictures that were not taken have none.
     """
 
     frames: list[SeenFrame] = field(default_factory=list)
     unread: list[str] = field(default_factory=list)
+    seq: dict[int, int] = field(default_factory=dict)
 
     def add(self, frame: SeenFrame) -> None:
         """Add a frame, or the name of one that cannot be read."""
+        if frame.detections is not None:
+            self.seq[frame.number] = len(self.frames) + len(self.unread)
         if frame.detections is None:
             self.unread.append(frame.name)
         else:

@@ -26,6 +26,8 @@ VIDEO_SUFFIXES: Final = frozenset(
 )
 EPOCH_S_FROM: Final = 1e9
 """Numbers in names from here on are seconds since 1970; from `EPOCH_MS_FROM` on milliseconds."""
+SHORT_S: Final = 1.0
+"""Containers state their number of pictures by their duration, so less than this at the end is not missing."""
 EARLY_S: Final = 0.0005
 """A picture that comes this much before its turn is on time: stamps are rounded to milliseconds."""
 
@@ -109,6 +111,8 @@ class VideoFile:
             number += 1
             stamp_ms = float(video.get(cv2.CAP_PROP_POS_MSEC))
             begin_ms = stamp_ms if begin_ms is None else begin_ms
+            if number and stamp_ms <= begin_ms and self.rate_hz > 0:  # a stream of pictures without stamps
+                stamp_ms = begin_ms + 1000 * number / self.rate_hz
             at_ms = stamp_ms - begin_ms
             turn = math.floor((at_ms / 1000 + EARLY_S) * hz)
             if turn <= last:
@@ -118,7 +122,7 @@ class VideoFile:
                 is_read, picture = video.retrieve()
                 yield TimedPicture(number, round(at_ms), _of(picture) if is_read else None, f"frame {number}")
         video.release()
-        if number + 1 < self._length:  # the file says how many it has; what is missing is named once
+        if number + 1 + SHORT_S * self.rate_hz < self._length:  # the file says about how many it has
             yield TimedPicture(number + 1, round(at_ms), None, f"frames {number + 1} to {self._length - 1}")
 
 
@@ -178,7 +182,10 @@ def picture_number(file: Path) -> int | None:
 
 def read_picture(file: Path) -> Picture | None:
     """Return a picture as it is stored, without turning it; None where it cannot be read."""
-    picture: Any = cv2.imread(str(file), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    try:
+        picture: Any = cv2.imread(str(file), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    except cv2.error:  # more pixels than OpenCV reads
+        return None
     return None if picture is None else _of(picture)
 
 

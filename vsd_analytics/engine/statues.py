@@ -55,7 +55,7 @@ def statues(people: People, *, ts_ms: NDArray[np.int64]) -> list[Statue]:
     height = box[:, 3] - box[:, 1]
     free = np.asarray(np.isfinite(box).all(axis=1), dtype=np.bool_)
     least = LEAST_PRESENCE * len(people.frames)
-    found: list[Statue] = []
+    still_places: list[Statue] = []
     while free.sum() > least:
         rows = np.flatnonzero(free)
         near = _nearest_crowd(middle[rows], height[rows])
@@ -68,12 +68,12 @@ def statues(people: People, *, ts_ms: NDArray[np.int64]) -> list[Statue]:
         spread = middle[same].std(axis=0).max() / typical[2] if len(same) else np.inf
         lasts = np.ptp(ts_ms[np.searchsorted(people.frames, people.frame[same])]) / 1000 if len(same) else 0.0
         if presence >= LEAST_PRESENCE and spread <= STILL_SHARE and lasts >= LEAST_S:
-            found.append(Statue(np.median(box[same], axis=0), presence, same))
+            still_places.append(Statue(np.median(box[same], axis=0), presence, same))
         elif len(rows) <= least:
             break
         free[rows] = False
-    others = int(np.isfinite(box).all(axis=1).sum()) - sum(len(statue.rows) for statue in found)
-    return sorted(found, key=lambda statue: -statue.presence) if others >= LEAST_OTHERS else []
+    others = int(np.isfinite(box).all(axis=1).sum()) - sum(len(statue.rows) for statue in still_places)
+    return sorted(still_places, key=lambda statue: -statue.presence) if others >= LEAST_OTHERS else []
 
 
 def _nearest_crowd(middle: Array, height: Array) -> NDArray[np.intp]:

@@ -142,7 +142,7 @@ def _numbers_fix(source: Source) -> str | None:
     if _TRACKED.fullmatch(first) is None:
         return None
     return (
-        "frame, id, left, top, width, height, as trackers write them: --format motchallenge --camera ID --fps 25 "
+        "frame, id, left, top, width, height, as trackers write them: --format motchallenge --camera ID --hz 25 "
         "--start INSTANT; other numbers: --columns with our names in their order"
     )
 

@@ -20,7 +20,7 @@ from vsd_analytics.engine.decoders.movenet import movenet
 from vsd_analytics.engine.decoders.nanodet import nanodet
 from vsd_analytics.engine.decoders.yolo import yolo
 from vsd_analytics.engine.decoders.yolox import yolox
-from vsd_analytics.engine.model_input import TYPES
+from vsd_analytics.engine.model_input import TYPES, other_inputs
 from vsd_analytics.engine.network import Signature
 from vsd_analytics.errors import InputError, Where
 
@@ -64,6 +64,8 @@ def _chosen(families: dict[str, Callable[[Signature, ModelNotes], Any]], signatu
     if named is not None and named not in families:
         raise _unknown(model, signature, families, why=f"{model.with_suffix('.toml').name} names a family {named!r}")
     is_picture = bool(signature.inputs) and len(signature.inputs[0].shape) == 4 and signature.inputs[0].kind in TYPES
+    if is_picture and other_inputs(signature.inputs[1:], (1, 1)) is None:
+        raise _unknown(model, signature, families, why="it takes more than a picture")
     for family, decoder_of in families.items():
         if is_picture and named in {None, family}:
             decoder = decoder_of(signature, notes)
@@ -75,13 +77,13 @@ def _chosen(families: dict[str, Callable[[Signature, ModelNotes], Any]], signatu
 def _unknown(
     model: Path, signature: Signature, families: dict[str, Callable[[Signature, ModelNotes], Any]], *, why: str | None
 ) -> InputError:
-    said = f"{why}; its inputs and outputs are {signature}" if why else str(signature)
+    explanation = f"{why}; its inputs and outputs are {signature}" if why else str(signature)
     if families is CROP_FAMILIES:
         return InputError(
             f"{model.name} does not find the joints of one person in a way that is known",
             code="E216",
             where=Where(str(model)),
-            why=said,
+            why=explanation,
             fix=f"give a model of {' or '.join(CROP_FAMILIES)}, or leave out --joints",
         )
     width, height = signature.picture_px or (640, 640)
@@ -103,6 +105,6 @@ def _unknown(
         f"{model.name} is a model of no known family",
         code="E216",
         where=Where(str(model)),
-        why=said,
+        why=explanation,
         fix=f"write {model.with_suffix('.toml').name} beside it and fill it in:\n  " + "\n  ".join(lines),
     )

@@ -77,17 +77,17 @@ class StatedBoxes:
 
 def boxes(signature: Signature, notes: ModelNotes) -> StatedBoxes | None:
     """Return the decoder that notes describe; None where they name no boxes and scores of this network."""
-    said = notes.values
-    box, scores = (_columns(said.get(key, ""), signature) for key in ("boxes", "scores"))
-    classes = _columns(said["classes"], signature) if "classes" in said else None
-    if box is None or scores is None or ("classes" in said and classes is None):
+    keys = notes.values
+    box, scores = (_columns(keys.get(key, ""), signature) for key in ("boxes", "scores"))
+    classes = _columns(keys["classes"], signature) if "classes" in keys else None
+    if box is None or scores is None or ("classes" in keys and classes is None):
         return None
     preparation = Preparation(
         signature.picture_px or (640, 640),
         is_channels_last=signature.is_channels_last,
         kind=signature.inputs[0].kind,
     )
-    layout, unit = said.get("layout", "corners"), said.get("unit", "px")
+    layout, unit = keys.get("layout", "corners"), keys.get("unit", "px")
     return StatedBoxes(preparation, box, scores, classes, layout, unit == "share", notes.person(0))
 
 

@@ -73,13 +73,13 @@ class ModelNotes:
 
     def applied(self, preparation: Preparation) -> Preparation:
         """Return a preparation with what the notes say in place of what is usual."""
-        said = self.values
-        changed: dict[str, Any] = {key: tuple(map(float, said[key])) for key in ("mean", "sd") if key in said}
-        if "size_px" in said:
-            changed["size_px"] = tuple(said["size_px"])
-        if "colours" in said:
-            changed["is_rgb"] = said["colours"] == "rgb"
-        changed |= {key: said[key] for key in ("fit", "pad") if key in said}
+        keys = self.values
+        changed: dict[str, Any] = {key: tuple(map(float, keys[key])) for key in ("mean", "sd") if key in keys}
+        if "size_px" in keys:
+            changed["size_px"] = tuple(map(int, keys["size_px"]))
+        if "colours" in keys:
+            changed["is_rgb"] = keys["colours"] == "rgb"
+        changed |= {key: keys[key] for key in ("fit", "pad") if key in keys}
         return replace(preparation, **changed)
 
 

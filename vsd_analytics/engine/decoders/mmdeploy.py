@@ -68,7 +68,7 @@ class Rtmo:
 def rtmdet(signature: Signature, notes: ModelNotes) -> RtmDet | None:
     """Return the decoder of a network with the outputs of RTMDet, None for others."""
     boxes = _boxes(signature)
-    labels = next((p for p in signature.outputs if len(p.shape) == 2 and p.kind.startswith("int")), None)
+    labels = next((p for p in signature.outputs if len(p.shape) == 2), None)
     if boxes is None or labels is None or len(signature.outputs) != 2:
         return None
     preparation = Preparation(

@@ -69,7 +69,7 @@ class Yolo:
 
 def yolo(signature: Signature, notes: ModelNotes) -> Yolo | None:
     """Return the decoder of a network with the outputs of YOLO, None for others."""
-    if len(signature.outputs) != 1 or len(signature.outputs[0].shape) != 3 or len(signature.inputs) != 1:
+    if len(signature.outputs) != 1 or len(signature.outputs[0].shape) != 3:
         return None
     size_px = signature.picture_px or (640, 640)
     preparation = Preparation(
