@@ -48,7 +48,7 @@ class LiveTracker:
             people: Of the picture.
             xy: Floor metres, NaN where unknown, shape (n, 2).
             per_px: Derivative of the places by pixels, metres per pixel, shape (n, 2, 2).
-            ms: UTC milliseconds, later than those of the pictures before.
+            ms: UTC milliseconds.
         """
         self._start_ms = ms if self._start_ms is None else self._start_ms
         outline = people.outline
@@ -56,6 +56,8 @@ class LiveTracker:
         covariance = per_px @ np.swapaxes(per_px, 1, 2) * (sd_px**2)[:, None, None]
         known = np.flatnonzero(np.isfinite(xy).all(axis=1) & np.isfinite(covariance).all(axis=(1, 2)))
         time_s = (ms - self._start_ms) / 1000
+        if self._past and time_s <= self._past[-1].time_s:  # the clock was set back
+            self._past.clear()
         self._past = [past for past in self._past if time_s - past.time_s <= MEMORY_S]
         ids: list[str] = [""] * len(people)
         seen = self._linked(_Sightings(xy[known], covariance[known], [], time_s))
