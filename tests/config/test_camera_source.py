@@ -13,7 +13,8 @@ from vsd_analytics.config import load_site
 from vsd_analytics.config.camera_source import password_variable
 from vsd_analytics.errors import ConfigError, LiveError, VsdError
 from vsd_analytics.live.passwords import source_password
-from vsd_analytics.site.model import Camera, CameraSource
+from vsd_analytics.site.model import Camera
+from vsd_analytics.site.routes import CameraSource
 
 SECRET = "sw0rd-fish"
 

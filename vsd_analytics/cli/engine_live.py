@@ -65,7 +65,7 @@ def live(
     status/listen.json and vsd doctor show the state of each camera.
 
     With --look, one page on this machine shows the picture as it is now with people, circles of the legal distance and
-    lines between those too close, beside the plan; it is drawn in memory and kept nowhere. There a camera can be
+    lines between those too close, beside the plan; it is drawn in memory and written nowhere. There a camera can be
     calibrated by eye.
 
     \b

@@ -7,7 +7,7 @@ from typing import Final
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from vsd_analytics.config.reader import TableReader
-from vsd_analytics.site.model import CameraSource
+from vsd_analytics.site.routes import CameraSource
 
 SCHEMES: Final = ("rtsp", "rtsps", "http", "https")
 PLACEHOLDER: Final = "{password}"

@@ -1,6 +1,6 @@
 """Pictures of a camera as it is now: a thread for each source keeps the newest picture, and connects again.
 
-Time is cut into slots of 1/hz seconds. The first picture of each slot is kept until it is taken, or until that of the
+Time is cut into slots of 1/hz seconds. The first picture of each slot stays until it is taken, or until that of the
 next slot replaces it. What is read in between is not converted. So what is slow never falls behind: it misses pictures.
 
 Only the newest picture of a source is in memory, and none is written anywhere. The password is put into an address when
@@ -81,7 +81,7 @@ class SourceCounts:
     """What a source did since the start.
 
     Attributes:
-        n_pictures: Pictures kept, one a slot.
+        n_pictures: Pictures read, one a slot at most.
         n_replaced: Those of them that nobody took in time.
         n_connections: How often it was opened.
         n_repeated: Those that equalled the last one for longer than `HUNG_S`.

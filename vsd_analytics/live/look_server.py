@@ -1,6 +1,6 @@
 """The look page over HTTP, on this machine alone: a token before anything else, one host name, no other origin.
 
-The address with the token is opened once; a cookie takes its place. The answers are made in memory and kept nowhere.
+The address with the token is opened once; a cookie takes its place. The answers are made in memory and written nowhere.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from typing import Final, Literal, get_args
 from zoneinfo import ZoneInfo
 
 from vsd_analytics.settings import Settings, Value
-from vsd_analytics.site.routes import ExchangeRoute, MailRoute
+from vsd_analytics.site.routes import CameraSource, ExchangeRoute, MailRoute
 
 Point = tuple[float, float]
 Language = Literal["en", "it"]
@@ -54,27 +54,6 @@ class Plane:
     polygon_px: tuple[Point, ...]
     calibration: Calibration
     height_m: tuple[float, float, float] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class CameraSource:
-    """Where the pictures of a camera come from.
-
-    Attributes:
-        address: An address of RTSP or HTTP, a device such as `/dev/video0`, or the path of a video, shown in a loop.
-            It has no password: `{password}` in it stands for one.
-        username: Who logs in; None = nobody.
-        password_file: File with the password on its first line; the environment's VSD_SOURCE_PASSWORD_ID wins.
-    """
-
-    address: str
-    username: str | None = None
-    password_file: Path | None = None
-
-    @property
-    def is_network(self) -> bool:
-        """Return whether the pictures come over a network."""
-        return "://" in self.address
 
 
 @dataclass(frozen=True, slots=True)
