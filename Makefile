@@ -85,6 +85,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/faults/prove_power_cut.py
 	$(BIN)/python tests/faults/prove_parallel.py --minutes 5
 	$(BIN)/python tests/live/prove_soak.py --hours 24 --seed 1 --rate 2000
+	$(BIN)/python tests/live/prove_engine_live.py --minutes 60
 	$(BIN)/python tests/retention/prove_purge_crashes.py
 	$(BIN)/python tests/privacy/prove_hidden_counts.py --seeds 11 --weeks 10
 	$(BIN)/python tests/benchmarks/bench_ingest.py --rows 1000000

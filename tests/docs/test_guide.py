@@ -87,8 +87,9 @@ def _write_named_files(folder: Path) -> None:
     import numpy as np
     from PIL import Image
 
-    for name in ("plans", "pictures", "calibration"):
+    for name in ("plans", "pictures", "calibration", "secrets"):
         (folder / name).mkdir()
+    (folder / "secrets" / "cam-1-password").write_text("a password\n")
     for name in ("plans/ground.png", "pictures/cam-1.png"):
         Image.new("RGB", (64, 48), "white").save(folder / name)
     np.savetxt(folder / "calibration" / "cam-1.txt", np.diag([0.01, 0.01, 1.0]))

@@ -84,6 +84,23 @@ def test_silent_cameras_rejects_gaps_and_qos_0_are_reported(site: Site) -> None:
     assert "QoS 0" in found["live delivery"].detail
 
 
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ({"state": "on", "error": None, "pictures": 100, "too_slow": 4}, None),
+        ({"state": "on", "error": None, "pictures": 100, "too_slow": 6}, "6 of 100 pictures came while"),
+        ({"state": "lost", "error": "it does not answer", "pictures": 0, "too_slow": 0}, "lost: it does not answer"),
+        ({"state": "hung", "error": "the same picture", "pictures": 9, "too_slow": 0}, "hung: the same picture"),
+        ({"state": "connecting", "error": None, "pictures": 0, "too_slow": 0}, "connecting: no picture yet"),
+    ],
+)
+def test_live_cameras_in_trouble_are_reported(site: Site, source: dict[str, Any], expected: str | None) -> None:
+    told = heartbeat(engine={"cameras": {"cam-1": source}, "picture_ms": 20.0})
+    details = [f.detail for f in examine_listener(site, status=told, now=NOW) if f.subject == "pictures of cam-1"]
+    assert len(details) == (expected is not None)
+    assert all(expected in detail for detail in details if expected is not None)
+
+
 def test_a_heartbeat_is_written_whole_and_read_again(site: Site) -> None:
     told = heartbeat()
     write_status(site.root, told)

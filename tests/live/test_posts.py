@@ -26,7 +26,8 @@ from vsd_analytics.ingest.intake.replay import replay
 from vsd_analytics.live import posts
 from vsd_analytics.live.listener import Listener
 from vsd_analytics.live.mapped import mapped_readers
-from vsd_analytics.live.posts import MESSAGES_MAX, PostInbox, host_and_port, messages_of, token_of
+from vsd_analytics.live.message_queue import MESSAGES_MAX
+from vsd_analytics.live.posts import PostInbox, host_and_port, messages_of, token_of
 from vsd_analytics.schema import TABLES
 from vsd_analytics.store.segments import read_segment
 from vsd_analytics.store.store import Store
@@ -62,7 +63,7 @@ class Run:
         limit = int(site.settings.line_max_bytes)
         self.posts = PostInbox("127.0.0.1:0", token=TOKEN, sources=sources, body_max_bytes=limit)
         self.listener = Listener(
-            site, broker=None, password=None, posts=self.posts, clock=lambda: datetime.now(tz=UTC), status_every_s=0.1
+            site, broker=None, password=None, door=self.posts, clock=lambda: datetime.now(tz=UTC), status_every_s=0.1
         )
         self._stop = threading.Event()
         stop = self._stop.is_set

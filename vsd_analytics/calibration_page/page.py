@@ -96,7 +96,7 @@ def render_calibration_page(site: Site, camera: Camera, *, picture: Path | None 
     used = camera.calibrations[-1] if camera.calibrations else None
     given = _points(used)
     image, size = _picture(camera, picture or camera.picture)
-    extent = _extent(site, camera, floor, given)
+    extent = plan_extent(site, camera, floor, given)
     style = shipped_style("planner.css") + shipped_style("calibrate.css")
     code = one_script(SCRIPTS)
     say = catalogue.say
@@ -114,7 +114,7 @@ def render_calibration_page(site: Site, camera: Camera, *, picture: Path | None 
                 DrawingTool(name=t, title=say(f"calibrate_page.tools.{t}"), how=say(f"calibrate_page.how.{t}"))
                 for t in TOOLS
             ),
-            panes=(_picture_pane(image, size), _plan_pane(floor, extent)),
+            panes=(_picture_pane(image, size), plan_pane(floor, extent)),
             csv_name=csv_name,
             toml_name=f"{camera.camera_id}-lines.toml",
             command=f"vsd calibrate {camera.camera_id} --points {csv_name}",
@@ -171,7 +171,8 @@ def _picture_pane(image: str | None, size: tuple[int, int]) -> DrawingPane:
     )
 
 
-def _plan_pane(floor: Floor, extent: Box) -> DrawingPane:
+def plan_pane(floor: Floor, extent: Box) -> DrawingPane:
+    """Return the drawing of a floor's plan, with as much of it as `extent` has."""
     say = catalogue.say
     x0, _, x1, y1 = extent
     shown, image, box = plan_bounds(floor), None, (0.0, 0.0, 0.0, 0.0)
@@ -192,7 +193,7 @@ def _plan_pane(floor: Floor, extent: Box) -> DrawingPane:
     )
 
 
-def _extent(site: Site, camera: Camera, floor: Floor, given: tuple[PointPair, ...]) -> Box:
+def plan_extent(site: Site, camera: Camera, floor: Floor, given: tuple[PointPair, ...]) -> Box:
     """Return the part of the floor to draw, in whole metres: the plan and all that is known on it."""
     import shapely
 

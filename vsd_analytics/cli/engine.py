@@ -18,6 +18,7 @@ from vsd_analytics.cli.detection import (
     people_of_source,
     store_messages,
 )
+from vsd_analytics.cli.engine_live import live
 from vsd_analytics.cli.engine_probe import probe
 from vsd_analytics.cli.located_people import (
     DetectedPeople,
@@ -59,6 +60,7 @@ def engine() -> None:
     """
 
 
+engine.add_command(live)
 engine.add_command(probe)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -19,6 +19,35 @@ if TYPE_CHECKING:
     from vsd_analytics.site.model import Broker
 
 
+F = TypeVar("F", bound="Callable[..., Any]")
+
+
+def rhythm_options(command: F) -> F:
+    """Add the options of a command that stores messages around the clock: how often it folds and tells its state."""
+    for option in (
+        click.option(
+            "--status-every",
+            "status_every_s",
+            type=click.FloatRange(min=0.1),
+            default=5,
+            show_default=True,
+            metavar="SECONDS",
+            help="Time between two heartbeats.",
+        ),
+        click.option(
+            "--fold-every",
+            "fold_every_s",
+            type=click.FloatRange(min=1),
+            default=3600,
+            show_default=True,
+            metavar="SECONDS",
+            help="Fold the spool a minute after each multiple of this; sooner when it grows.",
+        ),
+    ):
+        command = option(command)
+    return command
+
+
 @click.command()
 @click.option("--once", is_flag=True, help="Take what the broker has queued, store it, fold, and stop.")
 @click.option(
@@ -28,24 +57,7 @@ if TYPE_CHECKING:
     metavar="SECONDS",
     help="Give up when the broker cannot be reached within this time at the start (default: never).",
 )
-@click.option(
-    "--fold-every",
-    "fold_every_s",
-    type=click.FloatRange(min=1),
-    default=3600,
-    show_default=True,
-    metavar="SECONDS",
-    help="Fold the spool a minute after each multiple of this; sooner when it grows.",
-)
-@click.option(
-    "--status-every",
-    "status_every_s",
-    type=click.FloatRange(min=0.1),
-    default=5,
-    show_default=True,
-    metavar="SECONDS",
-    help="Time between two heartbeats.",
-)
+@rhythm_options
 @click.option(
     "--http",
     "http",
@@ -97,15 +109,15 @@ def listen(
     with (
         single_listener(project.root),
         stop_signals(is_second_final=True) as stopped,
-        live_alarms(project, clock=_clock(project)) as alarms,
+        live_alarms(project, clock=machine_clock(project)) as alarms,
     ):
         posts = None if http is None else _posts(project, http, environ=os.environ)
         listener = Listener(
             project.site,
             broker=broker,
             password=None if broker is None else password_of(broker, environ=os.environ),
-            posts=posts,
-            clock=_clock(project),
+            door=posts,
+            clock=machine_clock(project),
             observers=[] if alarms is None else [alarms],
             fold_every_s=fold_every_s,
             status_every_s=status_every_s,
@@ -120,7 +132,7 @@ def listen(
             listener.status.alarms = alarms.as_dict
         status = listener.run(should_stop=stopped.is_set, is_once=once, connect_timeout_s=connect_timeout_s)
     if as_json:
-        emit_json(status.as_dict(now=_clock(project)()))
+        emit_json(status.as_dict(now=machine_clock(project)()))
     else:
         bad = sum(status.n_rejected.values())
         rows = sum(status.n_stored.values())
@@ -167,7 +179,7 @@ def _own_port(project: Project) -> int:
     return PORT if broker is None or broker.is_tls else broker.port
 
 
-def _clock(project: Project) -> Callable[[], datetime]:
+def machine_clock(project: Project) -> Callable[[], datetime]:
     """Return a clock that starts at `--now`, or is the machine's."""
     import time
     from datetime import UTC, datetime, timedelta

@@ -11,6 +11,7 @@ from typing import get_args
 from zoneinfo import ZoneInfo
 
 from vsd_analytics.config.calibrations import read_calibrations, view_of_planes
+from vsd_analytics.config.camera_source import read_camera_source
 from vsd_analytics.config.reader import DATE, Form, TableReader, nearest
 from vsd_analytics.config.values import BOX_MAX_M2, is_simple, parse_instant, parse_picture_px, zone
 from vsd_analytics.geometry.picture_size import picture_size
@@ -78,6 +79,7 @@ def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: st
             view=_polygon(table, "view"),
             has_clock="clock" in table.values,
             planes=planes,
+            source=read_camera_source(table, camera_id),
         )
         if planes and "view" not in table.values:
             camera = replace(camera, view=view_of_planes(table, camera))

@@ -20,6 +20,8 @@ from vsd_analytics.site.model import Broker, Site
 
 USUAL_CONFIG = Path("/etc/mosquitto/mosquitto.conf")
 LOCAL_HOSTS = ("localhost", "127.0.0.1", "::1")
+SLOW_SHARE = 0.05
+"""More pictures than this that the detector had no time for deserve a look."""
 OLD_STATUS_S = 60.0
 START_S = 30.0
 """A listener that is starting for less has not written its state yet."""
@@ -45,6 +47,8 @@ def examine_live(
             this machine and the file is of a broker with its port.
     """
     if site.broker is None:
+        if any(camera.source is not None for camera in site.cameras):
+            yield from examine_listener(site, status=read_status(site.root), now=now)
         return
     yield from examine_listener(site, status=read_status(site.root), now=now)
     yield from _examine_broker(site.broker, environ=environ)
@@ -58,11 +62,28 @@ def examine_live(
             yield Finding("broker configuration", "note", detail, "vsd doctor --broker-config with the file of yours")
 
 
+def _examine_sources(sources: Mapping[str, Mapping[str, Any]]) -> Iterator[Finding]:
+    """Check the pictures of `vsd engine live`: is each camera there, and is the detector fast enough."""
+    for camera_id, source in sources.items():
+        state, n_kept, n_slow = source.get("state"), int(source.get("pictures", 0)), int(source.get("too_slow", 0))
+        if state != "on":
+            detail = f"{state}: {source.get('error') or 'no picture yet'}; the time is missing in vsd coverage"
+            yield Finding(
+                f"pictures of {camera_id}", "needs you", detail, f"look at the camera, and source of {camera_id}"
+            )
+        elif n_slow > SLOW_SHARE * n_kept:
+            detail = f"{n_slow:,} of {n_kept:,} pictures came while the detector was busy, and are missing"
+            fix = "a smaller --hz, a smaller model, or --provider cuda"
+            yield Finding(f"pictures of {camera_id}", "needs you", detail, fix)
+
+
 def examine_listener(site: Site, *, status: Mapping[str, Any] | None, now: datetime) -> Iterator[Finding]:
     """Check a heartbeat (`read_status`): is the listener running, connected, able to store; is a camera silent."""
     name = "listener"
+    has_sources = any(camera.source is not None for camera in site.cameras)
+    command = "vsd engine live --detector model.onnx" if has_sources else "vsd listen"
     if status is None:
-        yield Finding(name, "note", "it never ran in this project", "vsd listen (as a service: docs/live.md)")
+        yield Finding(name, "note", "it never ran in this project", f"{command} (as a service: docs/live.md)")
         return
     try:
         at = datetime.fromisoformat(status["at"])
@@ -72,14 +93,16 @@ def examine_listener(site: Site, *, status: Mapping[str, Any] | None, now: datet
         last = {camera: datetime.fromisoformat(c["last"]) for camera, c in cameras.items()}
         n_missing = sum(c["missing"] or 0 for c in cameras.values())
         n_qos0 = int(status["qos0"])
+        since = status["connected_since"] or status["started"]
+        sources = dict((status.get("engine") or {}).get("cameras", {}))
     except (KeyError, TypeError, ValueError, AttributeError):
         yield Finding(name, "needs you", "status/listen.json cannot be read", "remove it; a listener writes it again")
         return
     if state == "stopped":
-        yield Finding(name, "note", f"stopped since {status['at']}: {counts}", "vsd listen")
+        yield Finding(name, "note", f"stopped since {status['at']}: {counts}", command)
         return
     if not is_alive(pid):
-        yield Finding(name, "needs you", f"process {pid} is gone since about {status['at']}", "vsd listen")
+        yield Finding(name, "needs you", f"process {pid} is gone since about {status['at']}", command)
         return
     if (now - at).total_seconds() > OLD_STATUS_S:
         yield Finding(name, "needs you", f"process {pid} wrote no status since {status['at']}", "look at its log")
@@ -92,7 +115,8 @@ def examine_listener(site: Site, *, status: Mapping[str, Any] | None, now: datet
         yield Finding(name, "needs you", f"{state}: {error or 'no reason given'} ({counts})", fix)
     else:
         lag = "" if lag_s is None else f", newest message {lag_s:,.0f} s old"
-        yield Finding(name, "ok", f"listening since {status['connected_since']}: {counts}{lag}")
+        yield Finding(name, "ok", f"listening since {since}: {counts}{lag}")
+    yield from _examine_sources(sources)
     silence = timedelta(seconds=site.settings.coverage_gap_s)
     silent = [c.camera_id for c in site.cameras if c.camera_id not in last or at - last[c.camera_id] > silence]
     if silent and (at - datetime.fromisoformat(status["started"])) > silence:

@@ -45,7 +45,7 @@ def feet(people: People) -> Array:
     """
     box = people.outline
     known = np.column_stack([_mean(people.joints[:, FEET, axis]) for axis in (0, 1)])
-    has_joints = np.isfinite(people.joints).reshape(len(people), -1).any(axis=1)
+    has_joints = np.isfinite(people.joints).any(axis=(1, 2))
     middle = np.column_stack([(box[:, 0] + box[:, 2]) / 2, box[:, 3]])
     return np.where(np.expand_dims(has_joints, 1), known, middle)
 

@@ -68,8 +68,8 @@ def below_joints(people: People, camera: CameraModel) -> Array:
 
 def has_feet(people: People) -> NDArray[np.bool_]:
     """Return which skeletons have a joint of a foot, shape (n,)."""
-    known = np.isfinite(people.joints[:, [*_LEFT, *_RIGHT]]).reshape(len(people), -1)
-    return np.asarray(known.any(axis=1), dtype=np.bool_)
+    known = np.isfinite(people.joints[:, [*_LEFT, *_RIGHT]])
+    return np.asarray(known.any(axis=(1, 2)), dtype=np.bool_)
 
 
 def _feet(people: People, camera: CameraModel) -> Array:

@@ -1,8 +1,8 @@
 """`vsd listen`: live messages into the store. A message is acknowledged only after its records are durable.
 
-One thread talks to the broker and appends to the spool; folding runs in a process of its own, and the HTTP server in
-threads that wait for the first one. The order for every batch: read, check, quarantine bad records, append pairs,
-observations and frames, call the observers, acknowledge.
+One thread talks to the broker and appends to the spool; folding runs in a process of its own, and the HTTP server and
+what looks at pictures in threads that wait for the first one. The order for every batch: read, check, quarantine bad
+records, append pairs, observations and frames, call the observers, acknowledge.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from vsd_analytics.live.batches import (
 from vsd_analytics.live.decode import Prepared, Preparer
 from vsd_analytics.live.folding import Folded, Folding
 from vsd_analytics.live.mapped import mapped_readers, topics_of
+from vsd_analytics.live.message_queue import MessageDoor
 from vsd_analytics.live.mqtt import SESSION_MIN_S, WINDOW, BrokerLink
-from vsd_analytics.live.posts import PostInbox
 from vsd_analytics.live.quarantining import LiveQuarantine
 from vsd_analytics.live.status import CANNOT_STORE, CLOCKS_DISAGREE, Status, offline, write_status
 from vsd_analytics.schema import TABLES, TableName
@@ -50,7 +50,7 @@ FOLD_EVERY_S = 3600.0
 STATUS_EVERY_S = 5.0
 CAMERAS_SHOWN = 5
 _STEP_MAX_S = 0.25
-_POSTS_STEP_S = 0.05
+_DOOR_STEP_S = 0.05
 _QUIET_S = 1.0
 
 
@@ -65,14 +65,14 @@ class StoredObserver(Protocol):
 
 
 class Listener:
-    """Stores the messages of one site: those of its broker, those that are posted to it, or both.
+    """Stores the messages of one site: those of its broker, those of another door, or both.
 
     Args:
         site: The site.
         broker: Its broker; None = none.
         password: Password of the broker's user; None = none.
         clock: Returns the current instant, for the limits of live times, for lag and status.
-        posts: Where messages are posted by HTTP; None = nowhere. The listener closes it.
+        door: Where messages come in beside the broker: by HTTP, or of pictures; None = nowhere. The listener closes it.
         observers: Called with every durable batch.
         fold_every_s: Folds a minute after each multiple of this.
         status_every_s: Seconds between two heartbeats.
@@ -89,7 +89,7 @@ class Listener:
         broker: Broker | None,
         password: str | None,
         clock: Callable[[], datetime],
-        posts: PostInbox | None = None,
+        door: MessageDoor | None = None,
         observers: Sequence[StoredObserver] = (),
         fold_every_s: float = FOLD_EVERY_S,
         status_every_s: float = STATUS_EVERY_S,
@@ -98,7 +98,7 @@ class Listener:
         seed: int = 0,
         report: Callable[[str], None] = lambda _line: None,
     ) -> None:
-        self.site, self.broker, self.posts = site, broker, posts
+        self.site, self.broker, self.door = site, broker, door
         self.status = Status(started=clock())
         self._clock, self._observers, self._report = clock, observers, report
         self._fold_every_s, self._status_every_s, self._linger_s = fold_every_s, status_every_s, linger_s
@@ -113,7 +113,7 @@ class Listener:
         self._fold_again_s = 0.0
         self._spooled_since_fold = [0, 0]
         self._status_at_s = 0.0
-        source = "http" if broker is None else f"mqtt://{broker.host}:{broker.port}"
+        source = (door.name if door is not None else "") if broker is None else f"mqtt://{broker.host}:{broker.port}"
         self._quarantine = LiveQuarantine(site, source=source, now=clock())
         self._agreement = ClockAgreement()
         self._disagreement: str | None = None
@@ -158,8 +158,8 @@ class Listener:
                 self._note_link()
                 if self._is_store_due():
                     self.store_held()
-                if self._are_posts_due():
-                    self.store_posted()
+                if self._is_door_due():
+                    self.store_offered()
                 self._start_or_end_fold(is_owed=is_fold_owed)
                 is_fold_owed = False
                 if time.monotonic() >= self._status_at_s:
@@ -170,8 +170,8 @@ class Listener:
                     break
             if self.link is not None and self.link.held:
                 self.store_held()
-            if self._are_posts_due(is_last=True):
-                self.store_posted()
+            if self._is_door_due(is_last=True):
+                self.store_offered()
             if is_once:
                 self._fold_now()
         finally:
@@ -180,7 +180,7 @@ class Listener:
                 self._quarantine.close()
             self.status.state = "stopped"
             self.beat()
-            for opened in (self.posts, self.link):
+            for opened in (self.door, self.link):
                 if opened is not None:
                     opened.close()
         return self.status
@@ -199,11 +199,11 @@ class Listener:
         self.status.n_acknowledged += self.link.acknowledge(deliveries)
         return True
 
-    def store_posted(self) -> bool:
-        """Store the messages that were posted and answer the requests; return False as `store_held`."""
-        assert self.posts is not None
-        posted = self.posts.take()
-        deliveries = [message for request in posted for message in request.messages]
+    def store_offered(self) -> bool:
+        """Store the messages of the other door and answer them; return False as `store_held`."""
+        assert self.door is not None
+        offered = self.door.take()
+        deliveries = [message for one in offered for message in one.messages]
         first = self._preparer.n_messages + 1
         ready = self._stored(deliveries)
         if ready is None:
@@ -212,7 +212,7 @@ class Listener:
         for r in ready.rejected:
             bad.setdefault(r.line - first, []).append(r)
         self.status.n_acknowledged += len(deliveries)
-        self.posts.settle(posted, bad)
+        self.door.settle(offered, bad)
         return True
 
     def _stored(self, deliveries: Sequence[ReceivedMessage]) -> Prepared | None:
@@ -252,12 +252,12 @@ class Listener:
         self._status_at_s = time.monotonic() + self._status_every_s
 
     def _wait(self) -> None:
-        """Wait for messages of the broker, for posted ones, or for the clock."""
+        """Wait for messages of the broker, of the other door, or for the clock."""
         patience_s = self._patience_s()
         if self.link is not None:
-            self.link.step(patience_s if self.posts is None else min(patience_s, _POSTS_STEP_S))
-        elif self.posts is not None:
-            self.posts.wait(patience_s, not_before_s=self._store_again_s)
+            self.link.step(patience_s if self.door is None else min(patience_s, _DOOR_STEP_S))
+        elif self.door is not None:
+            self.door.wait(patience_s, not_before_s=self._store_again_s)
 
     def _patience_s(self) -> float:
         until_s = [_STEP_MAX_S, self._status_at_s - time.monotonic()]
@@ -280,8 +280,8 @@ class Listener:
             )
         )
 
-    def _are_posts_due(self, *, is_last: bool = False) -> bool:
-        due_s = None if self.posts is None else self.posts.due_in_s()
+    def _is_door_due(self, *, is_last: bool = False) -> bool:
+        due_s = None if self.door is None else self.door.due_in_s()
         return due_s is not None and (is_last or (due_s <= 0 and time.monotonic() >= self._store_again_s))
 
     def _note_link(self) -> None:

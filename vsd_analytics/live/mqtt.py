@@ -15,9 +15,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from vsd_analytics.errors import LiveError, VsdError, Where
+from vsd_analytics.errors import LiveError
 from vsd_analytics.ingest.reading.adapter import EXCERPT_CHARS
 from vsd_analytics.live.batches import HELD_MAX_BYTES, ReceivedMessage
+from vsd_analytics.live.passwords import password_in
 from vsd_analytics.site.model import Broker
 
 if TYPE_CHECKING:
@@ -50,27 +51,7 @@ def password_of(broker: Broker, *, environ: Mapping[str, str]) -> str | None:
     Raises:
         LiveError: E704, the file cannot be read or is empty.
     """
-    if PASSWORD_VARIABLE in environ:
-        return environ[PASSWORD_VARIABLE]
-    if broker.password_file is None:
-        return None
-    try:
-        lines = broker.password_file.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise _no_password(broker, str(error)) from None
-    if not lines or not lines[0]:
-        raise _no_password(broker, "its first line is empty")
-    return lines[0]
-
-
-def _no_password(broker: Broker, why: str) -> VsdError:
-    return LiveError(
-        "the password of the broker cannot be read",
-        code="E704",
-        where=Where(str(broker.password_file)),
-        why=why,
-        fix=f"put it on the first line, readable by this user only (chmod 600), or set {PASSWORD_VARIABLE}",
-    )
+    return password_in(broker.password_file, variable=PASSWORD_VARIABLE, environ=environ, whose="the broker")
 
 
 def make_client(broker: Broker, *, client_id: str, password: str | None) -> Client:

@@ -13,8 +13,7 @@ import os
 import threading
 import time
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -24,8 +23,9 @@ import msgspec
 
 from vsd_analytics.config.access_token import UnsafeTokenError, access_token, is_loopback
 from vsd_analytics.errors import LiveError, Where
-from vsd_analytics.ingest.reading.adapter import EXCERPT_CHARS, Rejected
-from vsd_analytics.live.batches import HELD_MAX_BYTES, ReceivedMessage
+from vsd_analytics.ingest.reading.adapter import EXCERPT_CHARS
+from vsd_analytics.live.batches import ReceivedMessage
+from vsd_analytics.live.message_queue import MESSAGES_MAX, MessageQueue, OfferedMessages
 
 DEFAULT_ADDRESS: Final = "127.0.0.1:8765"
 TOKEN_VARIABLE: Final = "VSD_HTTP_TOKEN"
@@ -34,8 +34,6 @@ FRAMES: Final = "frames"
 """Path of VSD frame messages; any other path is the id of a `[[source]]`."""
 TOPIC: Final = "POST /"
 """Front of the topic that a posted message has in quarantine and logs."""
-MESSAGES_MAX: Final = 1000
-LINGER_S: Final = 0.1
 STOP_POLL_S: Final = 0.2
 """How often the server looks whether it shall stop."""
 CONNECTIONS_MAX: Final = 64
@@ -44,24 +42,7 @@ READ_S: Final = 15.0
 ANSWER_S: Final = 30.0
 
 
-@dataclass(slots=True)
-class PostedMessages:
-    """One request: its messages, and the answer once they are stored.
-
-    Attributes:
-        messages: In the order of the body.
-        n_bytes: Size of the body.
-        bad: Rejected records, by number of the message in the request; None until the messages are durable.
-        is_done: Set when `bad` is.
-    """
-
-    messages: Sequence[ReceivedMessage]
-    n_bytes: int
-    bad: Sequence[tuple[int, Rejected]] | None = None
-    is_done: threading.Event = field(default_factory=threading.Event)
-
-
-class PostInbox:
+class PostInbox(MessageQueue):
     """An HTTP server and the requests that wait to be stored.
 
     Args:
@@ -75,15 +56,12 @@ class PostInbox:
     """
 
     def __init__(self, address: str, *, token: str, sources: Collection[str], body_max_bytes: int) -> None:
+        super().__init__()
+        self.name = "http"
         self.token = token.encode()
         self.paths = (FRAMES, *sources)
         self.body_max_bytes = body_max_bytes
         self.n_refused: Counter[str] = Counter()
-        self._waiting: list[PostedMessages] = []
-        self._n_messages = self._n_bytes = 0
-        self._first_s = 0.0
-        self._changed = threading.Condition()
-        self._is_closed = False
         host, port = host_and_port(address)
         try:
             self._server = _Server((host, port), _Handler)
@@ -108,70 +86,9 @@ class PostInbox:
         """Return its state for the heartbeat: address, and refused requests by status."""
         return {"address": self.address, "refused": dict(self.n_refused)}
 
-    def put(self, posted: PostedMessages) -> bool:
-        """Queue a request; return False when too much waits, or the listener stops."""
-        with self._changed:
-            n, n_bytes = self._n_messages + len(posted.messages), self._n_bytes + posted.n_bytes
-            if self._is_closed or (self._waiting and (n > MESSAGES_MAX or n_bytes > 2 * HELD_MAX_BYTES)):
-                return False
-            if not self._waiting:
-                self._first_s = time.monotonic()
-            self._waiting.append(posted)
-            self._n_messages, self._n_bytes = n, n_bytes
-            self._changed.notify_all()
-            return True
-
-    def wait(self, timeout_s: float, *, not_before_s: float = 0.0) -> None:
-        """Wait until requests should be stored.
-
-        Args:
-            timeout_s: Longest wait.
-            not_before_s: Monotonic instant before which nothing can be stored.
-        """
-        with self._changed:
-            if not self._waiting:
-                self._changed.wait(timeout_s)
-        due_s = self.due_in_s()
-        if due_s is not None:
-            time.sleep(min(timeout_s, max(due_s, not_before_s - time.monotonic())))
-
-    def due_in_s(self) -> float | None:
-        """Return in how many seconds what waits should be stored; None = nothing waits."""
-        with self._changed:
-            if not self._waiting:
-                return None
-            return max(0.0, self._first_s + LINGER_S - time.monotonic())
-
-    def take(self) -> list[PostedMessages]:
-        """Return the requests that wait, in their order; they wait until `settle`."""
-        with self._changed:
-            return list(self._waiting)
-
-    def settle(self, posted: Sequence[PostedMessages], bad: Mapping[int, Sequence[Rejected]]) -> None:
-        """Answer requests whose messages are durable.
-
-        Args:
-            posted: The first of those that wait.
-            bad: Rejected records by number of the message, over all requests.
-        """
-        at = 0
-        for request in posted:
-            request.bad = [(i, r) for i in range(len(request.messages)) for r in bad.get(at + i, ())]
-            at += len(request.messages)
-            request.is_done.set()
-        with self._changed:
-            del self._waiting[: len(posted)]
-            self._n_messages -= at
-            self._n_bytes -= sum(request.n_bytes for request in posted)
-            self._first_s = time.monotonic()
-
     def close(self) -> None:
         """Stop taking requests, and answer those that wait with 503."""
-        with self._changed:
-            self._is_closed = True
-            waiting, self._waiting = self._waiting, []
-        for request in waiting:
-            request.is_done.set()
+        super().close()
         self._server.shutdown()
         self._server.finish()
 
@@ -274,7 +191,7 @@ class _Handler(BaseHTTPRequestHandler):
     def log_message(self, *_: Any) -> None:
         """Write no line per request."""
 
-    def _posted(self, inbox: PostInbox) -> PostedMessages:
+    def _posted(self, inbox: PostInbox) -> OfferedMessages:
         """Read a request; what is refused before its body was read ends the connection."""
         self.close_connection = True
         given = self.headers.get("Authorization", "").encode("utf-8", "replace")
@@ -300,7 +217,7 @@ class _Handler(BaseHTTPRequestHandler):
         if len(messages) > MESSAGES_MAX:
             raise _Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a request has at most {MESSAGES_MAX:,} messages")
         self.close_connection = self.headers.get("Connection", "").lower() == "close"
-        return PostedMessages([ReceivedMessage(TOPIC + path, m, len(m)) for m in messages], len(body))
+        return OfferedMessages([ReceivedMessage(TOPIC + path, m, len(m)) for m in messages], len(body))
 
     def _body(self, length: int) -> bytes:
         try:

@@ -62,6 +62,7 @@ class Status:
         error: What is wrong now; None = nothing.
         http: Returns the state of the HTTP server; None = there is none.
         alarms: Returns the state of the alarms; None = there are no rules.
+        engine: Returns the state of the cameras' pictures; None = no pictures are looked at.
     """
 
     started: datetime
@@ -86,6 +87,7 @@ class Status:
     error: str | None = None
     http: Callable[[], dict[str, Any]] | None = None
     alarms: Callable[[], dict[str, Any]] | None = None
+    engine: Callable[[], dict[str, Any]] | None = None
 
     def camera(self, camera_id: str) -> CameraStatus:
         """Return a camera's entry, made when it is new."""
@@ -138,6 +140,7 @@ class Status:
             "peak_mb": peak_mb(),
             "http": None if self.http is None else self.http(),
             "alarms": None if self.alarms is None else self.alarms(),
+            "engine": None if self.engine is None else self.engine(),
             "error": self.error,
         }
 

@@ -9,7 +9,7 @@ from typing import Final, Literal, get_args
 from zoneinfo import ZoneInfo
 
 from vsd_analytics.settings import Settings, Value
-from vsd_analytics.site.routes import ExchangeRoute, MailRoute
+from vsd_analytics.site.routes import CameraSource, ExchangeRoute, MailRoute
 
 Point = tuple[float, float]
 Language = Literal["en", "it"]
@@ -74,6 +74,7 @@ class Camera:
             outline where the site states none.
         has_clock: Whether the site states `clock`; else times without an offset are doubtful.
         planes: Parts of its picture with homographies of their own, for `vsd engine run`; the first that matches wins.
+        source: Where `vsd engine live` gets its pictures; None = another engine sends its people.
     """
 
     camera_id: str
@@ -88,6 +89,7 @@ class Camera:
     view: tuple[Point, ...] | None = None
     has_clock: bool = False
     planes: tuple[Plane, ...] = ()
+    source: CameraSource | None = None
 
 
 @dataclass(frozen=True, slots=True)

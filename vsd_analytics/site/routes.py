@@ -1,4 +1,4 @@
-"""Where a project sends things: the weekly mail, and the records of a node."""
+"""Where a project sends things, the weekly mail and the records of a node, and where pictures of cameras come from."""
 
 from __future__ import annotations
 
@@ -49,3 +49,24 @@ class MailRoute:
     password_file: Path | None = None
     ca_file: Path | None = None
     sendmail: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSource:
+    """Where the pictures of a camera come from.
+
+    Attributes:
+        address: An address of RTSP or HTTP, a device such as `/dev/video0`, or the path of a video, shown in a loop.
+            It has no password; `{password}` in it is replaced by one.
+        username: User of the login; None = there is no login.
+        password_file: File with the password on its first line; the environment's VSD_SOURCE_PASSWORD_ID wins.
+    """
+
+    address: str
+    username: str | None = None
+    password_file: Path | None = None
+
+    @property
+    def is_network(self) -> bool:
+        """Return whether the pictures come over a network."""
+        return "://" in self.address
