@@ -85,7 +85,7 @@ def live(
     from vsd_analytics.live.live_camera import TileChoice
     from vsd_analytics.live.mqtt import password_of
     from vsd_analytics.live.picture_door import PictureDoor
-    from vsd_analytics.live.single_instance import alone
+    from vsd_analytics.live.single_instance import single_listener
 
     chosen = chosen_detector(given)
     if chosen is None:
@@ -93,7 +93,7 @@ def live(
     cameras = _with_sources(project, camera_ids, is_looked_at=look_port is not None)
     broker = project.site.broker
     with (
-        alone(project.root),
+        single_listener(project.root),
         stop_signals(is_second_final=True) as stopped,
         live_alarms(project, clock=machine_clock(project)) as alarms,
     ):
