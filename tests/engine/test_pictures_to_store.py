@@ -85,9 +85,9 @@ def test_everybody_is_found_at_the_right_time_and_episodes_are_the_planned_ones(
             true_at = START + timedelta(seconds=due(second, fps) / fps)
             assert abs(datetime.fromisoformat(message["ts"]) - true_at) <= timedelta(milliseconds=1)
         assert three_cameras("ingest", str(out))[0] == 0
-    code, printed, err = three_cameras("sql", "select count(*) as n from message_gaps", "--json")
+    code, printed, err = three_cameras("sql", "select count(*) as n from internal.message_gaps", "--json")
     assert (code, json.loads(printed)["rows"]) == (0, [{"n": 0}]), err
-    query = "select camera_id, started_ms, ended_ms from episodes order by all"
+    query = "select camera_id, epoch_ms(started) as started_ms, epoch_ms(ended) as ended_ms from episodes order by all"
     code, printed, err = three_cameras("sql", query, "--json")
     assert code == 0, err
     rows = json.loads(printed)["rows"]

@@ -154,7 +154,7 @@ def test_a_camera_that_hangs_or_is_away_is_missing_and_never_empty(
     assert any(ms > ended_ms for ms in instants)
     assert any(line.startswith(f"camera cam-3 {expected}: ") for line in run.said)
     assert "camera cam-3 on" in run.said
-    spans = vsd_json(tmp_path, "sql", "select started_ms, ended_ms from recorded_spans where camera_id = 'cam-3'")
+    spans = vsd_json(tmp_path, "sql", "select started_ms, ended_ms from internal.recorded_spans where camera_id = 'cam-3'")
     assert all(s["ended_ms"] < ended_ms or s["started_ms"] > began_ms for s in spans["rows"])
 
 
@@ -305,7 +305,7 @@ def test_whatever_ends_it_nothing_acknowledged_is_lost_and_nothing_is_doubled(nu
     instants = stored_instants(tmp_path)
     assert sorted(instants) == names
     assert sum(len(set(ms)) for ms in instants.values()) == sum(len(ms) for ms in instants.values()) >= n_acknowledged
-    spans = vsd_json(tmp_path, "sql", "select camera_id, started_ms, ended_ms from recorded_spans")["rows"]
+    spans = vsd_json(tmp_path, "sql", "select camera_id, started_ms, ended_ms from internal.recorded_spans")["rows"]
     for name in names:  # the time between the two is missing
         assert not any(s["camera_id"] == name and s["started_ms"] < ends_ms[0] < s["ended_ms"] - 600 for s in spans)
 
