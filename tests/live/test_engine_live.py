@@ -154,7 +154,8 @@ def test_a_camera_that_hangs_or_is_away_is_missing_and_never_empty(
     assert any(ms > ended_ms for ms in instants)
     assert any(line.startswith(f"camera cam-3 {expected}: ") for line in run.said)
     assert "camera cam-3 on" in run.said
-    spans = vsd_json(tmp_path, "sql", "select started_ms, ended_ms from internal.recorded_spans where camera_id = 'cam-3'")
+    query = "select started_ms, ended_ms from internal.recorded_spans where camera_id = 'cam-3'"
+    spans = vsd_json(tmp_path, "sql", query)
     assert all(s["ended_ms"] < ended_ms or s["started_ms"] > began_ms for s in spans["rows"])
 
 
