@@ -1,4 +1,4 @@
-"""Where a project sends things: the weekly mail, and the records of a node."""
+"""Where a project sends things, the weekly mail and the records of a node, and where pictures of cameras come from."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ class CameraSource:
 
     Attributes:
         address: An address of RTSP or HTTP, a device such as `/dev/video0`, or the path of a video, shown in a loop.
-            It has no password: `{password}` in it stands for one.
-        username: Who logs in; None = nobody.
+            It has no password; `{password}` in it is replaced by one.
+        username: User of the login; None = there is no login.
         password_file: File with the password on its first line; the environment's VSD_SOURCE_PASSWORD_ID wins.
     """
 
