@@ -77,7 +77,7 @@ def engine_live(root: Path, *words: str, before: list[str] | None = None, **envi
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        env={**os.environ, **environ},
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1", **environ},  # a fresh copy of the program would cache itself
     )
 
 
