@@ -97,7 +97,9 @@ def engine() -> None:
 )
 @click.option("--size", metavar="WxH", help="Picture size in pixels (default: picture_px of the camera).")
 @click.option("--hz", type=click.FloatRange(min=0, min_open=True), help="Frames a second (default: hz of the camera).")
-@click.option("--start", metavar="INSTANT", help="When frame 0 was, for files without ts.")
+@click.option(
+    "--start", metavar="INSTANT", help="When frame 0 was, for files without ts; without an offset on the site's clock."
+)
 @path_option(
     "--overlay",
     metavar="DIR",
@@ -164,7 +166,7 @@ def run(
             f"warning: {people.name} has no ts: frame 0 is put at {NO_CLOCK}, {rate:g} frames a second; "
             f"give --start and --hz before you ingest it"
         )
-    begin = instant(start or NO_CLOCK, zone=camera.clock, what="--start")
+    begin = instant(start or NO_CLOCK, zone=project.site.timezone, what="--start")
     ts_ms = instants_ms(found, start=begin, hz=rate)
     detected = DetectedPeople(project, camera, found, picture_px, ts_ms, is_tracked=track)
     moves: list[dict[str, object]] = []

@@ -20,6 +20,7 @@ from vsd_analytics.ingest.reading.column_guess import (
     renames_option,
 )
 from vsd_analytics.ingest.reading.column_hints import is_whole_box, of_another_person, place_like, time_like
+from vsd_analytics.ingest.reading.instants import offset_in_name
 from vsd_analytics.ingest.reading.table_file import Header
 from vsd_analytics.ingest.reading.units import LENGTHS, unit_in_name
 from vsd_analytics.ingest.reading.where import parse_where
@@ -54,6 +55,11 @@ class ColumnPlan:
     where: tuple[RowCondition, ...] = ()
     compared: Mapping[str, int] = field(default_factory=dict)
     time_format: str | None = None
+
+    @property
+    def offset_ms(self) -> int | None:
+        """Return how far ahead of UTC the name of the column of times says that they are; None = it says nothing."""
+        return offset_in_name(self.names.get("ts", ""))
 
     @property
     def wanted(self) -> dict[str, int]:
@@ -182,8 +188,13 @@ def _their_column(source: Source, name: str, header: Header) -> int:
         for wanted in (name, name.lower()):
             if wanted in names:
                 return names.index(wanted)
+    raise no_compared_column(source, name, header)
+
+
+def no_compared_column(source: Source, name: str, header: Header) -> InputError:
+    """Return the error of a filter that compares a column that is not there: E203, with the nearest that is."""
     near = nearest_name(name, [n for n in header.names[:1000] if len(n) <= 100])
-    raise InputError(
+    return InputError(
         f"{source.file_name} has no column {name!r}, which --where compares",
         code="E203",
         where=Where(source.name, header.line, header.text),
