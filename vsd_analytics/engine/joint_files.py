@@ -149,6 +149,12 @@ def _persons(content: Any) -> Iterator[tuple[int | None, Any]]:
                 yield from ((number, None),) if number is not None else ()
                 yield from ((number if n is None else n, p) for n, p in _persons(content[key]))
                 return
+        keyed = {_last_number(Path(str(key)).stem): persons for key, persons in content.items()}
+        if None not in keyed and all(isinstance(p, Sequence) and not isinstance(p, str) for p in keyed.values()):
+            for number, persons in keyed.items():  # by picture, as AlphaPose and PoseFlow write them
+                yield number, None
+                yield from ((number if n is None else n, p) for n, p in _persons(persons))
+            return
         yield _number(content), content
     elif isinstance(content, Sequence) and not isinstance(content, str):
         for item in content:

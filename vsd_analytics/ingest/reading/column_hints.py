@@ -169,7 +169,8 @@ _FAINT_IDS: Final = ("name", "object", "obj")
 
 PERSON: Final = _words(
     "person persons people pedestrian pedestrians ped peds human humans man woman adult child "
-    "persona persone personas personne personnes personen persoon pessoa pessoas mensch menschen pedone pedoni pieton pietons peaton peatones fussganger "
+    "persona persone personas personne personnes personen persoon pessoa pessoas mensch menschen pedone pedoni pieton "
+    "pietons peaton peatones fussganger "
     "fuganger uomo donna 人 行人 人员 人物 歩行者 человек пешеход 사람 보행자"
 )
 """Words for what is counted, as classes of detectors name it."""

@@ -252,6 +252,7 @@ _ULTRALYTICS = frozenset({"name", "class", "confidence", "box"})
 _COUNTS = frozenset(
     {"count", "counts", "enter", "entered", "entries", "exit", "exited", "exits", "in_count", "leave", "leaves"}
     | {"line_in", "line_out", "occupancy", "out_count", "people_count", "person_count", "visitors"}
+    | {"detectedobjects", "violatingobjects", "noinfringement", "lowinfringement", "highinfringement"}
 )
 """Columns of engines that count people at a line or in a room, and place nobody."""
 
@@ -280,7 +281,7 @@ def _missing(
     )
     near = renames.get(ours or column)
     counts = [n for n in shown if n.lower() in _COUNTS]
-    if column == "x_m" and counts and near not in shown:
+    if counts and not place_like(shown) and (column == "ts" or (column == "x_m" and near not in shown)):
         return _unfit(
             source,
             header,
@@ -314,6 +315,14 @@ def _other_file(source: Source, column: str, header: Header, shown: list[str], w
             f"has no column {column!r}",
             why=f"{why}; the first line holds numbers, so the file seems to have no header",
             fix="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
+        )
+    if {"_field", "_value"} <= {*header.names}:
+        return _unfit(
+            source,
+            header,
+            "is an export of InfluxDB with one value a row",
+            why="the two coordinates of a place are in two rows",
+            fix='pivot it first: |> pivot(rowKey: ["_time", "track"], columnKey: ["_field"], valueColumn: "_value")',
         )
     if column == "ts" and set(shown) >= _ULTRALYTICS:
         return _unfit(
