@@ -102,7 +102,7 @@ def calibrated(tmp_path: Path, vsd: Vsd) -> Vsd:
 
 def run(vsd: Vsd, folder: Path, people: People, *words: str, with_tracks: bool = True) -> tuple[list[dict], dict]:
     source, out = write_boxes(folder / "people.csv", people, with_tracks=with_tracks), folder / "frames.jsonl"
-    start = ["--hz", "2", "--start", "2026-11-09T08:00", "--out", str(out), "--json"]
+    start = ["--hz", "2", "--start", "2026-11-09T08:00Z", "--out", str(out), "--json"]
     code, printed, err = vsd("engine", "run", str(source), "--camera", "cam-1", *start, *words)
     assert code == 0, err
     return [json.loads(line) for line in out.read_text().splitlines()], json.loads(printed)

@@ -11,7 +11,16 @@ from typing import Any, Final
 from vsd_analytics.errors import VsdError
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.ingest.reading.column_guess import note_on_place
-from vsd_analytics.ingest.reading.column_hints import ids_like, is_whole_box, letters, named_like, place_like, time_like
+from vsd_analytics.ingest.reading.column_hints import (
+    OBJECTS,
+    PERSON,
+    ids_like,
+    is_whole_box,
+    letters,
+    named_like,
+    place_like,
+    time_like,
+)
 from vsd_analytics.ingest.reading.envelopes import body_of
 from vsd_analytics.ingest.reading.json_messages import messages
 from vsd_analytics.ingest.reading.json_values import KEY, leaves, value_at
@@ -116,9 +125,13 @@ def _mapping(
     if not of_time or not place or not all(_PLAIN.fullmatch(path) for path in (*of_time.values(), *place.values())):
         return None
     cameras = [path for path in named_like(of_message, "camera") if _PLAIN.fullmatch(path)]
-    ids = [path for path in ids_like(of_person) if _PLAIN.fullmatch(path)]
+    ids = [path for path in ids_like(of_person) if _PLAIN.fullmatch(path) and not _is_class(value_at(person, path))]
     more = {**({"camera_id": cameras[0]} if cameras else {}), **({"track_id": ids[0]} if ids else {})}
     return {**of_time, **more, **_from_upper_left(place, person)}
+
+
+def _is_class(value: Any) -> bool:
+    return isinstance(value, str) and letters(value) in PERSON | OBJECTS
 
 
 def _is_plain(path: str) -> bool:
