@@ -2,7 +2,7 @@
 
 A path is names with dots between, such as `meta.time`; a number is a place in a list, as in `box.2`. `persons` leads to
 the list of persons of a frame (the values of an object count as a list; `@key` is then each one's key). A `*` in it
-stands for every entry of a list or object of frames: `frames.*.people`; `@key` is then also the key of a frame. Without
+means every entry of a list or object of frames: `frames.*.people`; `@key` is then also the key of a frame. Without
 `persons` a message is one person.
 
 `ts`, `frame` and `camera_id` are looked for in the frame, then in the message, then in the person: one object for each

@@ -109,7 +109,7 @@ class FrameRows:
         line: int,
         is_frame: bool = True,
     ) -> None:
-        """Add one frame, also one without people; or persons of whom nobody knows who else was in the frame.
+        """Add one frame, also one without people; or single persons, where nobody says who else was there.
 
         Persons are numbered as the engine lists them, also past one who cannot be used (None): when the frame comes
         again with that person, the others are recognised.
