@@ -157,8 +157,8 @@ TELLING: list[Odd] = [
     ),
     Odd(
         "UTC by name, read on another clock",
-        text("a.csv", ("time_utc", *NAMES[1:]), rows(plain, FEW)),
-        ("--map", "ts=time_utc", "--time-format", "%Y-%m-%dT%H:%M:%S+00:00", "--zone", "Asia/Tokyo"),
+        text("a.csv", ("time_utc", *NAMES[1:]), rows(lambda s: [f"{s.at:%Y-%m-%d %H:%M:%S}", *plain(s)[1:]], FEW)),
+        ("--map", "ts=time_utc", "--zone", "Asia/Tokyo"),
         None,
         "names UTC",
     ),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from engine_files import SIZE, axis, axis_v1, azure, deepstream, frames, nvidia
+from engine_files import axis, axis_v1, azure, deepstream, frames, nvidia
 from walks import START, project, walks
 
 from vsd_analytics.config.project import load_site
@@ -53,7 +53,7 @@ MESSAGES = {
 def read(root: Path, text: str, **options: Any) -> IngestResult:
     path = root / "messages.txt"
     path.write_text(text, encoding="utf-8")
-    return ingest(load_site(root), [path], IngestOptions(**{"size_px": SIZE, **options}), now=NOW)
+    return ingest(load_site(root), [path], IngestOptions(**options), now=NOW)
 
 
 TWO_EACH = [(n, e) for j, e in enumerate(list(ENVELOPES)[1:]) for i, n in enumerate(MESSAGES) if (i + j) % 3 == 0]

@@ -197,7 +197,7 @@ def test_messages_of_a_topic_are_read_by_its_source_beside_frame_messages() -> N
     assert (got.tables["frames"].num_rows, got.tables["observations"].num_rows) == (2, 1)
     assert not got.rejected
     swapped = PREPARER.prepare([ReceivedMessage("acme/1", frame, len(frame))], now=NOW)
-    assert [r.reason for r in swapped.rejected] == ["no-time"], "nobody reads it as a frame message there"
+    assert [r.reason for r in swapped.rejected] == ["bad-message"], "nobody reads it as a frame message there"
 
 
 def test_live_person_who_cannot_be_used_is_quarantined_and_the_next_message_is_not() -> None:

@@ -98,7 +98,9 @@ engine.add_command(probe)
     type=click.FloatRange(min=0, min_open=True),
     help="Frames a second, of pictures those that are taken (default: hz of the camera, else 1).",
 )
-@click.option("--start", metavar="INSTANT", help="When frame 0 was, for files without ts.")
+@click.option(
+    "--start", metavar="INSTANT", help="When frame 0 was, for files without ts; without an offset on the site's clock."
+)
 @path_option(
     "--overlay",
     metavar="DIR",

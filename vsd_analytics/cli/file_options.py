@@ -50,7 +50,11 @@ def file_options(command: F) -> F:
         click.option(
             "--hz", "--fps", "fps", type=float, metavar="N", help="Frames per second, for files with frame numbers."
         ),
-        click.option("--start", metavar="INSTANT", help="Time of the first frame, for files with frame numbers."),
+        click.option(
+            "--start",
+            metavar="INSTANT",
+            help="Time of the first frame, for frame numbers and times counted from the beginning.",
+        ),
         click.option(
             "--first-frame",
             type=float,
@@ -95,7 +99,9 @@ def file_options(command: F) -> F:
         click.option("--where", metavar="FILTER", help="Tables: rows to read, such as \"class_name = 'person'\"."),
         click.option("--zone", metavar="ZONE", help="Time zone of times without an offset, such as Europe/Rome."),
         click.option(
-            "--time-format", metavar="FORMAT", help='Tables: how times are written, such as "%d/%m/%Y %H:%M:%S".'
+            "--time-format",
+            metavar="FORMAT",
+            help='How times are written, such as "%d/%m/%Y %H:%M:%S"; since --start: s, ms, us or ns.',
         ),
         click.option(
             "--size",
@@ -104,7 +110,15 @@ def file_options(command: F) -> F:
             help="Size of the picture, for positions given as shares of it (0 to 1).",
         ),
         click.option(
-            "--persons", metavar="PATH", help="JSON messages: where the list of persons is, such as data.people."
+            "--persons",
+            metavar="PATH",
+            help="JSON messages: where the list of persons is, such as data.people, or frames.*.people.",
+        ),
+        click.option(
+            "--no-list-is-nobody",
+            is_flag=True,
+            default=None,
+            help="JSON messages: one without the list of --persons is a frame without persons.",
         ),
     ]
     for option in reversed(options):

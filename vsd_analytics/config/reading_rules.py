@@ -60,6 +60,7 @@ def read_sources(root: TableReader, *, cameras: Collection[Camera]) -> tuple[Rea
             fps=table.number("fps", minimum=0.001, maximum=10_000, unit="frames per second", example="25"),
             engine=table.text("engine", example='"acme 2.1"'),
             persons=table.text("persons", example='"data.people"'),
+            no_list_is_nobody=table.flag("no_list_is_nobody"),
             topics=read_topics(table, example='["acme/+/people"]'),
         )
         table.close()
@@ -200,7 +201,7 @@ def _check_mapping(table: TableReader) -> None:
         return
     named = table.values.get("map")
     ours = set(named) if isinstance(named, dict) else set()
-    if "ts" not in ours or not any(set(place) <= ours for place in PLACES):
+    if not {"ts", "frame"} & ours or not any(set(place) <= ours for place in PLACES):
         table.missing(
             "map",
             '{ ts = "time", track_id = "id", x_m = "pos.x", y_m = "pos.y" }',
@@ -213,6 +214,8 @@ def _time_format(table: TableReader) -> str | None:
     value = table.text("time_format", example=example)
     if value is None:
         return None
+    if value in ("s", "ms", "us", "ns"):  # times counted from --start
+        return value
     directives = re.findall(r"%(.?)", value)
     if not set(directives) <= _DIRECTIVES or not _DAYS & set(directives):
         table.refuse("time_format", f"{value!r} is no format of a date and time", example)

@@ -149,10 +149,20 @@ def _persons(content: Any) -> Iterator[tuple[int | None, Any]]:
                 yield from ((number, None),) if number is not None else ()
                 yield from ((number if n is None else n, p) for n, p in _persons(content[key]))
                 return
+        keyed = {_last_number(Path(str(key)).stem): persons for key, persons in content.items()}
+        if keyed and None not in keyed and all(map(_are_persons, keyed.values())):
+            for number, persons in keyed.items():  # by picture, as AlphaPose and PoseFlow write them
+                yield number, None
+                yield from ((number if n is None else n, p) for n, p in _persons(persons))
+            return
         yield _number(content), content
     elif isinstance(content, Sequence) and not isinstance(content, str):
         for item in content:
             yield from _persons(item)
+
+
+def _are_persons(value: object) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, str) and all(isinstance(p, Mapping) for p in value)
 
 
 def _number(item: Mapping[str, Any]) -> int | None:

@@ -326,6 +326,7 @@ class ReadingRule:
         fps: Frames per second, for files with frame numbers.
         engine: Engine name and version.
         persons: Path of the list of persons in a JSON message.
+        no_list_is_nobody: A message without that list is a frame without persons.
         topics: MQTT topic filters of messages that are read so.
     """
 
@@ -345,6 +346,7 @@ class ReadingRule:
     fps: float | None = None
     engine: str | None = None
     persons: str | None = None
+    no_list_is_nobody: bool | None = None
     topics: tuple[str, ...] = ()
 
 

@@ -182,6 +182,12 @@ def picture_px(case: Case) -> tuple[int, int] | None:
     return sizes.pop() if len(sizes) == 1 else None
 
 
+def where_equal(column: str, value: str) -> str:
+    """Return the option that reads the rows with a value in a column."""
+    text = "'" + value.replace("'", "''") + "'"
+    return f'--where "{quoted(column)} = {value if value.isdecimal() else text}"'
+
+
 def quoted(column: str) -> str:
     """Return a column as `--where` names it."""
     is_plain = column.replace("_", "a").isalnum() and not column[:1].isdigit()

@@ -10,6 +10,7 @@ from vsd_analytics.ingest.checks.body_checks import BODY_CHECKS
 from vsd_analytics.ingest.checks.calibration_checks import CALIBRATION_CHECKS
 from vsd_analytics.ingest.checks.check_case import Case, SourceCheck, SourceWarning
 from vsd_analytics.ingest.checks.column_checks import COLUMN_CHECKS
+from vsd_analytics.ingest.checks.filter_checks import FILTER_CHECKS
 from vsd_analytics.ingest.checks.frame_checks import FRAME_CHECKS
 from vsd_analytics.ingest.checks.id_checks import ID_CHECKS
 from vsd_analytics.ingest.checks.id_switch_checks import ID_SWITCH_CHECKS
@@ -26,6 +27,7 @@ CHECKS: Final[tuple[SourceCheck, ...]] = (
     *AXIS_CHECKS,
     *BODY_CHECKS,
     *COLUMN_CHECKS,
+    *FILTER_CHECKS,
     *ID_CHECKS,
     *ID_SWITCH_CHECKS,
     *PICTURE_CHECKS,

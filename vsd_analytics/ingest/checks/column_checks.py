@@ -19,6 +19,7 @@ from vsd_analytics.ingest.checks.check_case import (
     has_columns,
     has_person_columns,
     quoted,
+    where_equal,
 )
 from vsd_analytics.ingest.reading.cell_values import full_score, is_number
 from vsd_analytics.ingest.reading.column_hints import (
@@ -190,7 +191,8 @@ def _classes(case: Case) -> Iterator[SourceWarning]:
         if letters(column.rpartition(".")[2]) in VAGUE and not words & (PERSON | OBJECTS):
             continue
         people = [value for value in values if _is_person(value)]
-        wanted = people[0] if people else first if numbers else "person"
+        unknown = [value for value in values if letters(value) not in OBJECTS]
+        wanted = [*people, *[v for v in (first,) if v in values], *sorted(unknown, key=lambda v: -values[v])]
         # words that are neither may name kinds of people, such as staff and customers
         is_sure = bool(words & (PERSON | OBJECTS)) or (bool(numbers) and len(values) > 1)
         n_others = sum(values[value] for value in others)
@@ -198,8 +200,9 @@ def _classes(case: Case) -> Iterator[SourceWarning]:
             f"{column[:80]!r} has other values than persons: {', '.join(v[:20] for v in others[:5])} "
             f"({n_others:,} of {sum(values.values()):,} rows)",
             "every row would count as a person",
-            f'--where "{quoted(column)} = {wanted if wanted.isdecimal() else repr(wanted)}"'
-            f"{' if that number is a person' if numbers and not people else ''}",
+            f"{where_equal(column, wanted[0])}{'' if people else ' if that is a person'}"
+            if wanted
+            else "leave these rows out of the export: none of them is a person",
             is_sure=is_sure,
         )
 
@@ -215,7 +218,7 @@ def _marked(case: Case) -> Iterator[SourceWarning]:
             yield SourceWarning(
                 f"{column[:80]!r} marks {n_out:,} of {sum(values.values()):,} rows",
                 "what is no person, or nobody sees where the tracker guesses it, would count as one",
-                f'--where "{quoted(column)} = {seen if seen.isdecimal() else repr(seen)}"',
+                where_equal(column, seen),
                 is_sure=True,
             )
 
@@ -273,7 +276,7 @@ def _states(case: Case) -> Iterator[SourceWarning]:
                 f"{column[:80]!r} says {', '.join(v[:20] for v in gone[:3])} for {n_gone:,} of "
                 f"{sum(values.values()):,} rows",
                 "people whom the tracker does not see would count where it guesses them",
-                f'--where "{quoted(column)} = {max(seen, key=lambda v: values[v])!r}"',
+                where_equal(column, max(seen, key=lambda v: values[v])),
                 is_sure=is_named_like(column, "state"),
             )
 
@@ -306,23 +309,6 @@ def _weak(case: Case) -> Iterator[SourceWarning]:
                 f"{column[:80]!r} is below {limit:g} in {share:.0%} of the rows",
                 "the engine is not sure that these are people, and each would count as one",
                 f'--where "{quoted(column)} >= {limit:g}"',
-            )
-
-
-def _confidences(case: Case) -> Iterator[SourceWarning]:
-    for compared in case.columns.plan.where:
-        column = compared.column
-        if not is_named_like(column, "confidence") or not isinstance(compared.value, float):
-            continue
-        confidences = [float(v) for v in case.columns.filtered.get(column, ()) if is_number(v)]
-        if confidences and 0 < compared.value <= 1 and np.median(confidences) > 1.5:
-            are_percents = max(confidences) <= 100
-            yield SourceWarning(
-                f"--where compares {column[:80]!r} with {compared.value:g}, and it is "
-                f"{min(confidences):g} to {max(confidences):g}",
-                f"it holds {'percents' if are_percents else 'no shares'}, so the filter leaves out hardly any row",
-                f"compare it with {compared.value * (100 if are_percents else max(confidences)):.3g}",
-                is_sure=True,
             )
 
 
@@ -405,7 +391,6 @@ COLUMN_CHECKS: Final = (
         "a column of scores for each class, and another class than person has the highest one",
     ),
     SourceCheck("W222", has_person_columns, _weak, "many rows of which the engine itself is not sure"),
-    SourceCheck("W222", has_columns, _confidences, "a limit of confidence in shares, where the column has percents"),
     SourceCheck("W222", always, _nobody, "objects in view, and none of them is a person"),
     SourceCheck(
         "W228", has_columns, _others_in_a_row, "columns of a second person in each row, and files that are not read"

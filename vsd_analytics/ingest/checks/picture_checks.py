@@ -7,7 +7,15 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceCheck, SourceWarning, always, picture_px
+from vsd_analytics.ingest.checks.check_case import (
+    ROWS_MIN,
+    Case,
+    SourceCheck,
+    SourceWarning,
+    always,
+    has_columns,
+    picture_px,
+)
 from vsd_analytics.ingest.checks.sample import Floats, Sample, extent, is_known
 from vsd_analytics.ingest.reading.column_hints import letters, side_named
 from vsd_analytics.ingest.reading.table_head import TableHead
@@ -41,7 +49,7 @@ def _pixels(case: Case) -> Iterator[SourceWarning]:
         return
     if case.head is not None:
         yield from _columns(case.head)
-        yield from _boxes(case.head, places)
+        yield from _boxes(case, case.head, places)
     yield from _scale(case, *places.T)
 
 
@@ -75,26 +83,27 @@ def _columns(head: TableHead) -> Iterator[SourceWarning]:
         )
 
 
-def _boxes(head: TableHead, places: Floats) -> Iterator[SourceWarning]:
+def _boxes(case: Case, head: TableHead, places: Floats) -> Iterator[SourceWarning]:
     """Yield warnings whether the sides of boxes are the ones they are read as."""
-    if head.n_wide > WIDE_SHARE * head.n_boxes > 0:
+    boxes = head.boxes
+    if boxes.n_wide > WIDE_SHARE * boxes.n > 0:
         yield SourceWarning(
-            f"{head.n_wide:,} of {head.n_boxes:,} boxes are clearly wider than high",
+            f"{boxes.n_wide:,} of {boxes.n:,} boxes are clearly wider than high",
             "people who stand are higher than wide: the axes, or sides and sizes, may be exchanged",
             "map each side to the column that holds it: --map left=...,top=...,right=...,bottom=...",
         )
-    if head.n_slim > 0.5 * head.n_boxes > 0 and (side := _square_side(places)) is not None:
+    if boxes.n_slim > 0.5 * boxes.n > 0 and (side := _square_side(places)) is not None:
         yield SourceWarning(
-            f"no position is beyond {side:,}, and {head.n_slim:,} of {head.n_boxes:,} boxes are too slim",
+            f"no position is beyond {side:,}, and {boxes.n_slim:,} of {boxes.n:,} boxes are too slim",
             f"pictures that were stretched to a square of {side:,} pixels, or shares of {side:,}, look like this",
             f"divide by {side:,}, and read them with --size WIDTHxHEIGHT, if they are",
         )
-    if head.n_like_corners > max(5 * ROWS_MIN, CORNER_SHARE * head.n_boxes):
+    if boxes.n_like_corners > max(5 * ROWS_MIN, CORNER_SHARE * boxes.n):
         yield SourceWarning(
-            f"the width and height of {head.n_like_corners:,} of {head.n_boxes:,} boxes are larger than "
+            f"the width and height of {boxes.n_like_corners:,} of {boxes.n:,} boxes are larger than "
             "their left and top sides",
             "hardly anybody is so near to the upper left corner: they seem to be the far corner of the box",
-            "--map left=...,top=...,right=...,bottom=... if they are",
+            f"{_as_corners(case)} if they are",
         )
     names = head.plan.names.items()
     wrong = [theirs for ours, theirs in names if side_named(theirs) == _BOX_SIDES.get(ours, "")]
@@ -103,11 +112,36 @@ def _boxes(head: TableHead, places: Floats) -> Iterator[SourceWarning]:
         what = f"{wrong[0][:80]!r} names the {'size' if is_size else 'far corner'} of a box, and is read as the other"
         fix = "--map left=...,top=...," + ("width=...,height=..." if is_size else "right=...,bottom=...")
         yield SourceWarning(what, "foot points would be elsewhere in the picture", fix, is_sure=True)
-    if head.n_upside_down > 0.5 * head.n_boxes:
-        what = f"the bottom of {head.n_upside_down:,} of {head.n_boxes:,} boxes is above their top"
+    if boxes.n_upside_down > 0.5 * boxes.n:
+        what = f"the bottom of {boxes.n_upside_down:,} of {boxes.n:,} boxes is above their top"
         why = "y seems to point up, or top and bottom are exchanged; pixels are counted from the upper edge down"
         yield SourceWarning(
             what, why, "export y from the upper edge, or map top and bottom the other way", is_sure=True
+        )
+
+
+def _as_corners(case: Case) -> str:
+    """Return the options that read width and height as right and bottom sides."""
+    columns = case.options.columns or (tuple(case.columns.plan.names) if case.columns.n_columns else ())
+    if not columns:
+        return "--map left=...,top=...,right=...,bottom=..."
+    ours = {"width": "right", "height": "bottom"}
+    more = ["_"] * (case.columns.n_columns - len(columns))
+    return f"--format table --columns {','.join([*(ours.get(name, name) for name in columns), *more])}"
+
+
+def _mirrored(case: Case) -> Iterator[SourceWarning]:
+    head = case.columns
+    left, right = (head.plan.names.get(side, "") for side in ("left", "right"))
+    is_upside_down = head.boxes.n_upside_down > 0.5 * head.boxes.n
+    if side_named(right) == "size" or (is_upside_down and side_named(right) != "corner"):
+        return  # sizes that are read as sides
+    if head.boxes.n_mirrored > 0.5 * head.boxes.n > 0:
+        yield SourceWarning(
+            f"{right[:80]!r} is left of {left[:80]!r} in {head.boxes.n_mirrored:,} of {head.boxes.n:,} boxes",
+            "the sides seem to be exchanged: no such box has a size, and none of them is read",
+            f"--map left={right},right={left}",
+            is_sure=True,
         )
 
 
@@ -184,4 +218,7 @@ def _size_known(sample: Sample, u: Floats, v: Floats, size_px: tuple[int, int]) 
         )
 
 
-PICTURE_CHECKS: Final = (SourceCheck("W226", always, _pixels, "positions in the picture that are no pixels of it"),)
+PICTURE_CHECKS: Final = (
+    SourceCheck("W226", always, _pixels, "positions in the picture that are no pixels of it"),
+    SourceCheck("W226", has_columns, _mirrored, "boxes whose right side is left of their left one"),
+)

@@ -251,9 +251,9 @@ class Sample:
         return len(different) - different[0].nunique()
 
     def lives_s(self) -> Floats:
-        """Return for each track the seconds from its first to its last record."""
+        """Return for each life of a track (`Ways.is_begun`) the seconds from its first to its last record."""
         ways = self.tracked
-        return np.asarray((ways.ts_ms[is_last(ways.is_first)] - ways.ts_ms[ways.is_first]) / 1000)
+        return np.asarray((ways.ts_ms[is_last(ways.is_begun)] - ways.ts_ms[ways.is_begun]) / 1000)
 
     def interval_s(self) -> float | None:
         """Return the median seconds between successive frames of one camera; None with fewer than two frames."""

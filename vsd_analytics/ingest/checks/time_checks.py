@@ -247,7 +247,13 @@ def _years(case: Case) -> Iterator[SourceWarning]:
     year = 1970 + median / (365.2425 * _DAY_MS)
     fix = "export ISO times, or the time since 1970 in seconds, milliseconds, microseconds or nanoseconds"
     written = str(next(iter(case.columns.rows.values()), {}).get(case.columns.plan.names.get("ts", ""), ""))
-    if 20_000_000 < median < 80_000_000:
+    least = float(sample.ts_ms.min())
+    if 0 <= least < _HOUR_MS and case.options.start is None and "ts" in case.columns.plan.names:
+        fix = (
+            "--start 2026-11-09T08:00 (when the recording began) if they are counted from its beginning; --time-format "
+            "ms (us, ns) if not in seconds"
+        )
+    elif 20_000_000 < median < 80_000_000:
         fix = "they look like days since 1899, as Excel counts them: export them as text"
     elif 720_000_000 < median < 760_000_000:
         fix = "they look like days of Matlab (datenum): (days - 719529) * 86400 are seconds since 1970"

@@ -174,7 +174,7 @@ def understand(case: Case, *, name: str) -> SourceProfile:
         pixels=extent(sample.picture_px),
         picture_px=picture_px(case),
         cameras={sample.camera.names[no]: int(n_of_camera[no]) for no in usual_cameras},
-        n_ids=len(lives),
+        n_ids=int(sample.tracked.is_first.sum()),
         life_s=float(np.median(lives)) if len(lives) else None,
         interval_s=sample.interval_s(),
         zone=zone,

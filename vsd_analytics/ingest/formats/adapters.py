@@ -30,6 +30,8 @@ SPECIFIC = {
     "azure-spatial-analysis": "vsd_analytics.ingest.formats.azure_spatial_analysis:AzureSpatialAnalysis",
     "onvif": "vsd_analytics.ingest.formats.onvif:Onvif",
     "sociopatterns": "vsd_analytics.ingest.formats.sociopatterns:SocioPatterns",
+    "jupedsim": "vsd_analytics.ingest.formats.jupedsim:JuPedSim",
+    "kitti": "vsd_analytics.ingest.formats.kitti:Kitti",
     "trajectories": "vsd_analytics.ingest.formats.trajectories:Trajectories",
 }
 """Formats of one engine or data set, the most particular first. They look at a file before plug-ins and tables do."""

@@ -30,6 +30,7 @@ class AxisScene(JsonMessages):
 
     name: ClassVar = "axis-scene"
     coordinates: ClassVar = "shares of the picture (0 to 1), foot point = bottom centre of the box"
+    uses: ClassVar = JsonMessages.uses | {"size_px"}
     engine: ClassVar = "AXIS Scene Metadata"
     marks: ClassVar = ("observations", "timestamp")
     stable_marks: ClassVar = ("object_track_id", "timestamp")

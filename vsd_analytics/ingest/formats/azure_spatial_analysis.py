@@ -41,6 +41,7 @@ class AzureSpatialAnalysis(JsonMessages):
     coordinates: ClassVar = (
         "feet from the camera (centerGroundPoint), as metres; --coordinates image: pixels of the box"
     )
+    uses: ClassVar = JsonMessages.uses | {"coordinates", "size_px"}
     engine: ClassVar = "Azure Spatial Analysis"
     marks: ClassVar = ("sourceInfo", "detections")
 

@@ -125,6 +125,7 @@ class Frames:
 
     name = "frames"
     coordinates = "floor metres, image pixels, or both, as each message says"
+    uses = frozenset({"zone"})
 
     def detects(self, source: Source) -> bool:
         """Return whether a line begins as an object with "v": 1, or our keys; lines before it may be damaged."""

@@ -8,6 +8,7 @@ of VisDrone, which writes score, category, truncation and occlusion behind the b
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from array import array
@@ -15,13 +16,18 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import islice
+
+import numpy as np
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.formats.mot_sequences import SEQUENCE_FILES, Sequence, bare_name, sequences
 from vsd_analytics.ingest.reading.adapter import BATCH_ROWS, IngestOptions, RawBatch, Rejected, Source, bytes_read
 from vsd_analytics.ingest.reading.archive import archive_kind, members
+from vsd_analytics.ingest.reading.columns import ColumnPlan
 from vsd_analytics.ingest.reading.instants import frame_ms
 from vsd_analytics.ingest.reading.raw import BadRowError, bounded_lines, raw_table, rejected
+from vsd_analytics.ingest.reading.table_head import BoxCounts, TableHead
 from vsd_analytics.settings import Settings
 
 PEDESTRIAN = 1
@@ -31,7 +37,9 @@ _FLAGS = (b"0", b"1", b"2")
 _LOOKED_AT_LINES = 1000
 
 _NUMBER = rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_FIRST_LINE = re.compile(rb"\d+(?:\.0*)?(?:\s*,\s*" + _NUMBER + rb"){5,9}\s*(?:\r?\n|$)")
+_FIRST_LINE = re.compile(rb"\d+(?:\.0*)?(?:(?:\s*[,;]\s*|[ \t]+)" + _NUMBER + rb"){5,9}\s*(?:\r?\n|$)")
+_OTHER_SIGNS = re.compile(rb"\s*;\s*|\s+")
+_COLUMNS = ("frame", "track_id", "left", "top", "width", "height")
 _FPS = (1 / 3600, 1000.0)
 
 
@@ -73,6 +81,7 @@ class MotChallenge:
     coordinates = (
         "image pixels, foot point = bottom centre of the box; with --coordinates floor columns 8 and 9 in floor metres"
     )
+    uses = frozenset({"fps", "start", "first_frame", "coordinates"})
 
     def detects(self, source: Source) -> bool:
         """Return whether this is a gt.txt or det.txt of numbers, or a folder or zip that has them in gt/ and det/."""
@@ -89,6 +98,27 @@ class MotChallenge:
                 return any(m.name.endswith(".txt") for m in files)
         except InputError:
             return False
+
+    def head(self, source: Source, options: IngestOptions) -> TableHead:
+        """Return what the columns mean, and what the boxes of the first lines look like."""
+        boxes, n_cells = BoxCounts(), 0
+        with sequences(source, options) as sequences_here:
+            first = sequences_here[0]
+            split = _splitter(first, source.settings)
+            with first.open() as stream:
+                lines = (line for _, line in bounded_lines(stream, max_bytes=int(source.settings.line_max_bytes)))
+                rows = [split(line) for line in islice(lines, _LOOKED_AT_LINES) if line and line.strip()]
+        sides = []
+        for cells in rows:
+            with contextlib.suppress(BadRowError):
+                numbers = [_number(cell) for cell in cells]
+                if len(numbers) >= len(_COLUMNS):
+                    sides.append(numbers[2:6])
+                    n_cells = len(numbers)
+        if sides and options.coordinates != "floor":
+            boxes.add(dict(zip(_COLUMNS[2:], np.array(sides).T, strict=True)))
+        plan = ColumnPlan("observations", {n: i for i, n in enumerate(_COLUMNS)}, {n: n for n in _COLUMNS})
+        return TableHead(plan, (), boxes=boxes, n_columns=n_cells)
 
     def read(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Stream the sequences of a source, one after the other, as one camera each.
@@ -143,7 +173,8 @@ def _read(
     done: tuple[int, int],
 ) -> Iterator[RawBatch]:
     rows, n_persons, damage = _MotRows(), array("i"), None
-    take = partial(_take, is_visdrone=not is_floor and _is_visdrone(sequence, settings))
+    split = _splitter(sequence, settings)
+    take = partial(_take, split=split, is_visdrone=not is_floor and _is_visdrone(sequence, settings, split))
     with sequence.open() as stream:
         try:
             for number, line in bounded_lines(stream, max_bytes=int(settings.line_max_bytes)):
@@ -179,6 +210,7 @@ def _take(
     *,
     sequence: Sequence,
     is_floor: bool,
+    split: Callable[[bytes], list[bytes]],
     is_visdrone: bool,
     frames: tuple[int, int],
     rows: _MotRows,
@@ -189,7 +221,7 @@ def _take(
         raise BadRowError("line-too-long", "the line is longer than any record of this format")
     if not line.strip():
         return
-    cells = line.split(b",")
+    cells = split(line)
     frame = _number(cells[0])
     if not frame.is_integer() or not frames[0] <= frame <= frames[1]:
         wanted = f"frames are whole numbers from {frames[0]} to {frames[1]:,} (sequence_frames_max)"
@@ -222,6 +254,19 @@ def _take(
     rows.along.append(along)
 
 
+def _splitter(sequence: Sequence, settings: Settings) -> Callable[[bytes], list[bytes]]:
+    """Return what splits a line into cells: at commas, else at semicolons, or at blanks and tabs."""
+    with sequence.open() as stream:
+        lines = (line for _, line in bounded_lines(stream, max_bytes=int(settings.line_max_bytes)))
+        try:
+            first = next((line for line in lines if line and line.strip()), b"")
+        except InputError:  # reading the sequence reports it
+            first = b""
+    if b"," in first or not _OTHER_SIGNS.search(first.strip()):
+        return lambda line: line.split(b",")
+    return lambda line: _OTHER_SIGNS.split(line.strip())
+
+
 def _number(cell: bytes) -> float:
     try:
         value = math.nan if b"_" in cell else float(cell)
@@ -237,12 +282,12 @@ def _is_floor(more: list[float]) -> bool:
     return len(more) >= 4 and not (more[1] == more[2] == -1)
 
 
-def _is_visdrone(sequence: Sequence, settings: Settings) -> bool:
+def _is_visdrone(sequence: Sequence, settings: Settings, split: Callable[[bytes], list[bytes]]) -> bool:
     """Return whether the last three of ten columns are a category, a truncation and an occlusion, and no place."""
     categories = set()
     with sequence.open() as stream:
         for number, line in bounded_lines(stream, max_bytes=int(settings.line_max_bytes)):
-            cells = [cell.strip() for cell in (line or b"").split(b",")]
+            cells = [cell.strip() for cell in split(line or b"")]
             if len(cells) == 10:
                 if not (cells[7].isdigit() and int(cells[7]) < 12 and cells[8] in _FLAGS[:2] and cells[9] in _FLAGS):
                     return False
@@ -253,11 +298,12 @@ def _is_visdrone(sequence: Sequence, settings: Settings) -> bool:
 
 
 def _has_floor(sequence: Sequence, settings: Settings) -> bool:
+    split = _splitter(sequence, settings)
     with sequence.open() as stream:
         for number, line in bounded_lines(stream, max_bytes=int(settings.line_max_bytes)):
             if line and line.strip():
                 try:
-                    return _is_floor([_number(cell) for cell in line.split(b",")[6:]])
+                    return _is_floor([_number(cell) for cell in split(line)[6:]])
                 except BadRowError:
                     continue
             if number > _LOOKED_AT_LINES:

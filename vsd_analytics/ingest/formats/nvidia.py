@@ -33,6 +33,7 @@ class Nvidia(JsonMessages):
 
     name: ClassVar = "nvidia"
     coordinates: ClassVar = "floor metres (footLocation3D, coordinate), else pixels (footLocation2D, box)"
+    uses: ClassVar = JsonMessages.uses | {"coordinates"}
     engine: ClassVar = "nvidia nvschema"
     marks: ClassVar = ("sensorId", "objects")
     full_marks: ClassVar = ("mdsversion", "sensor", "object")

@@ -55,6 +55,7 @@ class Onvif:
 
     name = "onvif"
     coordinates = "shares of the picture (-1 to 1), foot point = bottom centre of the box"
+    uses = frozenset({"zone", "period_s", "size_px"})
 
     def detects(self, source: Source) -> bool:
         """Return whether the first bytes have the start of a metadata stream."""

@@ -70,6 +70,8 @@ _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"Rar!", "a RAR archive", _UNPACK),
     (b"\x04\x22\x4d\x18", "compressed with lz4", "unpack it: lz4 -d FILE; gzip, bzip2 and zstd are read as they are"),
     (b"\x89HDF", "an HDF5 file", _CSV),
+    (b"II*\0", "a picture (TIFF; GeoTIFF too)", "name the file with the positions"),
+    (b"MM\0*", "a picture (TIFF; GeoTIFF too)", "name the file with the positions"),
     (b"\x93NUMPY", "a NumPy array", _CSV),
     (b"\x80\x04", "a Python pickle", _CSV),
     (b"\x80\x05", "a Python pickle", _CSV),
@@ -93,6 +95,24 @@ _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
 )
 """First bytes, what such a file is, and what to do."""
 _STREAMS: Final = {"rtsp", "rtsps", "rtmp", "rtmps", "http", "https", "rtp", "udp", "srt"}
+_ROWS: Final = "write a row for each person and frame: frame, id, left, top, right, bottom"
+_XML: Final[tuple[tuple[re.Pattern[bytes], str, str], ...]] = (
+    (re.compile(rb"<viper\b|lamp\.cfar\.umd\.edu"), "annotations of ViPER (XML)", _ROWS),
+    (
+        re.compile(rb"<annotations>[\s\S]*<(?:track|image|meta)\b"),
+        "annotations of CVAT (XML)",
+        f"export them from CVAT as MOT 1.1, or {_ROWS}",
+    ),
+    (re.compile(rb"<annotation>[\s\S]*<object>"), "annotations of Pascal VOC (XML)", _ROWS),
+    (
+        re.compile(rb"<fcd-export\b"),
+        "trajectories of SUMO (FCD)",
+        "make a CSV file of it with xml2csv.py of SUMO; then: --map ts=timestep_time,track_id=person_id,x_m=person_x,"
+        "y_m=person_y --start INSTANT",
+    ),
+)
+"""What the first elements of XML say it is, and what to do."""
+_VADERE: Final = re.compile(rb"^pedestrianId\s+simTime\b")
 _TRACKED: Final = re.compile(rb"\d+(?:\.0+)?,-?\d+(?:\.0+)?(?:,-?\d+(?:\.\d+)?(?:e[+-]\d+)?){5,8}")
 _SQL: Final = re.compile(rb"(?m)^(?:INSERT INTO|COPY|CREATE TABLE)\s+[\w.`\"\[]")
 _SPREADSHEET: Final = b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet"
@@ -108,11 +128,13 @@ def kind_of_no_table(source: Source) -> tuple[str, str] | None:
         return "a web page (HTML)", "open it in a spreadsheet, and save it as xlsx or CSV UTF-8"
     if head[:1] == b"\0" and head[2:3] == b"\0" and head[1:2].isalnum():
         return "text in UTF-16", _UTF_8
-    if b"\r" in head and b"\n" not in source.head(4096) and source.head(4096).count(b"\r") > 2:
-        return "text whose lines end with CR alone", "tr '\\r' '\\n' < FILE > lines.csv"
     if _SPREADSHEET in head:
         return "an OpenDocument spreadsheet (ods)", "save it as xlsx or CSV UTF-8"
-    return next(((what, fix) for start, what, fix in _KINDS if head.startswith(start)), None)
+    known = next(((what, fix) for start, what, fix in _KINDS if head.startswith(start)), None)
+    start = source.head(4096)
+    if known is None and b"\0" not in start and b"\n" not in start and start.count(b"\r") > 2:
+        return "text whose lines end with CR alone", f"tr '\\r' '\\n' < {source.file_name} > lines.csv"
+    return known
 
 
 def _is_video(head: bytes) -> bool:
@@ -141,11 +163,19 @@ def refuse_streams(names: Sequence[str]) -> None:
 def _likely_kind(source: Source) -> tuple[str, str] | None:
     """Return what a file seems to be that no format recognises, and what to do about it."""
     head = source.head(8192) if source.path.is_file() else b""
+    if _VADERE.search(head):
+        return (
+            "trajectories of Vadere, whose rows are steps from one place to the next",
+            "let its output have a row for each time step; then: --map ts=simTime,track_id=pedestrianId,x_m=x,y_m=y "
+            "--start INSTANT",
+        )
     if head.startswith((b"+--", "┌─".encode())):
         return "a table drawn with lines", "let the database write CSV: mysql -B, sqlite3 -csv, psql --csv, duckdb -csv"
     if _SQL.search(head) is not None:
         return "a dump of a database (SQL)", "load it into that database, and export the table as CSV"
     if head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<"):
+        if (named := next(((what, fix) for mark, what, fix in _XML if mark.search(head)), None)) is not None:
+            return named
         return "XML of a kind that is not known", f"{_CSV}, with time, id, and metres or a box in pixels"
     if head[8:12] == b"DUCK":
         return "a DuckDB database", 'export the table: duckdb -csv FILE "select * from TABLE" > a.csv'
@@ -203,9 +233,6 @@ def _json_fix(source: Source) -> str | None:
     mapping = guessed_mapping(source)
     if mapping is not None:
         return f"say where its values are, probably: {mapping}"
-    frames = re.search(rb'"([A-Za-z_][\w-]*)"\s*:\s*\[\s*\{', head)
-    if frames is not None:
-        return f"one message a line: {one_a_line.format(frames[1].decode())}; then vsd check again"
     paths = paths_of(source)
     if paths is None:
         return None

@@ -108,6 +108,7 @@ class SmartSocialDistancing:
     coordinates = (
         "image pixels at the logged resolution, foot point = bottom centre of the box; distances by body height"
     )
+    uses = frozenset({"zone", "method", "resolution_px", "threshold_m"})
 
     def detects(self, source: Source) -> bool:
         """Return whether this is a file with the header line, or a folder with an objects_log of such files."""

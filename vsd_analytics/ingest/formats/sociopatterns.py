@@ -26,6 +26,7 @@ class SocioPatterns:
 
     name = "sociopatterns"
     coordinates = "none: pairs of ids, closer than --threshold"
+    uses = frozenset({"threshold_m", "start"})
 
     def detects(self, source: Source) -> bool:
         """Return whether the first lines are `t i j` with times that grow in steps of 20 seconds."""

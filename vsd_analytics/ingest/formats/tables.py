@@ -48,6 +48,9 @@ class Tables:
 
     name = "table"
     coordinates = "floor metres (x_m y_m) or image pixels (u_px v_px, or boxes)"
+    uses = frozenset(
+        {"columns", "map", "where", "unit", "zone", "time_format", "period_s", "fps", "start", "first_frame", "size_px"}
+    )
 
     def __init__(self, kind: TableName | None = None, *, is_only_where: bool = False) -> None:
         self._kind = kind
@@ -134,7 +137,7 @@ class Tables:
         if part is not None and part.constants:
             file = PartWithConstants(file, part.constants)
         plan = plan_columns(source, options, file.header, kind=self._kind)
-        return file, replace(plan, time_format=time_format(source, file, plan, stated=options.time_format))
+        return file, replace(plan, time_format=time_format(source, file, plan, options))
 
 
 @contextmanager

@@ -33,6 +33,7 @@ class Trajectories:
 
     name = "trajectories"
     coordinates = "floor metres, or the unit that the header says"
+    uses = frozenset({"fps", "start", "first_frame", "unit"})
 
     def detects(self, source: Source) -> bool:
         """Return whether the file begins with `#` lines that say a frame rate, and then mostly numbers."""

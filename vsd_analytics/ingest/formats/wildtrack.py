@@ -69,6 +69,7 @@ class Wildtrack:
         "floor metres from the grid of 2.5 cm cells, one virtual camera for all views; with --per-camera image pixels, "
         "foot point = bottom centre of the box, cameras C1 to C7"
     )
+    uses = frozenset({"per_camera", "fps", "start", "first_frame"})
 
     def detects(self, source: Source) -> bool:
         """Return whether this is a folder of numbered JSON files with positionID, or a tar of annotations_positions."""

@@ -34,11 +34,10 @@ from vsd_analytics.ingest.intake.pseudonyms import keys_of
 from vsd_analytics.ingest.intake.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.intake.rule_camera import with_named_camera
 from vsd_analytics.ingest.intake.stored_places import note_of_other_places
-from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source
+from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, refuse_unused
 from vsd_analytics.ingest.reading.column_hints import differing_cameras
 from vsd_analytics.ingest.reading.limits import within_bounds
 from vsd_analytics.ingest.reading.raw import n_rows, without_zones
-from vsd_analytics.ingest.reading.table_rows import LEFT_OUT
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import ReadingRule, Site
 from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
@@ -239,8 +238,9 @@ class _Ingest:
                     self.store.append(name, rows, engines=engines, import_id=import_id)
                     result.n_records[name] += rows.num_rows
                     _note_times(result, rows["ts"])
-            if not result.n_records and not quarantine.counts and not result.notes:
-                result.notes.append(f"W212: no record was found in it{_left_out(result)}")
+            is_empty = not result.n_records and not quarantine.counts and not result.notes
+            if is_empty and not (result.card is not None and result.card.warnings):
+                result.notes.append("W212: no record was found in it")
             if result.is_new_shape and result.card is not None and result.n_records and not self.is_dry_run:
                 note_shape(self.site.root, result.card.shape)
         except DiskError:
@@ -280,6 +280,7 @@ class _Ingest:
         try:
             reader = find_adapter(self.source, self.options)
             result.format = reader.name
+            refuse_unused(self.source, reader, self.options)
             batches = self.counting_bytes(within_bounds(self.source, reader.read(self.source, self.options)))
             head, error = _head(batches)
             if head:
@@ -326,15 +327,6 @@ class _Ingest:
                 done = batch.done_bytes
         if self.on_bytes is not None:
             self.on_bytes(max(0, self.source.size_bytes - done))
-
-
-def _left_out(result: SourceResult) -> str:
-    """Return which values the columns of `--where` have, where it left out every row."""
-    if not result.n_dropped.get(LEFT_OUT) or result.card is None:
-        return ""
-    filtered = result.card.filtered.items()
-    held = "; ".join(f"{name[:40]!r} holds {', '.join(v[:20] for v in values)}" for name, values in filtered)
-    return f": --where leaves out all {result.n_dropped[LEFT_OUT]:,} rows; {held}"
 
 
 def _head(batches: Iterator[RawBatch]) -> tuple[list[RawBatch], VsdError | None]:

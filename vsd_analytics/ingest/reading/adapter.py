@@ -15,11 +15,11 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Protocol
+from typing import IO, Final, Protocol
 
 import pyarrow as pa
 
-from vsd_analytics.errors import InputError, Where
+from vsd_analytics.errors import InputError, UsageError, Where
 from vsd_analytics.ingest.reading.limits import unpacked_max, unpacks_too_far
 from vsd_analytics.schema import RAW_SCHEMAS, TableName
 from vsd_analytics.settings import DEFAULTS, Settings
@@ -122,6 +122,7 @@ class IngestOptions:
         pictures: Width and height of the picture by camera, from vsd.toml, for the same.
         is_sure: The user says that the file is right, whatever looks wrong about it.
         persons: Path of the list of persons in a JSON message that is read by `map`; None = a message is one person.
+        no_list_is_nobody: A JSON frame without a list of persons is one without persons; else it goes to quarantine.
         profile: Id of the `[[source]]` of vsd.toml that gave some of them; None = none fits.
         is_only_camera: `camera` is the site's only one, and nobody said that it is meant.
     """
@@ -154,9 +155,58 @@ class IngestOptions:
     pictures: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     is_sure: bool = False
     persons: str | None = None
+    no_list_is_nobody: bool | None = None
     profile: str | None = None
     is_only_camera: bool = False
     camera_from_name: str | None = None
+
+
+_UNSAID: Final = IngestOptions()
+CHOICES: Final = {
+    "columns": "--columns",
+    "map": "--map",
+    "where": "--where",
+    "persons": "--persons",
+    "no_list_is_nobody": "--no-list-is-nobody",
+    "unit": "--unit",
+    "zone": "--zone",
+    "time_format": "--time-format",
+    "period_s": "--period",
+    "fps": "--fps",
+    "start": "--start",
+    "first_frame": "--first-frame",
+    "size_px": "--size",
+    "coordinates": "--coordinates",
+    "method": "--method",
+    "resolution_px": "--resolution",
+    "threshold_m": "--threshold",
+    "per_camera": "--per-camera",
+}
+"""Fields of `IngestOptions` of which an adapter may read some, and their options of the command line."""
+
+
+def refuse_unused(source: Source, reader: Adapter, options: IngestOptions) -> None:
+    """Refuse what the user says that a format does not read: figures would be those of a file read otherwise.
+
+    Raises:
+        UsageError: E101, naming the options, and those that the format reads.
+    """
+    uses: frozenset[str] = getattr(reader, "uses", frozenset(CHOICES))
+    unused = [o for name, o in CHOICES.items() if name not in uses and getattr(options, name) != getattr(_UNSAID, name)]
+    if unused:
+        read = [option for name, option in CHOICES.items() if name in uses]
+        raise unused_options(source, unused, why=f"the format {reader.name} reads {', '.join(read) or 'none of them'}")
+
+
+def unused_options(source: Source, unused: Sequence[str], *, why: str) -> UsageError:
+    """Return the error of options that are not used: E101."""
+    is_one = len(unused) == 1
+    return UsageError(
+        f"{', '.join(unused)} {'is' if is_one else 'are'} not used to read {source.file_name}",
+        where=Where(source.name),
+        why=why,
+        fix=f"leave out {', '.join(unused)}; in a [[source]] of vsd.toml as well",
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -356,6 +406,9 @@ class Adapter(Protocol):
     """Value of `--format`."""
     coordinates: str
     """What the positions are, as text for the manual and `vsd check`."""
+
+    # An adapter may also have `uses: frozenset[str]`, the fields of `CHOICES` that it reads, and `head`, see
+    # `checks.understanding.table_head`. Without `uses` it is taken to read them all.
 
     def detects(self, source: Source) -> bool:
         """Return whether the source is of this format, from its name and first bytes only."""

@@ -23,7 +23,9 @@ from vsd_analytics.schema import TableName
 
 _ORDER: Final = ("ts", "camera_id", "track_id")
 _FAINT: Final = 0.3
-_OF_TIME: Final = re.compile("time|^ts|ts$|date|stamp|clock|utc|epoch|zeit|hora|heure|jour|giorno|fecha|datum|ora$")
+_OF_TIME: Final = re.compile(
+    "time|^ts|[^a-z]ts$|date|stamp|clock|utc|epoch|zeit|hora|heure|jour|giorno|fecha|datum|ora$"
+)
 _THEIR_NAME: Final = "THEIR_NAME"
 _TIME_OF_INFLUX: Final = "_time"
 

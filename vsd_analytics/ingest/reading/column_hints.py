@@ -168,8 +168,9 @@ _FAINT_IDS: Final = ("name", "object", "obj")
 """Names of ids that often hold a class instead."""
 
 PERSON: Final = _words(
-    "person persons people pedestrian pedestrians human humans man woman adult child persona persone personas personne "
-    "personnes personen persoon pessoa pessoas mensch menschen pedone pedoni pieton pietons peaton peatones fussganger "
+    "person persons people pedestrian pedestrians ped peds human humans man woman adult child "
+    "persona persone personas personne personnes personen persoon pessoa pessoas mensch menschen pedone pedoni pieton "
+    "pietons peaton peatones fussganger "
     "fuganger uomo donna 人 行人 人员 人物 歩行者 человек пешеход 사람 보행자"
 )
 """Words for what is counted, as classes of detectors name it."""
@@ -191,7 +192,7 @@ VAGUE: Final = frozenset({"kind", "type", "tipo", "typ"})
 
 OBJECTS: Final = _words(
     "bicycle bike biker cyclist skater rider "
-    "car motorcycle motorbike bus train truck van vehicle dog cat bird cart trolley chair face head "
+    "car motorcycle motorbike bus train truck van vehicle veh dog cat bird cart trolley chair face head "
     "backpack handbag suitcase auto autos macchina camion carro coche voiture velo bici bicicleta bicicletta fahrrad "
     "hund chien cane perro carrello chariot caddie poussette stroller kinderwagen passeggino vehicule fahrzeug veicolo "
     "moto motorrad scooter forklift gabelstapler muletto robot mannequin manichino"

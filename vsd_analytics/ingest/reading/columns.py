@@ -20,6 +20,7 @@ from vsd_analytics.ingest.reading.column_guess import (
     renames_option,
 )
 from vsd_analytics.ingest.reading.column_hints import is_whole_box, of_another_person, place_like, time_like
+from vsd_analytics.ingest.reading.instants import offset_in_name
 from vsd_analytics.ingest.reading.table_file import Header
 from vsd_analytics.ingest.reading.units import LENGTHS, unit_in_name
 from vsd_analytics.ingest.reading.where import parse_where
@@ -54,6 +55,11 @@ class ColumnPlan:
     where: tuple[RowCondition, ...] = ()
     compared: Mapping[str, int] = field(default_factory=dict)
     time_format: str | None = None
+
+    @property
+    def offset_ms(self) -> int | None:
+        """Return how far ahead of UTC the name of the column of times says that they are; None = it says nothing."""
+        return offset_in_name(self.names.get("ts", ""))
 
     @property
     def wanted(self) -> dict[str, int]:
@@ -182,8 +188,13 @@ def _their_column(source: Source, name: str, header: Header) -> int:
         for wanted in (name, name.lower()):
             if wanted in names:
                 return names.index(wanted)
+    raise no_compared_column(source, name, header)
+
+
+def no_compared_column(source: Source, name: str, header: Header) -> InputError:
+    """Return the error of a filter that compares a column that is not there: E203, with the nearest that is."""
     near = nearest_name(name, [n for n in header.names[:1000] if len(n) <= 100])
-    raise InputError(
+    return InputError(
         f"{source.file_name} has no column {name!r}, which --where compares",
         code="E203",
         where=Where(source.name, header.line, header.text),
@@ -241,6 +252,7 @@ _ULTRALYTICS = frozenset({"name", "class", "confidence", "box"})
 _COUNTS = frozenset(
     {"count", "counts", "enter", "entered", "entries", "exit", "exited", "exits", "in_count", "leave", "leaves"}
     | {"line_in", "line_out", "occupancy", "out_count", "people_count", "person_count", "visitors"}
+    | {"detectedobjects", "violatingobjects", "noinfringement", "lowinfringement", "highinfringement"}
 )
 """Columns of engines that count people at a line or in a room, and place nobody."""
 
@@ -269,7 +281,7 @@ def _missing(
     )
     near = renames.get(ours or column)
     counts = [n for n in shown if n.lower() in _COUNTS]
-    if column == "x_m" and counts and near not in shown:
+    if counts and not place_like(shown) and (column == "ts" or (column == "x_m" and near not in shown)):
         return _unfit(
             source,
             header,
@@ -303,6 +315,14 @@ def _other_file(source: Source, column: str, header: Header, shown: list[str], w
             f"has no column {column!r}",
             why=f"{why}; the first line holds numbers, so the file seems to have no header",
             fix="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
+        )
+    if {"_field", "_value"} <= {*header.names}:
+        return _unfit(
+            source,
+            header,
+            "is an export of InfluxDB with one value a row",
+            why="the two coordinates of a place are in two rows",
+            fix='pivot it first: |> pivot(rowKey: ["_time", "track"], columnKey: ["_field"], valueColumn: "_value")',
         )
     if column == "ts" and set(shown) >= _ULTRALYTICS:
         return _unfit(

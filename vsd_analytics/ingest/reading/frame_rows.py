@@ -58,7 +58,8 @@ class FrameRows:
         self._clear()
 
     def _clear(self) -> None:
-        self._frames: list[tuple[str | None, int, str | None, int, int]] = []  # camera, ms, zone, persons, line
+        # camera, ms, zone, persons, line, whether it is a frame or only a person with a time
+        self._frames: list[tuple[str | None, int, str | None, int, int, bool]] = []
         self._seen: list[SeenPerson] = []
         self._numbers: list[int] = []  # of each person within the frame
         self._of_frame: list[int] = []
@@ -99,8 +100,16 @@ class FrameRows:
         self._wrong = {}
         return details
 
-    def add(self, camera: str | None, at: datetime, seen: Sequence[SeenPerson | None], *, line: int) -> None:
-        """Add one frame, also one without people.
+    def add(
+        self,
+        camera: str | None,
+        at: datetime,
+        seen: Sequence[SeenPerson | None],
+        *,
+        line: int,
+        is_frame: bool = True,
+    ) -> None:
+        """Add one frame, also one without people; or single persons, where nobody says who else was there.
 
         Persons are numbered as the engine lists them, also past one who cannot be used (None): when the frame comes
         again with that person, the others are recognised.
@@ -120,7 +129,7 @@ class FrameRows:
             zone = self._options.clocks.get(camera or "", self._options.frame_zone)
             at = at.replace(tzinfo=UTC)
         ts_ms = (at - _EPOCH) // _MS
-        self._frames.append((camera, ts_ms, zone, len(seen), line))
+        self._frames.append((camera, ts_ms, zone, len(seen), line, is_frame))
         self._of_frame += [len(self._frames) - 1] * len(usable)
         self._numbers += [number for number, _ in usable]
         self._seen += [person for _, person in usable]
@@ -151,7 +160,8 @@ class FrameRows:
 
     def batch(self, done_bytes: int, *, first_line: str | None = None) -> RawBatch:
         """Return the records added since the last call."""
-        cameras, times, zones, counts, lines = map(list, zip(*self._frames, strict=True)) if self._frames else ([],) * 5
+        columns = map(list, zip(*self._frames, strict=True)) if self._frames else ([],) * 6
+        cameras, times, zones, counts, lines, are_frames = columns
         ts_ms = floored(np.array(times, dtype=np.int64), self._options)
         notes = []
         for zone in sorted({z for z in zones if z is not None}):
@@ -166,8 +176,9 @@ class FrameRows:
             "line": pa.array(lines, pa.int64()),
         }
         tables: dict[TableName, pa.Table] = {}
-        if self._frames:
-            tables["frames"] = raw_table("frames", **shared, n_persons=n_persons)
+        if any(are_frames):
+            frames = raw_table("frames", **shared, n_persons=n_persons)
+            tables["frames"] = frames if all(are_frames) else frames.filter(pa.array(are_frames))
         if self._seen:
             of_row = pa.array(self._of_frame, pa.int64())
             tables["observations"] = raw_table(

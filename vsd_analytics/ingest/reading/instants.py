@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, timezone
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -27,6 +28,14 @@ _UNITS: tuple[tuple[float, float, float, float], ...] = (
 )
 _ISO = r"^\d{4}-?\d{2}"
 _OFFSET = r"(?:[zZ]|[Tt ]\d{2}[^+-]*[+-]\d{2}(?::?\d{2})?)$"
+_UTC_NAMES = r"(?:UTC|GMT|Z)"
+_DIRECTIVE = re.compile(r"%[-#]?[A-Za-z%]")
+_STATED = re.compile(
+    r"(?:(?<![A-Za-z])(?:UTC|GMT|Z)|(?=[+\-\u2212]\d{2}:?\d{2}['\")]*$))"
+    r" ?(?:(?P<sign>[+\-\u2212])(?P<hours>\d{1,2})(?::?(?P<minutes>\d{2}))?)?['\")]*$",
+    re.IGNORECASE,
+)
+"""An offset from UTC at the end of a text."""
 _NAIVE_EPOCH = datetime(1970, 1, 1)
 _EPOCH = _NAIVE_EPOCH.replace(tzinfo=UTC)
 _FIRST_MS = (datetime(1, 1, 3) - _NAIVE_EPOCH) // timedelta(milliseconds=1)
@@ -50,7 +59,9 @@ class Instants:
     zones: pa.Array | None = None
 
 
-def parse_instants(values: pa.Array, *, zone: str, time_format: str | None = None) -> Instants:
+def parse_instants(
+    values: pa.Array, *, zone: str, time_format: str | None = None, offset_ms: int | None = None
+) -> Instants:
     """Parse a column of times.
 
     Args:
@@ -59,6 +70,8 @@ def parse_instants(values: pa.Array, *, zone: str, time_format: str | None = Non
             not change the unit.
         zone: IANA zone of times without an offset, see `local_to_utc`.
         time_format: How texts are written, in the words of strptime; None = ISO 8601.
+        offset_ms: Milliseconds that times without an offset of their own are ahead of UTC, as the column's name states
+            it (see `offset_in_text`); it takes the place of `zone`. None = the name states none.
 
     Raises:
         pyarrow.ArrowException: The column is of a type that cannot be a time, such as a list.
@@ -68,7 +81,7 @@ def parse_instants(values: pa.Array, *, zone: str, time_format: str | None = Non
     if pa.types.is_timestamp(values.type):
         whole = values.cast(pa.timestamp("ms", tz=values.type.tz), safe=False).cast(pa.int64())
         is_wrong = ~_known(whole)
-        return _placed(_int64(whole), is_wrong, is_wrong | (values.type.tz is not None), zone)
+        return _placed(_int64(whole), is_wrong, is_wrong | (values.type.tz is not None), zone, offset_ms)
     if time_format is None:
         unix, is_text = numbers(values)
     else:  # 20251110 may be a date then
@@ -89,7 +102,7 @@ def parse_instants(values: pa.Array, *, zone: str, time_format: str | None = Non
             _from_texts(texts) if time_format is None else _from_formatted(texts, time_format)
         )
     is_wrong |= ~np.isfinite(ms) | (np.abs(ms) > 2**53)
-    return _placed(np.where(is_wrong, 0, ms).astype(np.int64), is_wrong, is_wrong | is_exact, zone)
+    return _placed(np.where(is_wrong, 0, ms).astype(np.int64), is_wrong, is_wrong | is_exact, zone, offset_ms)
 
 
 def ms_of_unix(number: float) -> int:
@@ -166,8 +179,10 @@ def skipped_note(zone: str) -> str:
     )
 
 
-def _placed(ms: np.ndarray, is_wrong: np.ndarray, is_exact: np.ndarray, zone: str) -> Instants:
-    if is_exact.all():
+def _placed(ms: np.ndarray, is_wrong: np.ndarray, is_exact: np.ndarray, zone: str, offset_ms: int | None) -> Instants:
+    if offset_ms is not None:
+        ms[~is_exact] -= offset_ms
+    if offset_ms is not None or is_exact.all():
         return Instants(ms, is_wrong)
     local_ms = ms[~is_exact]
     ms[~is_exact], is_ambiguous = local_to_utc(local_ms, zone)
@@ -195,13 +210,59 @@ def _from_texts(texts: pa.Array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _from_formatted(texts: pa.Array, time_format: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return milliseconds as written, which texts are wrong, and which have an offset, of texts in one format."""
+    """Return milliseconds in UTC or as written, which texts are wrong, and which have an offset, of one format."""
+    offset_ms = offset_in_text(_DIRECTIVE.sub("", time_format))
+    if "%Z" in time_format:
+        texts = pc.replace_substring_regex(texts, rf"\b{_UTC_NAMES}\b", "+0000")
+        time_format = time_format.replace("%Z", "%z")
     has_offset = "%z" in time_format
     times = pd.to_datetime(
         pd.Series(texts.to_pylist(), dtype="object"), errors="coerce", utc=has_offset, format=time_format
     )
-    ms = times.dt.as_unit("us").astype("int64").to_numpy() // 1000
-    return ms.astype(float), times.isna().to_numpy(), np.full(len(texts), has_offset)
+    ms = times.dt.as_unit("us").astype("int64").to_numpy() // 1000 - (0 if has_offset else offset_ms or 0)
+    is_exact = has_offset or offset_ms is not None
+    return ms.astype(float), times.isna().to_numpy(), np.full(len(texts), is_exact)
+
+
+def formatted_instant(text: str, time_format: str) -> datetime:
+    """Return one time in a format of strptime, with its offset where the text or the format states one.
+
+    Raises:
+        ValueError: The text is not written so.
+    """
+    offset_ms = offset_in_text(_DIRECTIVE.sub("", time_format))
+    if "%Z" in time_format:
+        text, time_format = re.sub(rf"\b{_UTC_NAMES}\b", "+0000", text), time_format.replace("%Z", "%z")
+    at = datetime.strptime(text.strip(), time_format)
+    if at.tzinfo is not None or offset_ms is None:
+        return at
+    return at.replace(tzinfo=timezone(timedelta(milliseconds=offset_ms)))
+
+
+def offset_in_text(text: str) -> int | None:
+    """Return how many milliseconds ahead of UTC a text says that times are; None where it says nothing.
+
+    Args:
+        text: The letters of a format of strptime without its directives, such as `-- ::Z`, or the name of a column.
+    """
+    stated = _STATED.search(text)
+    if stated is None:
+        return None
+    hours, minutes = int(stated["hours"] or 0), int(stated["minutes"] or 0)
+    sign = -1 if stated["sign"] in ("-", "\u2212") else 1
+    return sign * (hours * 60 + minutes) * 60_000 if hours < 15 and minutes < 60 else None
+
+
+def offset_in_name(name: str) -> int | None:
+    """Return how many milliseconds ahead of UTC the name of a column says that its times are, by a sign and hours.
+
+    `Seen at (UTC+01:00)` gives 3,600,000. A name with UTC alone, as in `utc_time`, gives None: it may mean anything.
+    """
+    text = name.strip(" )]")
+    stated = _STATED.search(text)
+    if stated is None or stated["sign"] is None or (stated[0][0] in "+-\u2212" and ":" not in stated[0]):
+        return None  # `run-2025` is no offset
+    return offset_in_text(text)
 
 
 def _known(values: pa.Array) -> np.ndarray:

@@ -11,7 +11,16 @@ from typing import Any, Final
 from vsd_analytics.errors import VsdError
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.ingest.reading.column_guess import note_on_place
-from vsd_analytics.ingest.reading.column_hints import ids_like, is_whole_box, letters, named_like, place_like, time_like
+from vsd_analytics.ingest.reading.column_hints import (
+    OBJECTS,
+    PERSON,
+    ids_like,
+    is_whole_box,
+    letters,
+    named_like,
+    place_like,
+    time_like,
+)
 from vsd_analytics.ingest.reading.envelopes import body_of
 from vsd_analytics.ingest.reading.json_messages import messages
 from vsd_analytics.ingest.reading.json_values import KEY, leaves, value_at
@@ -34,6 +43,7 @@ _BOXES: Final[tuple[tuple[str, tuple[str, ...]], ...]] = (
     *((name, _SIZES) for name in ("xywh", "tlwh", "ltwh")),
 )
 """What lists of four numbers hold whose names end so."""
+_FRAMES: Final = frozenset(("frame", "frameid", "framenumber", "frameno", "frameindex", "frameidx", "framenum"))
 _NAMES_MAX: Final = 12
 _DOCUMENT: Final = "_id"
 """Name of a database for one of its documents, and of nobody."""
@@ -78,17 +88,22 @@ def _paths(thing: Any, front: str = "", depth: int = 0) -> Iterator[tuple[str, A
 
 
 def _guess(message: dict[str, Any], others: list[dict[str, Any]]) -> str | None:
-    lists = [(path, person, False) for path, person in _lists(message) if _PLAIN.fullmatch(path)]
-    keyed = [(path, person, True) for path, person in _keyed(message) if _PLAIN.fullmatch(path)]
-    for path, person, is_keyed in [*lists, *keyed, (None, message, False)]:
-        fronts = tuple(f"{p}." for p, _, _ in keyed if path in (None, p))
-        theirs = _mapping(message, person, others, fronts)
+    lists = [(path, person, frame, False) for path, person, frame in _lists(message, message) if _is_plain(path)]
+    keyed = [(path, person, message, True) for path, person in _keyed(message) if _is_plain(path)]
+    # the innermost lists hold the people, those around them their frames
+    lists.sort(key=lambda entry: -entry[0].count("*"))
+    for path, person, frame, is_keyed in [*lists, *keyed, (None, message, message, False)]:
+        fronts = tuple(f"{p}." for p, _, _, _ in keyed if path in (None, p))
+        theirs = _mapping(frame, person, others, fronts) or _mapping(message, person, others, fronts)
         if theirs is not None:
             if is_keyed:
                 theirs.setdefault("track_id", KEY)
             joined = ",".join(f"{ours}={name}" for ours, name in theirs.items())
             where = "--format json" if path is None else f"--persons {shlex.quote(path)}"
-            note = note_on_place(theirs) if "left" in theirs else ""
+            if "track_id" not in theirs and path is not None and (told := _told_apart(path, others)) is not None:
+                joined = joined.replace(",", f",track_id={told},", 1)
+            note = "" if "ts" in theirs else " --fps 25 --start 2026-11-09T08:00"
+            note += note_on_place(theirs) if {"left", "x_m"} & theirs.keys() else ""
             if "right" in theirs and "xyxy" not in theirs["left"] and theirs["left"].endswith(".0"):
                 note = f"   (corners; if the last two are sizes: width={theirs['right']},height={theirs['bottom']})"
             return f"{where} --map {shlex.quote(joined) if '$' in joined else joined}{note}"
@@ -105,12 +120,32 @@ def _mapping(
         of_message = [p for p in of_message if p.startswith(f"{body}.")]
     time = time_like(of_message)
     place = place_like(of_person) or _by_last_part(of_person) or _point(person) or _box(person, others)
-    if time is None or not place or not all(_PLAIN.fullmatch(path) for path in (time, *place.values())):
+    frame = next((path for path in of_message if letters(path.rpartition(".")[2]) in _FRAMES), None)
+    of_time = {"ts": time} if time is not None else {"frame": frame} if frame is not None else {}
+    if not of_time or not place or not all(_PLAIN.fullmatch(path) for path in (*of_time.values(), *place.values())):
         return None
     cameras = [path for path in named_like(of_message, "camera") if _PLAIN.fullmatch(path)]
-    ids = [path for path in ids_like(of_person) if _PLAIN.fullmatch(path)]
+    ids = [path for path in ids_like(of_person) if _PLAIN.fullmatch(path) and not _is_class(value_at(person, path))]
     more = {**({"camera_id": cameras[0]} if cameras else {}), **({"track_id": ids[0]} if ids else {})}
-    return {"ts": time, **more, **_from_upper_left(place, person)}
+    return {**of_time, **more, **_from_upper_left(place, person)}
+
+
+def _is_class(value: Any) -> bool:
+    return isinstance(value, str) and letters(value) in PERSON | OBJECTS
+
+
+def _is_plain(path: str) -> bool:
+    return _PLAIN.fullmatch(path.replace(".*", "")) is not None
+
+
+def _told_apart(path: str, messages: list[dict[str, Any]]) -> str | None:
+    """Return the whole number by which the people of each frame differ, where its name says nothing: as "n" may be."""
+    frames = [people for message in messages if isinstance(people := value_at(message, path), list)]
+    frames = [[p for p in people if isinstance(p, dict)] for people in frames]
+    names = [n for n, v in frames[0][0].items() if type(v) is int] if frames and frames[0] else []
+    several = [people for people in frames if len(people) > 1]
+    fits = (n for n in names if several and all(len({str(p.get(n)) for p in f}) == len(f) for f in several))
+    return next((n for n in fits if letters(n) not in _SIDES + _SIZES and _PLAIN.fullmatch(n)), None)
 
 
 def _from_upper_left(place: dict[str, str], person: Mapping[str, Any]) -> dict[str, str]:
@@ -186,10 +221,14 @@ def _keyed(message: Mapping[str, Any], front: str = "", depth: int = 0) -> Itera
             yield from _keyed(value, f"{front}{name}.", depth + 1)
 
 
-def _lists(message: Mapping[str, Any], front: str = "", depth: int = 0) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the path of each list of objects, and its first object."""
-    for name, value in message.items():
+def _lists(
+    thing: Mapping[str, Any], frame: Mapping[str, Any], front: str = "", depth: int = 0
+) -> Iterator[tuple[str, dict[str, Any], Mapping[str, Any]]]:
+    """Yield the path of each list of objects, its first object, and the frame that it is of; lists of frames too."""
+    for name, value in thing.items():
         if isinstance(value, list) and value and isinstance(value[0], dict):
-            yield f"{front}{name}", value[0]
+            yield f"{front}{name}", value[0], frame
+            if depth < _DEPTH:
+                yield from _lists(value[0], value[0], f"{front}{name}.*.", depth + 1)
         elif isinstance(value, dict) and depth < _DEPTH:
-            yield from _lists(value, f"{front}{name}.", depth + 1)
+            yield from _lists(value, frame, f"{front}{name}.", depth + 1)

@@ -31,6 +31,7 @@ class JsonMessages(ABC):
     """Engine name, where neither message nor user says one."""
     marks: ClassVar[tuple[str, ...]]
     """Keys that a message of this format has, for recognising it."""
+    uses: ClassVar[frozenset[str]] = frozenset({"period_s", "zone"})
 
     def detects(self, source: Source) -> bool:
         """Return whether the file begins as JSON and its first bytes have the keys of this format."""

@@ -27,6 +27,7 @@ PART_OF_A_PERSON: Final = "part of a person"
 """An object that belongs to a person who is an object too; it is left out and counted."""
 
 FIXES: Final[Mapping[str, str]] = {
+    "bad-frame": "--first-frame 0 if frames are counted from 0; else correct the column of frames",
     "bad-box": "map the sides as they are: left,top,right,bottom or left,top,width,height; leave out empty boxes",
     "bad-xml": "look at the document: it was cut off, or it is not XML; export it again",
     "bad-json": "look at the line: it was cut off, or is not JSON (a missing number is null, not NaN); export it again",

@@ -22,7 +22,7 @@ VALUES_MAX = 200
 """Different values of a column that are remembered."""
 SHOWN_ROWS = 3
 _CHARS = 80
-_SIDES = ("left", "top", "right", "bottom", "width", "height")
+BOX_SIDES = ("left", "top", "right", "bottom", "width", "height")
 WIDE = 1.25
 """People who stand are higher than wide; a box is clearly wider from this ratio on."""
 SLIM = 3.5
@@ -30,6 +30,44 @@ SLIM = 3.5
 LASTING: tuple[Role, ...] = ("camera", "class", "storey", "absent", "present", "state", "unseen", "unit")
 """What is looked at to the end of a file: these columns have few values."""
 _ROLES: tuple[Role, ...] = (*LASTING, "id", "confidence", "scores", "time", "date", "file", "third axis")
+
+
+@dataclass(slots=True)
+class BoxCounts:
+    """What the sides of some boxes look like.
+
+    Attributes:
+        n: Boxes with sizes, or with a top and a bottom side.
+        n_upside_down: Those whose bottom has the smaller number: y points up.
+        n_mirrored: Those whose right side has the smaller number.
+        n_wide: Boxes that are clearly wider than high.
+        n_slim: Boxes that are slimmer than people are.
+        n_like_corners: Boxes whose width and height are larger than their left and top sides, as far corners are.
+    """
+
+    n: int = 0
+    n_upside_down: int = 0
+    n_mirrored: int = 0
+    n_wide: int = 0
+    n_slim: int = 0
+    n_like_corners: int = 0
+
+    def add(self, sides: Mapping[str, np.ndarray]) -> None:
+        """Take in the sides of some boxes, by our names."""
+        if "bottom" in sides:
+            heights, widths = sides["bottom"] - sides["top"], sides["right"] - sides["left"]
+            self.n += int((heights != 0).sum() - np.isnan(heights).sum())
+            self.n_upside_down += int((heights < 0).sum())
+            self.n_mirrored += int((widths < 0).sum())
+            self.n_wide += int((widths > WIDE * np.abs(heights)).sum())
+            self.n_slim += int((np.abs(heights) > SLIM * np.abs(widths)).sum())
+        elif "height" in sides:
+            self.n += int((~np.isnan(sides["height"])).sum())
+            self.n_wide += int((sides["width"] > WIDE * sides["height"]).sum())
+            self.n_slim += int((sides["height"] > SLIM * sides["width"]).sum())
+            if "left" in sides:
+                is_beyond = (sides["width"] > sides["left"]) & (sides["height"] > sides["top"])
+                self.n_like_corners += int(is_beyond.sum())
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +81,8 @@ class TableHead:
             most `VALUES_MAX`.
         rows: The first rows by line: cells of the columns that are read, by their names.
         filtered: How often each value occurs in a column that `--where` compares, before it leaves out any row.
-        n_boxes: Boxes with a top and a bottom side.
-        n_upside_down: Those whose bottom has the smaller number: y points up.
-        n_wide: Boxes that are clearly wider than high.
-        n_slim: Boxes that are slimmer than people are.
-        n_like_corners: Boxes whose width and height are larger than their left and top sides, as far corners are.
+        boxes: What the sides of the boxes look like.
+        n_columns: Columns of a file whose columns have no names and always mean the same; 0 = of others.
         parts: Names of the files that are read, of a folder or archive.
         unread: Names of the files of a folder or archive that hold data by their names, and are not read.
         passed_over: Paths of lists in a JSON message of whose entries one is read.
@@ -58,11 +93,8 @@ class TableHead:
     values: Mapping[str, Counter[str]] = field(default_factory=dict)
     rows: Mapping[int, Mapping[str, str]] = field(default_factory=dict)
     filtered: Mapping[str, Counter[str]] = field(default_factory=dict)
-    n_boxes: int = 0
-    n_upside_down: int = 0
-    n_wide: int = 0
-    n_slim: int = 0
-    n_like_corners: int = 0
+    boxes: BoxCounts = field(default_factory=BoxCounts)
+    n_columns: int = 0
     parts: Sequence[str] = ()
     unread: Sequence[str] = ()
     passed_over: Sequence[str] = ()
@@ -86,7 +118,7 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
     wanted = {**plan.theirs, **{other_column_key(name): i for name, i in (*watched.items(), *plan.compared.items())}}
     values: dict[str, Counter[str]] = {name: Counter() for name in (*watched, *plan.compared)}
     rows: dict[int, dict[str, str]] = {}
-    n_rows = n_boxes = n_upside_down = n_wide = n_slim = n_like_corners = 0
+    boxes, n_rows = BoxCounts(), 0
     with file.readable():
         for chunk in file.chunks(wanted):
             some = slice(0, SHOWN_ROWS - len(rows))
@@ -97,22 +129,10 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
                 _count(trimmed(chunk.columns[other_column_key(name)].slice(0, HEAD_ROWS - n_rows)), counter)
             sides = {
                 side: numbers(chunk.columns[side], decimal_comma=file.has_decimal_comma)[0]
-                for side in _SIDES
+                for side in BOX_SIDES
                 if side in plan.theirs
             }
-            if "bottom" in sides:
-                heights = sides["bottom"] - sides["top"]
-                n_boxes += int((heights != 0).sum() - np.isnan(heights).sum())
-                n_upside_down += int((heights < 0).sum())
-                n_wide += int((sides["right"] - sides["left"] > WIDE * np.abs(heights)).sum())
-                n_slim += int((np.abs(heights) > SLIM * np.abs(sides["right"] - sides["left"])).sum())
-            elif "height" in sides:
-                n_boxes += int((~np.isnan(sides["height"])).sum())
-                n_wide += int((sides["width"] > WIDE * sides["height"]).sum())
-                n_slim += int((sides["height"] > SLIM * sides["width"]).sum())
-                if "left" in sides:
-                    is_beyond = (sides["width"] > sides["left"]) & (sides["height"] > sides["top"])
-                    n_like_corners += int(is_beyond.sum())
+            boxes.add(sides)
             n_rows += len(chunk.lines)
             if n_rows >= HEAD_ROWS:
                 break
@@ -122,11 +142,7 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
         {name: values[name] for name in watched},
         rows,
         {name: values[name] for name in plan.compared},
-        n_boxes,
-        n_upside_down,
-        n_wide,
-        n_slim,
-        n_like_corners,
+        boxes,
     )
 
 

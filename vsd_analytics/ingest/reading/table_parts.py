@@ -28,6 +28,8 @@ _OTHER_DATA = re.compile(
 )
 _NOTES = re.compile(r"(?:^|/)(?:read.?me|licen[sc]e|notes?|change.?log|leggimi|lies.?mich)[^/]*$", re.IGNORECASE)
 PARTS_MAX = 10_000
+_NULL = "__HIVE_DEFAULT_PARTITION__"
+"""Folder of the rows whose column is missing."""
 _FOLDER = re.compile(r"([A-Za-z_][\w ]*)=([^/]*)")
 
 
@@ -97,7 +99,8 @@ def parts_of(source: Source) -> Iterator[list[TablePart]]:
 
 def _part(source: Source, name: str) -> TablePart:
     matches = (_FOLDER.fullmatch(folder) for folder in name.split("/")[:-1])
-    return TablePart(source, name, {match[1]: unquote(match[2]) for match in matches if match is not None})
+    values = {match[1]: unquote(match[2]) for match in matches if match is not None}
+    return TablePart(source, name, {column: "" if value == _NULL else value for column, value in values.items()})
 
 
 def _check_number(source: Source, n_parts: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -12,6 +13,7 @@ from vsd_analytics.config.file_columns import FILE_BOX, FILE_NUMBERS, METRES
 from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch, Rejected
 from vsd_analytics.ingest.reading.cell_values import floats_or_null, ids, numbers, tracks, trimmed
 from vsd_analytics.ingest.reading.columns import TIME_OF_DAY, ColumnPlan, other_column_key
+from vsd_analytics.ingest.reading.elapsed import elapsed_instants, unit_ms
 from vsd_analytics.ingest.reading.instants import Instants, parse_instants
 from vsd_analytics.ingest.reading.raw import floored, raw_table, rejected
 from vsd_analytics.ingest.reading.where import rows_where
@@ -52,7 +54,7 @@ def raw_batch(
         times = columns["ts"] if TIME_OF_DAY not in columns else date_and_time(columns["ts"], columns[TIME_OF_DAY])
         if decimal_comma:
             times = pc.replace_substring_regex(trimmed(times), r"^(\d{9,}),(\d+)$", r"\1.\2")
-        instants = _instants(times, camera, options, time_format=plan.time_format)
+        instants = _instants(times, camera, options, plan)
         bad.add(instants.is_wrong, "ts", reason="not-a-time", what="a time")
     else:
         instants = _from_frames(values.pop("frame"), options)
@@ -125,21 +127,23 @@ def date_and_time(dates: pa.Array, times: pa.Array) -> pa.Array:
     return pc.utf8_trim_whitespace(pc.binary_join_element_wise(days, clocks, " "))
 
 
-def _instants(
-    values: pa.Array, camera: pa.Array, options: IngestOptions, *, time_format: str | None = None
-) -> Instants:
-    """Parse times, those without an offset by the clock of each row's camera."""
+def _instants(values: pa.Array, camera: pa.Array, options: IngestOptions, plan: ColumnPlan) -> Instants:
+    """Parse times: since `start` where the user says so, else those without an offset by the clock of each camera."""
+    if options.start is not None:
+        unit = unit_ms(plan.time_format, plan.names["ts"])
+        return elapsed_instants(values, start_ms=options.start, unit=unit)
+    parse = partial(parse_instants, time_format=plan.time_format, offset_ms=plan.offset_ms)
     clocks = {c: options.clocks.get(c, options.frame_zone) for c in camera.unique().to_pylist()}
     zones = sorted(set(clocks.values()))
     if len(zones) < 2:
-        return parse_instants(values, zone=zones[0] if zones else options.frame_zone, time_format=time_format)
+        return parse(values, zone=zones[0] if zones else options.frame_zone)
     read_in = np.full(len(values), None, dtype=object)
     zone_of = np.array([zones.index(clocks[c]) for c in camera.to_pylist()])
     ms, is_wrong = np.zeros(len(values), dtype=np.int64), np.zeros(len(values), dtype=bool)
     notes: list[str] = []
     for i, zone in enumerate(zones):
         at = np.flatnonzero(zone_of == i)
-        some = parse_instants(values.take(pa.array(at)), zone=zone, time_format=time_format)
+        some = parse(values.take(pa.array(at)), zone=zone)
         ms[at], is_wrong[at] = some.ms, some.is_wrong
         read_in[at] = None if some.zones is None else some.zones.to_numpy(zero_copy_only=False)
         notes += some.notes

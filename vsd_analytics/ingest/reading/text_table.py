@@ -47,6 +47,8 @@ class TextTable:
             raise empty(source)
         if options.columns is None:
             at = _header_line(lines, at, options)
+        # annotated CSV of InfluxDB repeats its annotations and its header for each of its tables
+        self._is_annotated = any(line.startswith(("#group", "#datatype")) for line in lines[: at + 1])
         first = lines[at].rstrip("\r")
         self._delimiter = delimiter_of(first, n_cells=len(options.columns or ()))
         try:
@@ -119,6 +121,8 @@ class TextTable:
                 if line is None:
                     raise BadRowError("line-too-long", f"the line is longer than {self._max_bytes:,} bytes")
                 text = as_text(line)
+                if self._is_annotated and (text.startswith("#") or text.rstrip("\r") == self.first_line):
+                    continue
                 cells = split(text)
                 if len(cells) != self._n_cells:
                     if not text.strip():
@@ -187,6 +191,8 @@ def _header_line(lines: list[str], first: int, options: IngestOptions) -> int:
 
     if n_wanted(lines[first]):
         return first
+    if lines[first].startswith(("#group", "#datatype")):
+        return next((i for i in range(first, len(lines)) if not lines[i].startswith("#") and lines[i].strip()), first)
     below = range(first, min(len(lines), first + _TITLE_LINES))
     return next((i for i in below if n_wanted(lines[i]) > 1 or are_columns(names_in(lines[i]))), first)
 

@@ -13,13 +13,15 @@ from typing import Final
 import pandas as pd
 
 from vsd_analytics.errors import InputError, UsageError, Where
-from vsd_analytics.ingest.reading.adapter import Source
+from vsd_analytics.ingest.reading.adapter import IngestOptions, Source, unused_options
 from vsd_analytics.ingest.reading.cell_values import trimmed
 from vsd_analytics.ingest.reading.columns import TIME_OF_DAY, ColumnPlan
+from vsd_analytics.ingest.reading.elapsed import UNITS_MS, elapsed_ms, unit_ms
 from vsd_analytics.ingest.reading.table_file import TableFile
 from vsd_analytics.ingest.reading.table_rows import date_and_time
 
 SAMPLE_ROWS: Final = 50_000
+_LOOKED_AT: Final = 20
 
 _FIRST: Final = {"d": "day", "m": "month", "y": "year"}
 _CLOCK = (
@@ -37,6 +39,8 @@ def checked_format(text: str) -> str:
     Raises:
         UsageError: E101, it is none, or it has no date.
     """
+    if text in UNITS_MS:
+        return text
     try:
         pd.to_datetime(pd.Series(["2025-11-10"]), format=text, errors="coerce")
     except (ValueError, re.error) as error:
@@ -46,18 +50,25 @@ def checked_format(text: str) -> str:
     return text
 
 
-def time_format(source: Source, file: TableFile, plan: ColumnPlan, *, stated: str | None) -> str | None:
+def time_format(source: Source, file: TableFile, plan: ColumnPlan, options: IngestOptions) -> str | None:
     """Return how texts in `ts` are written, in the words of strptime; None = ISO 8601 or numbers.
 
     Args:
         source: For messages.
         file: The table.
         plan: Its columns.
-        stated: What the user says.
+        options: What the user says.
 
     Raises:
         InputError: E210, the dates fit two formats.
+        UsageError: E101, `--start` is given for times that are instants by themselves.
     """
+    stated = options.time_format
+    if options.start is not None and "ts" in plan.theirs:
+        _refuse_instants(source, file, plan, options)
+        return stated
+    if stated in UNITS_MS:
+        raise unused_options(source, [f"--time-format {stated}"], why="it says how times since --start are counted")
     if stated is not None or "ts" not in plan.theirs or not file.has_text(plan.theirs["ts"]):
         return stated
     texts = _times(file, plan)
@@ -74,6 +85,15 @@ def time_format(source: Source, file: TableFile, plan: ColumnPlan, *, stated: st
         why=f"no date of the first {SAMPLE_ROWS:,} rows shows whether the day, the month or the year comes first",
         fix="--time-format " + ", or ".join(f'"{form}" ({_FIRST[form[1]]} first)' for form in formats),
     )
+
+
+def _refuse_instants(source: Source, file: TableFile, plan: ColumnPlan, options: IngestOptions) -> None:
+    """Raise UsageError (E101) where times are instants, and no times since `--start`."""
+    unit = unit_ms(options.time_format, plan.names["ts"])
+    texts = [text for text, _ in zip(_times(file, plan), range(_LOOKED_AT), strict=False)]
+    if texts and all(elapsed_ms(text, unit) is None for text in texts):
+        why = f"{plan.names['ts'][:80]!r} holds instants such as {texts[0][:40]!r}, and no times since a beginning"
+        raise unused_options(source, ["--start"], why=why)
 
 
 def formats_of(texts: Iterable[str]) -> list[str]:

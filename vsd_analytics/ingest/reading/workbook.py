@@ -101,6 +101,8 @@ class Workbook(CellTable):
         # opened here, because openpyxl takes no path with another suffix; its warnings about styles do not matter
         with self._source.path.open("rb") as stream, warnings.catch_warnings(action="ignore"):
             book = openpyxl.load_workbook(stream, read_only=True, data_only=True, keep_links=False)
+            for sheet in book.worksheets:
+                sheet.reset_dimensions()  # what a file says of its size may be too small, and rows would be lost
             try:
                 yield book
             finally:
