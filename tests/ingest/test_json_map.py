@@ -332,7 +332,10 @@ def test_the_proposed_mapping_of_messages_names_the_track(tmp_path: Path, name: 
     path = tmp_path / "a.json"
     person = {"type": "person", "name": "walker", name: 7, "x": 1, "y": 2}
     path.write_text(json.dumps({"t": 1_762_675_200, "objs": [person]}), encoding="utf-8")
-    assert guessed_mapping(Source(path)) == f"--persons objs --map ts=t,track_id={name},x_m=x,y_m=y"
+    assert (
+        str(guessed_mapping(Source(path))).partition("   (")[0]
+        == f"--persons objs --map ts=t,track_id={name},x_m=x,y_m=y"
+    )
 
 
 @pytest.mark.parametrize("box", [[50, 60, 40, 90], [50, 60, 50, 60]])
