@@ -122,7 +122,11 @@ def test_small_counts_of_the_example_are_hidden_with_what_tells_them(tree: Path,
 
 def test_the_example_passes_the_tests_of_the_project_as_typed(tree: Path) -> None:
     in_tree(tree, "docs/generate_reference.py", "docs")
-    tests = ("tests/sql/test_sql_numbers.py", "tests/figures/test_figures_catalogue.py")
+    tests = (
+        "tests/sql/test_sql_numbers.py",
+        "tests/figures/test_figures_catalogue.py",
+        "tests/test_architecture.py::test_what_a_command_prints_has_headings_in_every_language",
+    )
     of_figures = "tests/figures/test_new_figure.py::test_every_figure_of_the_headers"
     one = [f"{of_figures}_{name}" for name in ("is_made_by_one_function_and_no_other_is", "has_its_words")]
     in_tree(tree, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *tests, *one)

@@ -85,8 +85,8 @@ def remarks(answer: Answer, layout: Layout) -> list[str]:
 
 
 def head(column: Column) -> str:
-    """Return the heading of a column."""
-    return say(f"reason.column.{column.name}")
+    """Return the heading of a column: the catalogue's entry, else its name in words."""
+    return reason_text(Reason(f"column.{column.name}"))
 
 
 def cell_text(cell: Cell, column: Column) -> str:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any
+from typing import Any, Final
 
 from vsd_analytics.answer import TEXT, Reason, ReasonValue, Verdict
 from vsd_analytics.wording import format as fmt
-from vsd_analytics.wording.catalogue import template
+from vsd_analytics.wording.catalogue import has, template
 from vsd_analytics.wording.languages import separated
+
+COLUMN: Final = "column."
+"""Codes of headings of columns: one without an entry is the name in words."""
 
 
 class _Share(float):
@@ -53,6 +56,8 @@ def reason_text(reason: Reason | None) -> str:
     """
     if reason is None:
         return ""
+    if reason.code.startswith(COLUMN) and not has(f"reason.{reason.code}"):
+        return reason.code.removeprefix(COLUMN).replace("_", " ")
     return template(f"reason.{reason.code}").format(**{name: _shown(value) for name, value in reason.values.items()})
 
 
