@@ -11,6 +11,7 @@ import pytest
 from stats.group_scenes import DAY, FPS, Scores, cut, project, read_groups, read_scene, score, write
 
 from vsd_analytics.cli import main
+from vsd_analytics.figures.groups import groups
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
 pytestmark = pytest.mark.realdata
@@ -74,7 +75,9 @@ def test_one_rule_finds_the_true_groups(
     assert found.time_recall >= TIME[scene][1]
     [together] = told["answers"]["together"]["rows"]
     assert together["within_time_share"]["value"] == pytest.approx(found.called_share, rel=1e-5)
-    least, most = zip(*(told["accuracy"][k] for k in ("f1", "time_precision", "time_recall")), strict=True)
+    with open_warehouse(project(tmp_path), DAY, DAY) as warehouse:
+        accuracy = groups(warehouse, first=DAY, last=DAY).accuracy
+    least, most = zip(accuracy.f1, accuracy.time_precision, accuracy.time_recall, strict=True)
     values = [round(v, 2) for v in (found.f1, found.time_precision, found.time_recall)]
     assert all(a <= v <= b for a, v, b in zip(least, values, most, strict=True)), "the accuracy that is printed"
 
@@ -88,6 +91,8 @@ def test_with_ids_cut_to_10_s_the_filter_declares_itself_not_applicable(
     done = vsd(tmp_path, "ingest", str(tmp_path / "cut.csv"), "--format", "positions", "--camera", "street")
     assert done in (0, 1)  # stored; where half of the ids end at another one's begin, W225 warns of it
     code, told = asked(tmp_path, capsys)
-    assert (code, told["state"]) == (1, "not_measurable")
-    assert "group filter not applicable: track ids last" in told["reason"]
-    assert (told["people_share"], told["between"]["value"]) == (None, None)
+    [together] = told["answers"]["together"]["rows"]
+    share = together["between_share"]
+    assert (code, share["state"]) == (1, "not_measurable")
+    assert "group filter not applicable: track ids last" in share["reason"]
+    assert (together["people_share"]["value"], share["value"]) == (None, None)

@@ -8,13 +8,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from day_worlds import FLOORS, LEVELS, WEEKDAYS_OFFICE, Variation, World
-from prove_verdicts import CLEAR, encounter_rate, held, verdicts, violation_rate
+from prove_verdicts import CLEAR, encounter_rate, held, per_open_h, verdicts
 
 pytestmark = pytest.mark.simulation
 SITES = 800
 
 
-def clear(world: World, *, history: int, effect: float = 1.0, figure: object = violation_rate) -> float:
+def clear(world: World, *, history: int, effect: float = 1.0, figure: object = per_open_h) -> float:
     found = verdicts(world, SITES, seed=11, history=history, effect=effect, figure=figure)
     return float(np.mean([change.verdict in CLEAR for change in found]))
 
