@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -47,8 +48,10 @@ def twin(shop: Path) -> dict[str, Any]:
     return answers
 
 
-def printed(root: Path, capsys: pytest.CaptureFixture[str], command: str, *arguments: str) -> str:
-    run(cli, ["-C", str(root), "--now", "2026-11-20T12:00:00Z", "--quiet", command, "--week", "2026-W46", *arguments])
+def printed(
+    root: Path, capsys: pytest.CaptureFixture[str], command: str, *arguments: str, week: str = "2026-W46"
+) -> str:
+    run(cli, ["-C", str(root), "--now", "2026-11-20T12:00:00Z", "--quiet", command, "--week", week, *arguments])
     return capsys.readouterr().out
 
 
@@ -106,3 +109,29 @@ def test_the_file_and_the_planner_hold_the_answers_of_the_report(shop: Path) -> 
     assert len(space) > 5
     assert [answer for answer in space if answer != report.answers[answer.name]] == []
     assert to_json(from_json(to_json(report))) == to_json(report)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_week_without_records_has_no_numbers_and_says_so(
+    shop: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    command, *arguments = COMMANDS[name]
+    answer = json.loads(printed(shop, capsys, command, "--exact", *arguments, week="2026-W47"))["answers"][name]
+    cells = {c: cell for row in answer["rows"] for c, cell in row.items() if isinstance(cell, dict)}
+    shares = {cells.pop("recorded_share", {"value": 0})["value"]}
+    assert shares == {0}
+    assert {(c, cell["value"]) for c, cell in cells.items()} == {(c, None) for c in cells}
+    reasons = [cell["reason"] for cell in cells.values()] or [answer["nothing"]]
+    assert [r for r in reasons if "nothing or too little was recorded" not in r] == []
+    assert [n for n in answer["notes"] if "has 0" in n["text"]] == []
+
+
+def test_the_report_of_a_week_without_records_claims_nothing_of_people(shop: Path) -> None:
+    site = load_site(shop)
+    answers = json.loads(to_json(w.report(site, w.MONDAY + timedelta(days=7))))["answers"]
+    of_records = {"n_records", "n_track_records", "recorded_share", "recalibrated_cameras", "stretches_by_other_rules"}
+    values = [(n, c, v) for n, a in answers.items() if n != "outages" for row in a["rows"] for c, v in row.items()]
+    cells = [(n, c, v) for n, c, v in values if isinstance(v, dict) and c not in of_records]
+    assert [(n, c) for n, c, cell in cells if cell["value"] is not None] == []
+    said = [answer["nothing"] or "" for answer in answers.values()] + [cell["reason"] for _, _, cell in cells]
+    assert [text for text in said if "nobody" in text or "no more" in text or "fewer" in text] == []

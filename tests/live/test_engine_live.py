@@ -11,7 +11,6 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from engine.blob_video import SIZE
+from live.listener_thread import ListenerThread
 from live.live_shop import VSD, engine_live, live_shop, pair_walks, status_of, stored_instants, vsd_json
 from live.picture_server import Mood, PictureServer
 from live.prove_engine_live import TRACE, outside, written_paths
@@ -28,7 +28,6 @@ from vsd_analytics.engine import live_sources
 from vsd_analytics.engine.detector import Detector
 from vsd_analytics.engine.live_sources import LiveSource, be_quiet
 from vsd_analytics.live import picture_door
-from vsd_analytics.live.listener import Listener
 from vsd_analytics.live.live_camera import LiveCamera, TileChoice
 from vsd_analytics.live.picture_door import PictureDoor
 from vsd_analytics.schema import TableName
@@ -67,7 +66,7 @@ def camera() -> Iterator[PictureServer]:
     served.close()
 
 
-class Run:
+class Run(ListenerThread):
     """The engine in a thread."""
 
     def __init__(self, root: Path, detector: Any = None) -> None:
@@ -89,22 +88,8 @@ class Run:
         self.said: list[str] = []
         detector = detector or Detector(root / "blobs.onnx")
         self.door = PictureDoor(self.cameras, detector, has_news=news, report=self.said.append)
-        self.listener = Listener(
-            site, broker=None, password=None, door=self.door, clock=lambda: datetime.now(tz=UTC), status_every_s=0.1
-        )
+        super().__init__(site, self.door)
         self.listener.status.engine = self.door.as_dict
-        self._stop = threading.Event()
-        stop = self._stop.is_set
-        self._thread = threading.Thread(target=lambda: self.listener.run(should_stop=stop), daemon=True)
-
-    def __enter__(self) -> Run:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join(20)
-        assert not self._thread.is_alive()
 
     def state(self, name: str) -> str:
         return str(self.door.as_dict()["cameras"][name]["state"])

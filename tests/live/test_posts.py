@@ -17,6 +17,7 @@ from typing import Any
 
 import duckdb
 import pytest
+from live.listener_thread import ListenerThread
 from live.local_broker import frame
 from site_text import site_text
 
@@ -24,7 +25,6 @@ from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import LiveError
 from vsd_analytics.ingest.intake.replay import replay
 from vsd_analytics.live import posts
-from vsd_analytics.live.listener import Listener
 from vsd_analytics.live.mapped import mapped_readers
 from vsd_analytics.live.message_queue import MESSAGES_MAX
 from vsd_analytics.live.posts import PostInbox, host_and_port, messages_of, token_of
@@ -54,7 +54,7 @@ def project(tmp_path: Path) -> Path:
     return tmp_path
 
 
-class Run:
+class Run(ListenerThread):
     """A listener in a thread, without a broker."""
 
     def __init__(self, root: Path) -> None:
@@ -62,21 +62,7 @@ class Run:
         sources = [reader.rule_id for reader in mapped_readers(site)]
         limit = int(site.settings.line_max_bytes)
         self.posts = PostInbox("127.0.0.1:0", token=TOKEN, sources=sources, body_max_bytes=limit)
-        self.listener = Listener(
-            site, broker=None, password=None, door=self.posts, clock=lambda: datetime.now(tz=UTC), status_every_s=0.1
-        )
-        self._stop = threading.Event()
-        stop = self._stop.is_set
-        self._thread = threading.Thread(target=lambda: self.listener.run(should_stop=stop), daemon=True)
-
-    def __enter__(self) -> Run:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join(20)
-        assert not self._thread.is_alive()
+        super().__init__(site, self.posts)
 
     def post(self, body: bytes, path: str = "/frames", **headers: str) -> tuple[int, dict[str, Any]]:
         return post(self.posts.address, body, path, **headers)

@@ -8,6 +8,8 @@ from typing import Final
 from vsd_analytics.answer import Answer, Column, Reason, Row, Sum, Value
 from vsd_analytics.figures.flow import LEFT_VIEW, AreaFlow, Destination, Flow, flow
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.slots import NOTHING_OPEN
+from vsd_analytics.figures.values import unknown_count
 from vsd_analytics.figures.walks import walking_directions
 
 NO_WAY: Final = Reason("flow.any_way")
@@ -74,6 +76,10 @@ DIRECTION_COLUMNS: Final = (
     Column("n_people", "count", "people"),
 )
 """Columns of `walking_directions`."""
+_FOLLOWED: Final = (
+    *("not_followed_share", "unseen_share", "inflow_ratio"),
+    *("n_left", "n_lost", "n_not_lost", "n_arrived"),
+)
 OTHERS: Final = "others"
 
 
@@ -125,7 +131,8 @@ def direction_answer(period: Period) -> Answer:
         }
         for cell in field.cells
     )
-    nothing = None if rows else Reason("flow.no_walkers")
+    is_recorded = period.data.hours.recorded_s[:, period.is_inside].any()
+    nothing = None if rows else Reason("flow.no_walkers") if is_recorded else NOTHING_OPEN
     return Answer("walking_directions", DIRECTION_COLUMNS, rows, period.holds_for, nothing=nothing)
 
 
@@ -136,7 +143,7 @@ def _destinations(area: AreaFlow) -> list[Row]:
     about: Row = {
         "area_id": area.area.area_id,
         "name": area.area.name,
-        "n_left": Value(area.following.n),
+        "n_left": _unknown(area) or Value(area.following.n),
         "in_view_only": is_in_view_only,
         "fits_arrivals": area.inflow.agrees,
     }
@@ -166,29 +173,41 @@ def _per_open_h(area: AreaFlow, to: Destination, *, is_in_view_only: bool) -> Va
     return Value(area.often.value * to.share.value)
 
 
+def _unknown(area: AreaFlow) -> Value | None:
+    """Return why nothing is known of an area whose hours were not recorded; None where something is."""
+    return unknown_count(area.often, area.following.n + area.inflow.n_arrived)
+
+
 def _area(area: AreaFlow) -> Row:
-    following, check = area.following, area.inflow
-    lost = following.not_followed
     return {
         "area_id": area.area.area_id,
         "name": area.area.name,
         "leave_per_open_h": Value.of(area.often),
-        "not_followed_share": Value.of(lost),
-        "unseen_share": Value.missing(following.reason) if following.unseen is None else Value(following.unseen),
+        **(_followed(area) if (none := _unknown(area)) is None else dict.fromkeys(_FOLLOWED, none)),
+        "fits_arrivals": area.inflow.agrees,
+        "n_days": area.following.n_days,
+        "recorded_open_h": area.often.exposure_h,
+    }
+
+
+def _followed(area: AreaFlow) -> Row:
+    """Return how well those who leave an area were followed, and how many they and those who come are."""
+    following, check = area.following, area.inflow
+    lost, why = following.not_followed, following.reason
+    return {
+        "not_followed_share": Value.of(lost, reason=lost.reason if following.n else why),
+        "unseen_share": Value.missing(why) if following.unseen is None else Value(following.unseen),
         "inflow_ratio": Value.of(check, reason=None if check.value is not None else Reason("flow.no_inflow")),
-        "fits_arrivals": check.agrees,
         "n_left": Value(following.n),
         "n_lost": Value(lost.n),
         "n_not_lost": Value(following.n - lost.n),
         "n_arrived": Value(check.n_arrived),
-        "n_days": following.n_days,
-        "recorded_open_h": area.often.exposure_h,
     }
 
 
 def _notes(area: AreaFlow) -> list[Reason]:
     """Return what a reader must know of those who leave one area."""
-    notes = [] if area.following.reason is None else [area.following.reason]
+    notes = [] if area.following.reason is None or _unknown(area) else [area.following.reason]
     if area.inflow.agrees is False and area.inflow.value is not None:
         code = "flow.more_come" if area.inflow.value > 1 else "flow.fewer_come"
         notes.append(Reason(code, ratio=area.inflow.value))
@@ -207,8 +226,10 @@ def _routes(of_floor: Flow, place: Row, period: Period) -> Answer:
         nothing = Reason("flow.no_doors")
         return Answer("flow_routes", ROUTE_COLUMNS, (), period.holds_for, nothing=nothing)
     if not routes.routes:
-        unknown = {"route_share": Value.missing(following.reason), "n_people": Value.missing(following.reason)}
-        row = {**place, "route_area_ids": "", "route": None, **unknown, "n_began": Value(following.n)}
+        is_known = bool(following.n or of_floor.recorded_share)
+        none = Value.missing(following.reason if is_known else NOTHING_OPEN)
+        began = Value(following.n) if is_known else none
+        row = {**place, "route_area_ids": "", "route": None, "route_share": none, "n_people": none, "n_began": began}
         return Answer("flow_routes", ROUTE_COLUMNS, (row,), period.holds_for)
     rows = tuple(
         {
@@ -236,6 +257,6 @@ def _links(of_floor: Flow, place: Row, period: Period) -> Answer:
         }
         for link in of_floor.links.found
     )
-    nothing = None if rows else Reason("flow.no_links")
+    nothing = None if rows else Reason("flow.no_links") if of_floor.links.recorded_share else NOTHING_OPEN
     notes = ((None, Reason("note.links", share=of_floor.links.recorded_share)),) if rows else ()
     return Answer("flow_links", LINK_COLUMNS, rows, period.holds_for, (), notes, nothing)

@@ -22,6 +22,7 @@ from vsd_analytics.figures.people_present import (
     why_not_all,
 )
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.values import unknown_count
 from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids, dwell_of
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.durations import QuantileEstimate
@@ -155,19 +156,21 @@ def _queue(period: Period, area: Area, waits: _Waits) -> tuple[Row, tuple[Row, .
     why = _why_no_waits(period, area, present)
     recorded = [hours_that_stand_for_all(period, is_known) for is_known in period.data.hours.is_counted]
     of_day = period.data.hours.hour[waits.hour]
+    people = present.mean()
+    none = unknown_count(people, len(waits.hour)) if why is None else Value.missing(why, "not_measurable")
     times, stays = None, None
-    if why is None:
+    if none is None:
         every = [recorded[c] for c in np.unique(waits.camera).tolist()]
         times, stays = _of_open_hours(_waiting(period, waits, recorded), every), _stays(period, area, waits)
     place: Row = {"floor_id": period.data.floor.floor_id, "area_id": area.area_id}
     row: Row = {
         **place,
         "name": area.name,
-        "people_waiting": Value.of(people := present.mean()),
+        "people_waiting": Value.of(people),
         "people_waiting_p90": Value.of(present.quantile(BUSY_SHARE), state=people.state, reason=people.reason),
-        **_wait_cells(times, why),
-        **_stay_cells(stays, why),
-        "n_back": Value.missing(why, "not_measurable") if why else Value(int(waits.was_served.sum())),
+        **_wait_cells(times, none),
+        **_stay_cells(stays, none),
+        "n_back": none or Value(int(waits.was_served.sum())),
         "n_days": 0 if times is None else times.n_days,
         "recorded_open_h": people.exposure_h,
         "recorded_share": Value(present.recorded_share),
@@ -176,18 +179,19 @@ def _queue(period: Period, area: Area, waits: _Waits) -> tuple[Row, tuple[Row, .
     }
     hours = []
     for hour in sorted({*present.hours_of_day(), *present.unrecorded_hours, *of_day.tolist()}):
-        of_hour = present.mean(hour=hour)
-        cells = _wait_cells(None if why else _waiting(period, waits.of(of_day == hour), recorded), why)
+        of_hour, here = present.mean(hour=hour), waits.of(of_day == hour)
+        unknown = none or unknown_count(of_hour, len(here.hour))
+        cells = _wait_cells(None if unknown else _waiting(period, here, recorded), unknown)
         people_cells: Row = {"people_waiting": Value.of(of_hour), "recorded_open_h": of_hour.exposure_h}
         hours.append({**place, "local_hour": hour, "name": area.name, **people_cells, **cells})
     return row, tuple(hours)
 
 
-def _wait_cells(times: WaitTimes | None, why: Reason | None) -> Row:
+def _wait_cells(times: WaitTimes | None, none: Value | None) -> Row:
     """Return waiting times as cells, or why there are none."""
     names = ("wait_median_s", "wait_p90_s", "left_share", "n_entered", *_ENDS, "n_not_left")
     if times is None:
-        return dict.fromkeys(names, Value.missing(why, "not_measurable"))
+        return dict.fromkeys(names, none or Value.missing(None))
     return {
         "wait_median_s": Value.of(times.median, state=times.state, reason=times.reason),
         "wait_p90_s": Value.of(times.p90, state=times.state, reason=times.reason),
@@ -200,10 +204,10 @@ def _wait_cells(times: WaitTimes | None, why: Reason | None) -> Row:
     }
 
 
-def _stay_cells(stays: Dwell | None, why: Reason | None) -> Row:
+def _stay_cells(stays: Dwell | None, none: Value | None) -> Row:
     if stays is None:
         names = ("stay_mean_s", "stay_mean_little_s", "little_ratio")
-        return {**dict.fromkeys(names, Value.missing(why, "not_measurable")), "means_agree": None}
+        return {**dict.fromkeys(names, none or Value.missing(None)), "means_agree": None}
     little = stays.little
     return {
         "stay_mean_s": Value.of(little.by_tracks),

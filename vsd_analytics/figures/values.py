@@ -28,6 +28,14 @@ def known(number: float | None, reason: Reason | None, state: State = "not_enoug
     return lack(state, reason) if number is None else Value(number)
 
 
+def unknown_count(rate: Estimated, n: int) -> Value | None:
+    """Return why a count is unknown: nothing was seen, and its rate has no recorded time; None where it is known."""
+    if n or rate.value is not None:
+        return None
+    value = Value.of(rate)
+    return lack(value.state, value.reason)
+
+
 def lack(state: State, reason: Reason | None) -> Value:
     """Return a value that is not given, as what it comes from is not."""
     return Value.missing(reason or NOTHING_OPEN, "not_enough_data" if state == "ok" else state)

@@ -16,6 +16,7 @@ from vsd_analytics.answer import Answer, Column, Reason, Row, Sum, Value, value_
 from vsd_analytics.figures.panels import Array, Flags, FloorHours, Ints, Place, positions
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import NOT_RECORDED
+from vsd_analytics.figures.values import unknown_count
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.dwell import Dwell, dwell
 from vsd_analytics.stats.estimates import RateEstimate, no_rate
@@ -157,16 +158,17 @@ def _area_row(period: Period, area: Area, stays: _Stays, able: Flags) -> Row:
     times = dwell_of(period, place, used, stays.dwell_s[entered], is_cut, stays.hour[entered], long_s=long_s)
     rate = per_open_hour(period, counted, what="visits", why_none=why_none)
     recorded_h = data.hours.recorded_s[:, period.is_inside].sum(axis=1) / 3600
-    why = None if counted.cameras.any() else why_none
+    is_able = counted.cameras.any()
+    none = unknown_count(rate, len(entered)) if is_able else Value.missing(why_none, "not_measurable")
     return {
         "floor_id": data.floor.floor_id,
         "area_id": area.area_id,
         "name": area.name,
         "visits_per_open_h": Value.of(rate),
-        **(_stay_cells(times) if why is None else dict.fromkeys(_STAYS, Value.missing(why, "not_measurable"))),
-        "means_agree": None if why else times.little.agrees,
+        **(_stay_cells(times) if none is None else dict.fromkeys(_STAYS, none)),
+        "means_agree": None if none else times.little.agrees,
         "long_visit_s": long_s,
-        "n_began_inside": Value.missing(why, "not_measurable") if why else Value(int((~entered).sum())),
+        "n_began_inside": none or Value(int((~entered).sum())),
         "n_days": times.n_days,
         "recorded_open_h": rate.exposure_h,
         "recorded_share": Value(share_of_open_hours(period, counted.cameras)),

@@ -87,9 +87,10 @@ def _quality(inputs: FigureInputs) -> Row:
     days = {"first": first // 86_400_000, "last": (end - 1) // 86_400_000}
     intervals = data.warehouse.rows(_INTERVALS, {**floor, **days})
     n_seen = (sums["n"] or 0) + (sums["n_doubled"] or 0)
+    lost, unnumbered = coverage.missing_messages, Reason("engine.no_numbers")
 
     def share(part: float | None) -> Value:
-        return Value((part or 0) / n_seen) if n_seen else Value.missing(Reason("nobody.seen"))
+        return Value((part or 0) / n_seen) if n_seen else Value.missing(tracks.reason or Reason("nobody.seen"))
 
     return {
         "n_tracks": known(tracks.n, tracks.reason, tracks.state),
@@ -99,8 +100,8 @@ def _quality(inputs: FigureInputs) -> Row:
         "track_life_median_s": known(tracks.median_life_s, tracks.reason),
         "seen_twice_share": share(sums["n_doubled"]),
         "unlocated_share": share(sums["n_unlocated"]),
-        "lost_messages": known(coverage.missing_messages, Reason("engine.no_numbers")),
-        "message_gaps": Value(coverage.message_gaps),
+        "lost_messages": known(lost, unnumbered),
+        "message_gaps": Value.missing(unnumbered) if lost is None else Value(coverage.message_gaps),
         "recalibrated_cameras": Value(len(data.pair.recalibrated)),
         "stretches_by_other_rules": Value(len(data.warehouse.other_rules())),
         "is_inferred": coverage.is_inferred,
