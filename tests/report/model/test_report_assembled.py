@@ -224,6 +224,13 @@ def test_no_data_week_tells_when_cameras_stopped_apart(tmp_path: Path) -> None:
     assert "stopped at different times" in render_html(w.report(site))
 
 
+def test_no_data_week_of_one_camera_speaks_of_one_camera(tmp_path: Path) -> None:
+    site = w.world(tmp_path, toml(cameras=("cam-1",)), messages(busy, monday=w.BEFORE, camera="cam-1"))
+    page = text_of(render_html(w.report(site)))
+    assert "The camera stopped." in page
+    assert "different times" not in page
+
+
 def test_empty_week_has_people_and_an_upper_bound(tmp_path: Path) -> None:
     site = w.world(tmp_path, w.toml(), w.messages(w.steady({})))
     report = w.report(site)

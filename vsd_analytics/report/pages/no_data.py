@@ -64,6 +64,8 @@ def _likely_cause(report: WeekReport) -> str:
         return say("nothing.cause_never")
     if max(last).date() >= report.week.monday:
         return say("nothing.cause_closed_hours")
+    if len(report.coverage.cameras) == 1:
+        return say("nothing.cause_one")
     if len(last) > 1 and (max(last) - min(last)).total_seconds() <= 60:
         return say("nothing.cause_all")
     return say("nothing.cause_apart")
