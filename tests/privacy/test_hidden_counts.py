@@ -16,7 +16,7 @@ import shapely
 from planner import planted_shop as planted
 from privacy import hidden_counts as hidden
 
-from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.planner.cell_counts import CELL_M, grid_of
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages

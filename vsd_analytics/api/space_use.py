@@ -13,7 +13,7 @@ from vsd_analytics.api.table import Table
 from vsd_analytics.figures.compare import days_needed
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.share import share
+from vsd_analytics.figures.share.answers import share
 from vsd_analytics.render.frame import arrow
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import Warehouse

@@ -40,7 +40,7 @@ def capacity(
     from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import capacities as figures
-    from vsd_analytics.figures.share import audience_answers
+    from vsd_analytics.figures.share.answers import audience_answers
     from vsd_analytics.site.places import known_floor
 
     floor = known_floor(project.site, floor_id)

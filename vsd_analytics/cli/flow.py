@@ -52,7 +52,7 @@ def flow(
     from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures.flow_answers import flow_answers
-    from vsd_analytics.figures.share import audience_answers
+    from vsd_analytics.figures.share.answers import audience_answers
     from vsd_analytics.render.frame import csv_text
     from vsd_analytics.site.places import known_floor
 

@@ -63,8 +63,8 @@ def hotspots(
     """
     from vsd_analytics.figures import hotspot_export
     from vsd_analytics.figures import hotspots as analysis
+    from vsd_analytics.figures.share.weeks import revealing_spots
     from vsd_analytics.figures.week.data import WeekData
-    from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
 
     floor = known_floor(project.site, floor_id)
     _, until = resolve(project, week=week, days=days)

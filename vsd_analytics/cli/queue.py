@@ -61,7 +61,7 @@ def queue(
     from vsd_analytics.figures.forecast import HISTORY_WEEKS
     from vsd_analytics.figures.queue_forecast import queue_forecast
     from vsd_analytics.figures.queues import queues
-    from vsd_analytics.figures.share import audience_answers
+    from vsd_analytics.figures.share.answers import audience_answers
     from vsd_analytics.site.places import known_floor
 
     floor = known_floor(project.site, floor_id)

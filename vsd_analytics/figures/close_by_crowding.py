@@ -25,8 +25,8 @@ from vsd_analytics.figures.close_time import close_time
 from vsd_analytics.figures.mixing import pair_time
 from vsd_analytics.figures.panels import Array, Ints
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.share.counts import is_small, too_few
 from vsd_analytics.figures.slots import NOTHING_OPEN
-from vsd_analytics.figures.suppression import is_small, too_few
 from vsd_analytics.figures.week.results import CloseByCrowding, CloseInClasses, CloseInDays
 from vsd_analytics.geometry.camera_views import plan_bounds, view_polygon
 from vsd_analytics.settings import OWNER_CELL_M

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vsd_analytics.figures.operator_counts import local_iso
-from vsd_analytics.figures.suppression import held_back, is_small
+from vsd_analytics.figures.share.counts import held_back, is_small
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.warehouse.warehouse import Warehouse
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
+from vsd_analytics.figures.share.counts import is_small
 from vsd_analytics.figures.slots import Floats, Slots, known, load_slots, open_hours
-from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.unusual import unusual_in_last_week
 from vsd_analytics.stats.forecast import WeekForecast, forecast_week
 from vsd_analytics.stats.hour_of_week import SLOTS, Weeks

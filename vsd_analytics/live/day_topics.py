@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.share.counts import is_small
 from vsd_analytics.figures.today import DayLevel, Today, TodayHour, coarse
 from vsd_analytics.site.model import Broker, Floor, Site
 

@@ -20,7 +20,7 @@ from typing import Final
 from vsd_analytics.answer import Answers
 from vsd_analytics.figures.catalogue.form import ANSWER_MAKERS, MAKERS, FigureInputs
 from vsd_analytics.figures.catalogue.view import figure_of
-from vsd_analytics.figures.share import share
+from vsd_analytics.figures.share.answers import share
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.results import Figure
 

@@ -6,8 +6,8 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, row
 from vsd_analytics.figures.gatherings import FloorGatherings
+from vsd_analytics.figures.share.counts import too_few
 from vsd_analytics.figures.slots import NOTHING_OPEN
-from vsd_analytics.figures.suppression import too_few
 from vsd_analytics.figures.week.change_effects import is_held_back
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.stats.decomposition import Mixing, MixingChange

@@ -6,8 +6,8 @@ from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.catalogue.form import FigureInputs, Row, figure, row
 from vsd_analytics.figures.neighbours import room_around, three_or_more
 from vsd_analytics.figures.others_met import OthersMet, others_met
+from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.slots import NOTHING_OPEN
-from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.results import Figure
 

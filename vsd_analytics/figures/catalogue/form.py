@@ -9,8 +9,8 @@ from datetime import date, datetime
 from typing import Any, Final
 
 from vsd_analytics.answer import Answer, Reason, State
+from vsd_analytics.figures.share.counts import is_small, too_few
 from vsd_analytics.figures.slots import NOTHING_OPEN
-from vsd_analytics.figures.suppression import is_small, too_few
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.lazy_answers import LazyAnswers

@@ -12,11 +12,11 @@ import shapely
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Place
-from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, held_back, in_week_before
+from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, held_back, in_week_before
+from vsd_analytics.figures.share.weeks import by_camera
 from vsd_analytics.figures.week import estimates, recording
 from vsd_analytics.figures.week.contributions import difference
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.hidden_counts import by_camera
 from vsd_analytics.figures.week.results import AreaRow, BusiestSpot
 from vsd_analytics.site.model import Area
 

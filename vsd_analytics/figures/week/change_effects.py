@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from vsd_analytics.figures.before_after import BeforeAfterFigure
-from vsd_analytics.figures.suppression import GIVES_AWAY, is_small, too_few
+from vsd_analytics.figures.share.counts import GIVES_AWAY, is_small, too_few
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate, same_fields

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from vsd_analytics.figures.panels import Array, Flags
-from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.share.counts import is_small
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.density import Density, FloorGrid, fixtures_before, floor_fixtures, without_patches
 from vsd_analytics.figures.week.floor_maps import floor_extent, map_fixtures

@@ -6,7 +6,7 @@ from datetime import date
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import Place
-from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.share.counts import is_small
 from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate

@@ -15,7 +15,7 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.operator_counts import begun_until_ms
 from vsd_analytics.figures.panels import WEEK, Flags, FloorHours, Panel, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.figures.week.hidden_counts import HiddenWeek, hidden_week
+from vsd_analytics.figures.share.weeks import HiddenWeek, hidden_week
 from vsd_analytics.site.model import Calibration, Camera, Floor
 from vsd_analytics.warehouse.warehouse import Warehouse
 

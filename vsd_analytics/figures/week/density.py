@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.figures.panels import Array, Flags, positions
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.share.counts import is_small
 from vsd_analytics.figures.week import bands as heat
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent, MapBand

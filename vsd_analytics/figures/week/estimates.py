@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from vsd_analytics.answer import Reason, Verdict
 from vsd_analytics.figures import close_time, rates
 from vsd_analytics.figures.panels import Place
-from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.share.counts import is_small
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.site.model import Area, Floor

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vsd_analytics.answer import State
-from vsd_analytics.figures.suppression import is_small, too_few
+from vsd_analytics.figures.share.counts import is_small, too_few
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.stats.before_after import BeforeAfter
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate

@@ -6,7 +6,7 @@ from vsd_analytics.figures.group_areas import between_groups_by_area
 from vsd_analytics.figures.groups import GroupReadings as Found
 from vsd_analytics.figures.groups import Groups
 from vsd_analytics.figures.rates import violation_rate_level
-from vsd_analytics.figures.suppression import held_back, is_small, too_few
+from vsd_analytics.figures.share.counts import held_back, is_small, too_few
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate

@@ -22,7 +22,7 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.cell_places import CellPlace
 from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot
 from vsd_analytics.figures.panels import WEEK
-from vsd_analytics.figures.suppression import GIVES_AWAY, is_small
+from vsd_analytics.figures.share.counts import GIVES_AWAY, is_small
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import FloorMap, MapSpot

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from vsd_analytics.figures.close_time import close_time_share_by_hour
+from vsd_analytics.figures.share.weeks import timetable_hours
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.hidden_counts import timetable_hours
 from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.results import BusiestHour, DayMean, HourCell, HourMean, Timetable
 

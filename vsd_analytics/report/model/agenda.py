@@ -12,7 +12,7 @@ from vsd_analytics.config.asked_questions import read_asked
 from vsd_analytics.config.change_log import read_answers, read_log
 from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.panels import WEEK
-from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.share.counts import is_small
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.density import floor_fixtures
 from vsd_analytics.figures.week.model_estimate import same_fields

@@ -12,7 +12,7 @@ from vsd_analytics.figures.catalogue import figures, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
 from vsd_analytics.figures.panels import WEEK
-from vsd_analytics.figures.suppression import GIVES_AWAY, in_week_before, is_small, too_few
+from vsd_analytics.figures.share.counts import GIVES_AWAY, in_week_before, is_small, too_few
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import estimates, lazy_answers, recording, timetable
 from vsd_analytics.figures.week.data import WeekData

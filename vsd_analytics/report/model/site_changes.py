@@ -8,7 +8,7 @@ from typing import Final
 
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures import comparable
-from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.share.counts import is_small
 from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.changes import recorded_cameras, since_instant
 from vsd_analytics.figures.week.contributions import share_of_change, verdict_without

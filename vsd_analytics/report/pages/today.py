@@ -12,7 +12,7 @@ from typing import Final, Literal
 from markupsafe import Markup
 
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
-from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.share.counts import is_small
 from vsd_analytics.figures.today import (
     HALF,
     DayLevel,

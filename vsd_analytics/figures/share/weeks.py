@@ -7,13 +7,20 @@ weeks of hotspots, in the planner. So each of them asks here, week by week.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import timedelta
+from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.panels import Array, FloorHours, Place
+from vsd_analytics.figures.panels import WEEK, Array, FloorHours, Place
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, K, held_back, is_small, too_few
+from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, K, held_back, is_small, too_few
+
+if TYPE_CHECKING:
+    from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpot
+    from vsd_analytics.figures.week.data import WeekData
 
 NOTHING: HeldBack[str | None] = HeldBack(frozenset(), frozenset(), is_total_safe=True)
 
@@ -94,3 +101,37 @@ def _all(held: HeldBack[K], counts: dict[K, int]) -> HeldBack[K]:
     """Return all counts but zeros as held back."""
     others = frozenset(key for key, n in counts.items() if n > 0 and key not in held.small)
     return HeldBack(held.small, others, is_total_safe=False)
+
+
+def revealing_spots(data: WeekData, found: FloorHotspots) -> frozenset[str]:
+    """Return the ids of hotspots whose figures would tell a small count of one week.
+
+    A window of four weeks and the one before it differ by one week, so a hotspot's figures are held back as long as its
+    window holds a week in which its own cells have a small count, or in which an area they touch, or the floor, is held
+    back.
+
+    Args:
+        data: The floor; its range holds the window.
+        found: Hotspots of the analysis room.
+    """
+    below = int(data.site.settings.mask_below)
+    monday = found.first - timedelta(days=found.first.weekday())
+    weeks = []
+    while monday <= found.last:
+        weeks.append(data.hidden_in(monday))
+        monday += WEEK
+    hidden = {key for week in weeks for key in (*week.places.small, *week.places.others)}
+    is_floor_hidden = any(week.why_floor for week in weeks)
+    drawn = {a.area_id: shapely.Polygon(a.polygon) for a in data.areas}
+    every = shapely.union_all(list(drawn.values()))
+
+    def reveals(spot: FloorSpot | ResolvedSpot) -> bool:
+        if is_floor_hidden or any(is_small(n, below=below) for n in spot.by_week):
+            return True
+        shape = shapely.union_all([shapely.Polygon(p[0], p[1:]) for p in spot.place.polygons])
+        touched = {key for key, polygon in drawn.items() if shapely.relate_pattern(shape, polygon, "T********")}
+        is_on_rest = not shapely.covers(every, shape)
+        return any(key in touched if key is not None else is_on_rest for key in hidden)
+
+    spots: list[FloorSpot | ResolvedSpot] = [*found.spots, *found.resolved, *found.watching]
+    return frozenset(s.spot_id for s in spots if reveals(s))

@@ -10,15 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from vsd_analytics.answer import Answer, Answers, Cell, Reason, Row, Sum, Value, value_of
+from vsd_analytics.figures.share.counts import is_small
 from vsd_analytics.site.model import Site
 
 Place = tuple[str, int, str]
 """A cell: answer, number of the row, column."""
-
-
-def is_small(n: float | None, *, below: int) -> bool:
-    """Tell whether a count may not be shared: 1 to `below` - 1."""
-    return n is not None and 0 < n < below
 
 
 def share(answers: Iterable[Answer], *, below: int) -> Answers:
@@ -39,7 +35,7 @@ def share(answers: Iterable[Answer], *, below: int) -> Answers:
         for c in answer.columns
         if c.kind == "count"
         for k, row in enumerate(answer.rows)
-        if is_small(value_of(row, c.name).value, below=below)
+        if is_small(value_of(row, c.name).value or 0, below=below)
     }
     hidden = set(small)
     size = -1
