@@ -6,8 +6,8 @@ from typing import Final
 
 import click
 
-from vsd_analytics.cli.answers import exact_option, has_value, print_answers
-from vsd_analytics.cli.options import floor_option, json_option, range_options
+from vsd_analytics.cli.answers import has_value, print_answers
+from vsd_analytics.cli.options import exact_option, floor_option, json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
 
 SHOWN: Final = (
@@ -22,9 +22,7 @@ SHOWN: Final = (
 @exact_option
 @json_option
 @pass_project
-def capacity(
-    project: Project, week: str | None, days: str | None, floor_id: str | None, is_exact: bool, as_json: bool
-) -> int:
+def capacity(project: Project, week: str | None, days: str | None, floor_id: str | None, as_json: bool) -> int:
     """Print for how much of the open time areas and floors with a capacity are full, and by how many people too full.
 
     Time counts where all cameras that see the place recorded: without one of them, people are too few. On a floor only
@@ -52,7 +50,7 @@ def capacity(
             fix="add capacity = 40 (people at once) to an [[area]] or a [[floor]] of vsd.toml",
         )
     with period_with_history(project, floor, week=week, days=days) as period:
-        answers = audience_answers([figures.capacity(period)], period.data.site, is_exact=is_exact)
+        answers = audience_answers([figures.capacity(period)], period.data.site)
         notes = purged_hours_notes(period.data.warehouse)
     dates = (period.first, period.last)
     print_answers(answers, title="Capacity", days=dates, shown={"capacity": SHOWN}, as_json=as_json, notes=notes)

@@ -6,8 +6,8 @@ from typing import Final
 
 import click
 
-from vsd_analytics.cli.answers import exact_option, has_value, print_answers
-from vsd_analytics.cli.options import floor_option, json_option, range_options
+from vsd_analytics.cli.answers import has_value, print_answers
+from vsd_analytics.cli.options import exact_option, floor_option, json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
 
 WAITS: Final = ("wait_median_s", "wait_p90_s", "left_share")
@@ -35,7 +35,6 @@ def queue(
     days: str | None,
     floor_id: str | None,
     has_forecast: bool,
-    is_exact: bool,
     as_json: bool,
 ) -> int:
     """Print how many people wait in an area, how long, and how many leave before the end, of areas with queue = true.
@@ -76,7 +75,7 @@ def queue(
         every = [*queues(period)]
         if has_forecast:
             every += queue_forecast(period.data, whole_week(period.last))
-        answers = audience_answers(every, period.data.site, is_exact=is_exact)
+        answers = audience_answers(every, period.data.site)
         notes = purged_hours_notes(period.data.warehouse)
     dates = (period.first, period.last)
     print_answers(answers, title="Queues", days=dates, shown=SHOWN, as_json=as_json, notes=notes)

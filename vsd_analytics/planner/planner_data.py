@@ -20,10 +20,8 @@ from vsd_analytics.figures.catalogue import asks_for, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_time import change_close_time_share, close_time
 from vsd_analytics.figures.compare import why_not
-from vsd_analytics.figures.hotspot_export import without_small
 from vsd_analytics.figures.panels import WEEK, Flags, Place
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.share.weeks import revealing_spots
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import lazy_answers, recording, timetable
 from vsd_analytics.figures.week.density import FloorGrid
@@ -210,6 +208,7 @@ def planner_pages(
         StoreError: E301, nothing was ever stored.
         KeyError: The site has no floor of this id.
     """
+    site = site.with_settings(mask_below=0)  # any hours and rectangles: the page is the operator's, and exact
     other = monday - WEEK if before is None else before
     floors = [f for f in site.floors if floor_id in (None, f.floor_id)]
     if not floors:
@@ -286,7 +285,7 @@ def planner_data(
         shown=shown,
         walkable=_walkable(data, shown),
         seen=_seen(data, shown),
-        hotspots=without_small(found, below=int(data.site.settings.mask_below), revealing=revealing_spots(data, found)),
+        hotspots=found,
         is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in engines(data.site, monday, data.sunday)),
         weeks=weeks,
         changes=changes,

@@ -6,9 +6,10 @@ weeks of hotspots, in the planner. So each of them asks here, week by week.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic
 
 import numpy as np
 import shapely
@@ -17,12 +18,15 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import WEEK, Array, FloorHours, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, K, held_back, is_small, too_few
+from vsd_analytics.figures.share.earlier import REST, Parts, SharedWeek
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpot
     from vsd_analytics.figures.week.data import WeekData
 
-NOTHING: HeldBack[str | None] = HeldBack(frozenset(), frozenset(), is_total_safe=True)
+
+CHANGED = Reason("hidden.changed")
+"""Why a week is not shared again: too little changed since it was."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,42 +36,135 @@ class HiddenWeek:
     Attributes:
         places: Areas by id; None is the rest of the floor.
         hours: Hours of the timetable, as positions in the floor's hours.
-        why_floor: Why no count of the whole floor is shown, nor any other of this week; None where they are.
+        why_floor: Why no count of the whole floor is shown, nor any other of this week; None where they are. Where it
+            is `CHANGED`, nothing of the week is shared.
+        shared: The counts behind it, to be remembered where the week is shared; None where nothing was recorded.
     """
 
     places: HeldBack[str | None]
     hours: HeldBack[int]
     why_floor: Reason | None
+    shared: SharedWeek | None = None
 
 
-def hidden_week(data: FloorHours, period: Period) -> HiddenWeek:
+def hidden_week(data: FloorHours, period: Period, earlier: Sequence[SharedWeek] = ()) -> HiddenWeek:
     """Return what is held back of a week.
 
     Where the count of the whole floor is too small, or would tell a small count of an area or an hour, all counts of
-    the week go: areas and hours would sum up to it.
+    the week go: areas and hours would sum up to it. If the week was shared before with other counts, what was hidden
+    then stays hidden, and so do counts whose change is small, with others so that the changes tell nothing either.
 
     Args:
         data: The floor.
         period: The week.
+        earlier: All that was shared before.
     """
     below = int(data.site.settings.mask_below)
     n_floor = int(data.panel(period.whole, period.days).n.sum())
-    places, by_place = _places(data, period, below)
-    hours, by_hour = _hours(data, period, below, n_floor)
-    if not is_small(n_floor, below=below) and places.is_total_safe and hours.is_total_safe:
-        return HiddenWeek(places, hours, None)
-    why = too_few(below) if is_small(n_floor, below=below) else GIVES_AWAY
-    return HiddenWeek(_all(places, by_place), _all(hours, by_hour), why)
+    before = [w for w in earlier if (w.floor_id, w.monday) == (data.floor.floor_id, period.first)] if below > 1 else []
+    by_place, by_hour = _by_place(data, period), _by_hour(data, period)
+    starts = {i: str(int(data.hours.start_ms[i])) for i in by_hour}
+    place_changes = [_change(by_place, w.places, w.hidden_places, _place_name) for w in before]
+    hour_changes = [_change(by_hour, w.hours, w.hidden_hours, starts.__getitem__) for w in before]
+    places = _held_places(by_place, place_changes, below)
+    hours = _held_hours(by_hour, hour_changes, below, n_floor)
+    shared = _shared(data, period, by_place, by_hour) if below > 1 else None
+    why = None
+    if any(_is_too_little(shared, then, below) for then in before):
+        why = CHANGED
+    elif is_small(n_floor, below=below):
+        why = too_few(below)
+    elif not places.is_total_safe or not hours.is_total_safe:
+        why = CHANGED if _is_any(place_changes) or _is_any(hour_changes) else GIVES_AWAY
+    if why is not None:
+        places, hours = (_all(places, _sums(by_place)), _all(hours, _sums(by_hour)))
+    if shared is not None:
+        shared = replace(
+            shared,
+            hidden_places=frozenset(map(_place_name, places.small | places.others)),
+            hidden_hours=frozenset(starts[i] for i in hours.small | hours.others),
+        )
+    return HiddenWeek(places, hours, why, shared)
 
 
-def _places(data: FloorHours, period: Period, below: int) -> tuple[HeldBack[str | None], dict[str | None, int]]:
-    """Return the areas held back, the rest of the floor first to be given up, and what each counted."""
+@dataclass(frozen=True, slots=True)
+class _Change(Generic[K]):
+    """How counts differ from an earlier version: by how much, which were hidden then, which a reader knows."""
+
+    by_camera: Mapping[K, Mapping[str, int]]
+    hidden: frozenset[K]
+    known: frozenset[K]
+
+
+def _change(
+    now: Mapping[K, Mapping[str, int]], then: Parts, hidden: frozenset[str], name: Callable[[K], str]
+) -> _Change[K]:
+    change: dict[K, dict[str, int]] = {}
+    for key, n in now.items():
+        of = then.get(name(key), {})
+        change[key] = {c: abs(n.get(c, 0) - of.get(c, 0)) for c in dict.fromkeys((*n, *of))}
+    was_hidden = frozenset(key for key in now if name(key) in hidden)
+    return _Change(change, was_hidden, frozenset(k for k, n in change.items() if not any(n.values())) - was_hidden)
+
+
+def _is_any(changes: Sequence[_Change[K]]) -> bool:
+    return any(n for change in changes for of in change.by_camera.values() for n in of.values())
+
+
+def _is_too_little(now: SharedWeek | None, then: SharedWeek, below: int) -> bool:
+    """Tell whether so little changed since a week was shared that the difference would tell of a few people."""
+    if now is None:
+        return False
+    n, n_then = (sum(n for of in week.hours.values() for n in of.values()) for week in (now, then))
+    n_tracks = abs(now.n_tracks - then.n_tracks)
+    return is_small(abs(n - n_then), below=below) or (now.person_ms != then.person_ms and n_tracks < below)
+
+
+def _shared(
+    data: FloorHours,
+    period: Period,
+    by_place: Mapping[str | None, Mapping[str, int]],
+    by_hour: Mapping[int, Mapping[str, int]],
+) -> SharedWeek | None:
+    if not data.hours.recorded_s[:, period.is_inside].any():
+        return None
+    exposure_h = np.nan_to_num(data.panel(data.everyone, period.days).exposure_h)
+    [row] = data.warehouse.rows(
+        "select count(*) as n from track_days where camera_id in (select unnest($ids)) "
+        "and site_day between $first and $last",
+        {"ids": data.ids, "first": period.first, "last": period.last},
+    )
+    hours = {str(int(data.hours.start_ms[i])): n for i, n in by_hour.items() if any(n.values())}
+    return SharedWeek(
+        floor_id=data.floor.floor_id,
+        monday=period.first,
+        person_ms=round(float(exposure_h.sum()) * 3_600_000),
+        n_tracks=int(row["n"]),
+        places={_place_name(key): n for key, n in by_place.items()},
+        hours=hours,
+        hidden_places=frozenset(),
+        hidden_hours=frozenset(),
+    )
+
+
+def _place_name(key: str | None) -> str:
+    return REST if key is None else key
+
+
+def _by_place(data: FloorHours, period: Period) -> dict[str | None, dict[str, int]]:
+    """Return what each camera counted in each area and, last, the rest of the floor; nothing without areas."""
     if not data.areas or period.why_no_violations is not None or period.why_no_places is not None:
-        return NOTHING, {}
+        return {}
     keys: list[str | None] = [*(a.area_id for a in data.areas), None]
-    counts = {key: by_camera(data, place := period.area(key), data.panel(place, period.days).n) for key in keys}
-    held = held_back(counts, below=below, give=[None, *reversed(keys[:-1])])
-    return held, {key: sum(n.values()) for key, n in counts.items()}
+    return {key: by_camera(data, place := period.area(key), data.panel(place, period.days).n) for key in keys}
+
+
+def _held_places(
+    by_place: Mapping[str | None, Mapping[str, int]], changes: Sequence[_Change[str | None]], below: int
+) -> HeldBack[str | None]:
+    """Return the areas held back, the rest of the floor first to be given up."""
+    keys = list(by_place)
+    return _held(by_place, changes, below=below, give=[*keys[-1:], *reversed(keys[:-1])])
 
 
 def by_camera(data: FloorHours, place: Place, n: Array) -> dict[str, int]:
@@ -75,19 +172,51 @@ def by_camera(data: FloorHours, place: Place, n: Array) -> dict[str, int]:
     return {c: int(of) for c, of, is_able in zip(data.ids, n.sum(axis=1), place.cameras, strict=True) if is_able}
 
 
-def _hours(data: FloorHours, period: Period, below: int, n_floor: int) -> tuple[HeldBack[int], dict[int, int]]:
-    """Return the hours held back, those nearest to the first small one first to be given up, and their counts."""
+def _by_hour(data: FloorHours, period: Period) -> dict[int, dict[str, int]]:
+    """Return what each camera that recorded counted in each hour of the timetable."""
     seen = (data.hours.recorded_s > 0) & period.whole.cameras[:, None]
-    by_hour = {
+    return {
         i: {c: int(n) for c, n, is_seen in zip(data.ids, period.whole.n[:, i], seen[:, i], strict=True) if is_seen}
         for i in timetable_hours(data, period)
     }
-    counts = {i: sum(n.values()) for i, n in by_hour.items()}
+
+
+def _held_hours(
+    by_hour: Mapping[int, Mapping[str, int]], changes: Sequence[_Change[int]], below: int, n_floor: int
+) -> HeldBack[int]:
+    """Return the hours held back, those nearest to the first small one first to be given up."""
+    counts = _sums(by_hour)
     first = min((i for i, n in counts.items() if is_small(n, below=below)), default=0)
     give = sorted(counts, key=lambda i: (abs(i - first), i))
     # camera-hours that enter no rate are part of the timetable but not of the floor's count
     n_off = sum(counts.values()) - n_floor
-    return held_back(by_hour, below=below, give=give, n_others=int(is_small(n_off, below=below))), counts
+    return _held(by_hour, changes, below=below, give=give, n_others=int(is_small(n_off, below=below)))
+
+
+def _held(
+    counts: Mapping[K, Mapping[str, int]],
+    changes: Sequence[_Change[K]],
+    *,
+    below: int,
+    give: Sequence[K],
+    n_others: int = 0,
+) -> HeldBack[K]:
+    """Return what is held back of a partition, of now and of its changes from what was shared before.
+
+    A count that a reader knows from before, because it did not change, hides nothing.
+    """
+    known = frozenset(key for change in changes for key in change.known)
+    give = [key for key in give if key not in known]
+    parts = [held_back(counts, below=below, give=give, n_others=n_others)]
+    parts += [held_back(change.by_camera, below=below, give=give) for change in changes]
+    small = parts[0].small
+    stays = frozenset(key for change in changes for key in change.hidden)
+    others = stays.union(*(p.small | p.others for p in parts)) - small
+    return HeldBack(small, others, is_total_safe=all(p.is_total_safe for p in parts))
+
+
+def _sums(by_key: Mapping[K, Mapping[str, int]]) -> dict[K, int]:
+    return {key: sum(n.values()) for key, n in by_key.items()}
 
 
 def timetable_hours(data: FloorHours, period: Period) -> list[int]:
@@ -97,7 +226,7 @@ def timetable_hours(data: FloorHours, period: Period) -> list[int]:
     return [int(i) for i in inside if int(data.hours.hour[i]) in open_hours]
 
 
-def _all(held: HeldBack[K], counts: dict[K, int]) -> HeldBack[K]:
+def _all(held: HeldBack[K], counts: Mapping[K, int]) -> HeldBack[K]:
     """Return all counts but zeros as held back."""
     others = frozenset(key for key, n in counts.items() if n > 0 and key not in held.small)
     return HeldBack(held.small, others, is_total_safe=False)

@@ -8,11 +8,14 @@ from datetime import date, datetime, timedelta
 from typing import Any
 
 from vsd_analytics.answer import Reason
+from vsd_analytics.errors import ReportError
 from vsd_analytics.figures.catalogue import figures, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.share.counts import GIVES_AWAY, in_week_before, is_small, too_few
+from vsd_analytics.figures.share.periods import EXACT, check_days
+from vsd_analytics.figures.share.weeks import CHANGED
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import estimates, lazy_answers, recording, timetable
 from vsd_analytics.figures.week.data import WeekData
@@ -100,13 +103,27 @@ def _of_days(
     if floor is None:
         raise KeyError(floor_id)
     end = first + WEEK if last is None else last + timedelta(days=1)
+    check_days(site, first, end - timedelta(days=1), clock=clock)
     loaded = min(first - (end - first), _first_day(site, first)), end - timedelta(days=1)
     opened = open_warehouse(site, *loaded, on_plan=on_plan, on_hours=on_hours, threads=THREADS)
     with speaking(chosen() or site.language), opened as warehouse:
         data = WeekData(_made(warehouse), floor=floor, monday=first, last=last, clock=clock)
+        if data.is_shared_otherwise:
+            raise _shared_otherwise(first)
         found = LazyAnswers(data)
         add = add_week_sections if data.is_week else add_days_sections
-        return add_maps(add(_report(data, floor, found, now), data, found), data)
+        report = add_maps(add(_report(data, floor, found, now), data, found), data)
+        data.remember_shared()
+        return report
+
+
+def _shared_otherwise(monday: date) -> ReportError:
+    return ReportError(
+        f"the week {monday:%G-W%V} was shared before, and too little changed since",
+        code="E503",
+        why="who has both versions would have the difference, which tells of a few people",
+        fix=f"hand on what was made then; --exact: {EXACT}",
+    )
 
 
 def _made(warehouse: Warehouse) -> Warehouse:
@@ -133,6 +150,7 @@ def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | No
     coverage = recording.coverage(data)
     is_alike = data.is_week or data.span % WEEK == timedelta()
     has_before = is_alike and bool(data.hours.recorded_s[:, data.week(data.monday - data.span)].any())
+    has_before = has_before and data.hidden_before.why_floor != CHANGED  # people and times of it would tell the change
     sent_before = engines(site, data.monday - data.span, data.monday - timedelta(days=1)) if has_before else ()
     change = site_changes.settings_change(data, sent, sent_before) if has_before else None
     state = _state(data, coverage, change, has_before)
