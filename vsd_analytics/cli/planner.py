@@ -109,7 +109,6 @@ def planner(
 def _as_dict(data: PlannerData, path: Path) -> dict[str, object]:
     from dataclasses import asdict
 
-    hidden = data.week.hidden
     return {
         "path": str(path),
         "bytes": path.stat().st_size,
@@ -123,11 +122,10 @@ def _as_dict(data: PlannerData, path: Path) -> dict[str, object]:
             {
                 "id": row.place_id,
                 "name": row.name,
-                "held_back": hidden.get(k),
-                "violation_rate": None if k in hidden else asdict(row.violation_rate),
-                "close_time_share": None if k in hidden else asdict(row.close_time_share),
-                "encounter_rate": None if k in hidden else asdict(row.encounter_rate),
+                "violation_rate": asdict(row.violation_rate),
+                "close_time_share": asdict(row.close_time_share),
+                "encounter_rate": asdict(row.encounter_rate),
             }
-            for k, row in enumerate(data.places)
+            for row in data.places
         ],
     }

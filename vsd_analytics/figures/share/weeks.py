@@ -19,6 +19,7 @@ from vsd_analytics.figures.panels import WEEK, Array, FloorHours, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, K, held_back, is_small, too_few
 from vsd_analytics.figures.share.earlier import REST, Parts, SharedWeek
+from vsd_analytics.settings import FLOOR_CELL_M
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpot
@@ -165,6 +166,36 @@ def _held_places(
     """Return the areas held back, the rest of the floor first to be given up."""
     keys = list(by_place)
     return _held(by_place, changes, below=below, give=[*keys[-1:], *reversed(keys[:-1])])
+
+
+def hidden_times(data: WeekData, period: Period) -> Mapping[str | None, Reason]:
+    """Return why the person-time of areas is held back, by area; None is the rest of the floor.
+
+    Fewer than `mask_below` people made it, as far as is known: the lower bound of the different tracks in the busiest
+    cell of 0.25 m (mart `footsteps`). Another place goes with them, since the floor's time less that of all others is
+    theirs: the rest of the floor, or the last area with enough people.
+
+    Args:
+        data: The floor.
+        period: The week.
+    """
+    below = int(data.site.settings.mask_below)
+    if below <= 1 or not data.areas:
+        return {}
+    rows = data.warehouse.table(
+        "select cx, cy, sum(n_tracks) as n from footsteps where floor_id = $floor "
+        "and local_date between $first and $last group by cx, cy having sum(n_tracks) >= $below",
+        {"floor": data.floor.floor_id, "first": period.first, "last": period.last, "below": below},
+    )
+    x, y = ((rows[name].to_numpy() + 0.5) * FLOOR_CELL_M for name in ("cx", "cy"))
+    inside = {a.area_id: shapely.contains_xy(shapely.Polygon(a.polygon), x, y) for a in data.areas}
+    is_rest = ~np.any(list(inside.values()), axis=0)
+    has_people: dict[str | None, bool] = {key: bool(of.any()) for key, of in inside.items()}
+    has_people[None] = bool(is_rest.any())
+    times_h = {key: float(np.nansum(data.panel(period.area(key), period.days).exposure_h)) for key in has_people}
+    few = [key for key, is_enough in has_people.items() if not is_enough and times_h[key] > 0]
+    others = [key for key in (None, *reversed(inside)) if has_people[key] and times_h[key] > 0] if few else []
+    return {key: Reason("hidden.few_people", least=below) for key in few} | dict.fromkeys(others[:1], GIVES_AWAY)
 
 
 def by_camera(data: FloorHours, place: Place, n: Array) -> dict[str, int]:

@@ -13,7 +13,7 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Place
 from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, held_back, in_week_before
-from vsd_analytics.figures.share.weeks import by_camera
+from vsd_analytics.figures.share.weeks import by_camera, hidden_times
 from vsd_analytics.figures.week import estimates, recording
 from vsd_analytics.figures.week.contributions import difference
 from vsd_analytics.figures.week.data import WeekData
@@ -56,6 +56,8 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     now = data.hidden.places
     before = _before(data, places, below) if is_compared else HeldBack(frozenset(), frozenset(), is_total_safe=True)
     total = sum(m.violation_rate.value or 0.0 for m in found.values())
+    times = hidden_times(data, data.this)
+    times_before = hidden_times(data, data.pair.before) if is_compared else {}
     rows = []
     for key in keys:
         measured, place = found[key], places[key]
@@ -80,8 +82,13 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
             violation_rate, encounter_rate, close = (
                 estimates.without_change(e, GIVES_AWAY) for e in (violation_rate, encounter_rate, close)
             )
+        if (why := times.get(key)) is not None:
+            encounter_rate, close = (estimates.without_figures(e, why) for e in (encounter_rate, close))
+        elif (why := times_before.get(key)) is not None:
+            encounter_rate, close = (estimates.without_change(e, why) for e in (encounter_rate, close))
         weights = camera_weights(data, place)
         is_known = bool(data.panel(place, data.week_days).x_h.any()) and data.this.knows(place)
+        has_time = is_known and not data.why_no_exposure
         rows.append(
             AreaRow(
                 area_id=key,
@@ -92,7 +99,7 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
                 violation_rate=violation_rate,
                 encounter_rate=encounter_rate,
                 close_time_share=close,
-                exposure_h=_exposure_h(data, place) if is_known and not data.why_no_exposure else None,
+                exposure_h=_exposure_h(data, place) if has_time and key not in times else None,
                 share=violation_rate.value / total if violation_rate.value is not None and total else None,
                 difference=difference(data, place) if is_new or violation_rate.change is not None else None,
                 recorded_share=_recorded_share(data, weights),
