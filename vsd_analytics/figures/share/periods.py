@@ -11,8 +11,6 @@ from datetime import date, datetime, timedelta
 from vsd_analytics.errors import UsageError
 from vsd_analytics.site.model import Site
 
-EXACT = "--exact prints them for your own eyes: not to be handed on"
-
 
 def hides(site: Site) -> bool:
     """Tell whether anything is hidden at all: `mask_below` of 0 or 1 hides no count."""
@@ -39,7 +37,7 @@ def check_operator(site: Site, what: str) -> None:
             f"{what} is for the operator",
             code="E105",
             why="its counts of single hours and places would tell what the weekly report hides",
-            fix=f"add --exact: {EXACT}",
+            fix="add --exact, for your own eyes",
         )
 
 
@@ -62,12 +60,12 @@ def check_days(site: Site, first: date, last: date, *, clock: datetime | None) -
             f"{first} to {last} is no week from Monday to Sunday",
             code="E105",
             why="only figures of whole weeks are handed on: two ranges would tell the small counts between them",
-            fix=f"--week last, or --exact: {EXACT}",
+            fix="--week last; or add --exact, for your own eyes",
         )
     if not is_over(site, last, clock=clock):
         raise UsageError(
             f"the week {first:%G-W%V} is not over",
             code="E105",
             why="figures of a week are handed on once it is over: page by page they would tell what each hour added",
-            fix=f"--week last, or --exact: {EXACT}",
+            fix="--week last; or add --exact, for your own eyes",
         )

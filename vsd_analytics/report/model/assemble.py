@@ -14,7 +14,7 @@ from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.share.counts import GIVES_AWAY, in_week_before, is_small, too_few
-from vsd_analytics.figures.share.periods import EXACT, check_days
+from vsd_analytics.figures.share.periods import check_days
 from vsd_analytics.figures.share.weeks import CHANGED
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import estimates, lazy_answers, recording, timetable
@@ -122,7 +122,7 @@ def _shared_otherwise(monday: date) -> ReportError:
         f"the week {monday:%G-W%V} was shared before, and too little changed since",
         code="E503",
         why="who has both versions would have the difference, which tells of a few people",
-        fix=f"hand on what was made then; --exact: {EXACT}",
+        fix="hand on what was made then; or add --exact, for your own eyes",
     )
 
 
