@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from vsd_analytics.wording.catalogue import catalogue
+
 PACKAGE = Path(__file__).resolve().parent.parent / "vsd_analytics"
 
 # From the lowest room to the highest: a module imports from its own room and those before it, inside functions too.
@@ -306,3 +308,80 @@ def test_file_names_say_what_is_in_them() -> None:
 def test_no_file_is_longer_than_a_reader_can_hold() -> None:
     long = {name: n for name, path in modules() if (n := len(path.read_text(encoding="utf-8").splitlines())) > LONGEST}
     assert long == {}
+
+
+MASKS_OF_THEIR_OWN = {
+    "figures/catalogue/change_figures.py",
+    "figures/catalogue/company_figures.py",
+    "figures/catalogue/form.py",
+    "figures/close_by_crowding.py",
+    "figures/flow.py",
+    "figures/hotspot_export.py",
+    "figures/links.py",
+    "figures/masked_tables.py",
+    "figures/today.py",
+    "figures/week/areas.py",
+    "figures/week/change_maps.py",
+    "figures/week/changes.py",
+    "figures/week/density.py",
+    "figures/week/estimates.py",
+    "figures/week/hidden_counts.py",
+    "figures/week/hidden_hotspots.py",
+    "figures/week/page_estimates.py",
+    "figures/week/readings.py",
+    "figures/week/redesigns.py",
+    "figures/week/spots.py",
+    "live/day_topics.py",
+    "planner/hour_counts.py",
+    "planner/rounding.py",
+    "report/model/agenda.py",
+    "report/model/assemble.py",
+    "report/model/site_changes.py",
+    "report/pages/change_rows.py",
+    "report/words/today.py",
+}
+"""Modules that hide counts beside `figures/share.py`, of figures that are no answers yet: the list only shrinks."""
+
+
+def hides_counts(path: Path) -> bool:
+    """Tell whether a module uses the rules of `suppression`, or compares a number with `mask_below`."""
+    if "vsd_analytics.figures.share.counts" in imports(path):
+        return True
+    return any(
+        isinstance(inner, ast.Name | ast.Attribute) and ast.unparse(inner).split(".")[-1] in ("below", "mask_below")
+        for node in nodes(parsed(path))
+        if isinstance(node, ast.Compare)
+        for inner in ast.walk(node)
+    )
+
+
+def test_one_module_masks_and_the_list_of_others_is_whole() -> None:
+    above = [path for name, path in KNOWN.items() if ROOMS.index(room(name)) >= ROOMS.index("figures")]
+    hiding = {path.relative_to(PACKAGE).as_posix() for path in above if hides_counts(path)}
+    assert hiding - {"figures/share.py", "figures/suppression.py"} == MASKS_OF_THEIR_OWN
+
+
+def test_renderers_know_no_figure() -> None:
+    """They render any answer: what a figure is, and how it is counted, is below them."""
+    rendering = {name: path for name, path in KNOWN.items() if room(name) == "render"}
+    assert rendering
+    for name, path in rendering.items():
+        assert {room(target) for target in imports(path)} <= {"base", "store", "wording", "render"}, name
+        texts = (n.value for n in nodes(parsed(path)) if isinstance(n, ast.Constant) and isinstance(n.value, str))
+        assert [text for text in texts if re.search(r"\bM\d{1,2}\b", text)] == [], name
+
+
+@pytest.mark.parametrize("language", ["en", "it"])
+def test_every_column_and_every_answer_has_a_heading(language: str) -> None:
+    entries = catalogue(language)
+    constructed = [
+        (node.func.id, node.args[0].value)
+        for name, path in KNOWN.items()
+        if room(name) == "figures"
+        for node in nodes(parsed(path))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("Answer", "Column")
+        if node.args and isinstance(node.args[0], ast.Constant)
+    ]
+    assert len(constructed) > 90
+    wanted = {f"reason.{kind.lower()}.{name}" for kind, name in constructed}
+    assert wanted - entries.keys() == set()

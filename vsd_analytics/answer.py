@@ -71,10 +71,11 @@ def _restored(code: str, values: dict[str, ReasonValue]) -> Reason:
     return Reason(code, **values)
 
 
-Kind = Literal["key", "fact", "count", "people", "seconds", "share", "rate", "instant", "place"]
-"""What a column holds: a part of the key, a fact about the row, a count of events or people, a mean number of people, a
-duration, a share of 0 to 1, a rate, an instant with its zone, a place or the name of one."""
-VALUES: Final = frozenset({"count", "people", "seconds", "share", "rate"})
+Kind = Literal["key", "fact", "count", "number", "people", "seconds", "share", "rate", "instant", "place"]
+"""What a column holds: a part of the key, a fact about the row, a count of events or people, a number of things that
+tell of nobody (messages, cameras), a mean number of people, a duration, a share of 0 to 1, a rate, an instant with its
+zone, a place or the name of one. Only counts can be too small to share."""
+VALUES: Final = frozenset({"count", "number", "people", "seconds", "share", "rate"})
 """Kinds of columns whose cells are a `Value`; the others hold scalars."""
 INTERVALS: Final = frozenset({"people", "seconds", "share", "rate"})
 """Kinds of columns whose values may have an interval."""
@@ -123,7 +124,7 @@ class Sum:
     parts: tuple[str, ...]
 
 
-class Measured(Protocol):
+class Estimated(Protocol):
     """What statistics return of one number: `value` with the limits `lo` and `hi` of its interval."""
 
     @property
@@ -158,7 +159,7 @@ class Value:
     reason: Reason | None = None
 
     @classmethod
-    def of(cls, estimate: Measured, *, state: State | None = None, reason: Reason | None = None) -> Value:
+    def of(cls, estimate: Estimated, *, state: State | None = None, reason: Reason | None = None) -> Value:
         """Return an estimate of `stats/` as a value.
 
         Args:
@@ -210,7 +211,8 @@ class Answer:
         holds_for: Place, days and settings.
         sums: Declared sums.
         notes: What a reader must know: a row by its number, or None for the whole table, and the reason.
-        nothing: Why there are no rows; None where there are some.
+        nothing: Why there are no rows; None where there are some, and where there is truly nothing to list.
+        state: Which lack `nothing` is; "ok" without one.
 
     Raises:
         ValueError: A row lacks a column or has another one, two rows have one key, or a declared sum does not hold.
@@ -230,6 +232,7 @@ class Answer:
     sums: tuple[Sum, ...] = ()
     notes: tuple[tuple[int | None, Reason], ...] = ()
     nothing: Reason | None = None
+    state: State = "ok"
 
     def __post_init__(self) -> None:
         names = [c.name for c in self.columns]
@@ -356,7 +359,7 @@ def check_sums(answers: Sequence[Answer]) -> None:
 
 
 def _parts(answer: Answer, row: Row, part: str, by_name: Mapping[str, Answer]) -> list[float | None]:
-    """Return the counts that a part of a declared sum stands for."""
+    """Return the counts behind a part of a declared sum."""
     name, _, column = part.rpartition(".")
     if not name:
         return [value_of(row, column).value]

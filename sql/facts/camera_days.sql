@@ -19,7 +19,7 @@
 --   denominator  person records
 --   needs        always shown
 --   uncertainty  none
---   by           vsd_analytics.figures.catalogue.recording_figures.quality
+--   by           vsd_analytics.figures.catalogue.recording.recording
 -- steps:
 --   seen      an engine that reports n_pairs sends pairs, also on a day without any
 --   reported  per day, because an engine may start to send ids or pairs after an update

@@ -17,7 +17,7 @@
 --   denominator  person-hours of cameras whose ids last
 --   needs        ids that last, as M9; 5 days for an interval
 --   uncertainty  that of M6 between groups, over the same hours
---   by           vsd_analytics.figures.catalogue.between_groups.close_minutes
+--   by           vsd_analytics.figures.catalogue.violations.close_time
 -- steps:
 --   others        one row per other person; who has no group is between groups with everybody and needs no comparison
 --   within_group  bool_and: one stranger close by makes the time between groups

@@ -26,7 +26,7 @@
 --                were not recorded
 --   needs        positions; 5 recorded days for an interval, with all hours of the day but 5 % of the open time among them
 --   uncertainty  that of M5, over seconds instead of person-seconds
---   by           vsd_analytics.figures.capacities.capacities
+--   by           vsd_analytics.figures.capacities.capacity
 -- assumes: an hour without a row is 0 people where all cameras recorded, unknown where one did not
 select
     area_counts.floor_id,

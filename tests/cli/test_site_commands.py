@@ -24,7 +24,7 @@ from vsd_analytics.cli.init import init
 from vsd_analytics.cli.log import log
 from vsd_analytics.cli.schema import schema
 from vsd_analytics.config.change_log import read_log
-from vsd_analytics.config.first_config import Answers, render, write_first_config
+from vsd_analytics.config.first_config import FirstAnswers, render, write_first_config
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError, UsageError
 
@@ -48,7 +48,7 @@ def vsd(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Vsd:
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    text = render(Answers("Shop", "Europe/Rome", cameras=("cam-1=Entrance", "cam-2")))
+    text = render(FirstAnswers("Shop", "Europe/Rome", cameras=("cam-1=Entrance", "cam-2")))
     area = '[[area]]\nid = "entrance"\nname = "E"\npolygon = [[0, 0], [1, 0], [1, 1]]\n'
     (tmp_path / "vsd.toml").write_text(text + area, encoding="utf-8")
     return tmp_path
@@ -149,7 +149,7 @@ def test_init_without_anybody_to_answer_names_the_option(
 def test_any_name_is_in_the_file_as_it_was_given(
     tmp_path_factory: pytest.TempPathFactory, name: str, camera: str
 ) -> None:
-    answers = Answers(name, "UTC", cameras=(f"cam-1={camera}",))
+    answers = FirstAnswers(name, "UTC", cameras=(f"cam-1={camera}",))
     site = None
     with contextlib.suppress(ConfigError, UsageError):
         site = write_first_config(tmp_path_factory.mktemp("p"), answers=answers)

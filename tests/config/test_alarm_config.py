@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from site_text import site_text
 
-from vsd_analytics.config.first_config import Answers, write_first_config
+from vsd_analytics.config.first_config import FirstAnswers, write_first_config
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError
 from vsd_analytics.site.model import AlarmDelivery, AlarmRule, Site
@@ -95,7 +95,7 @@ def test_every_mistake_is_reported_with_its_fix(tmp_path: Path, name: str) -> No
 
 
 def test_the_example_of_the_first_config_is_a_rule(tmp_path: Path) -> None:
-    write_first_config(tmp_path, answers=Answers("Shop", "Europe/Rome"))
+    write_first_config(tmp_path, answers=FirstAnswers("Shop", "Europe/Rome"))
     path = tmp_path / "vsd.toml"
     text = path.read_text()
     assert load_site(tmp_path).alarms == ()

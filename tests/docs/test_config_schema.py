@@ -15,7 +15,7 @@ from jsonschema import Draft202012Validator
 from markdown_pages import PAGES
 from site_text import site_text
 
-from vsd_analytics.config.first_config import Answers, render
+from vsd_analytics.config.first_config import FirstAnswers, render
 from vsd_analytics.config.project import load_site
 from vsd_analytics.config.schema import SCHEMA_FILE, as_json
 from vsd_analytics.errors import ConfigError, VsdError
@@ -106,7 +106,9 @@ def test_every_example_of_the_pages_is_valid(name: str, text: str) -> None:
 
 
 def test_the_first_file_of_init_that_of_the_demo_and_those_of_tests_are_valid() -> None:
-    answers = Answers("Riverside Store", "Europe/Rome", opening="mon-sat 08:00-21:00", cameras=("Cam 2", "cam-1=Door"))
+    answers = FirstAnswers(
+        "Riverside Store", "Europe/Rome", opening="mon-sat 08:00-21:00", cameras=("Cam 2", "cam-1=Door")
+    )
     for text in (render(answers), demo_project._toml(1.0, ()), site_text(), site_text("cam-1", "cam-2"), SAMPLE):
         assert mistakes(text) == []
 

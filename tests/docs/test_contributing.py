@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import sys
 import textwrap
 import types
 from collections.abc import Iterator
+from datetime import date
 from pathlib import Path
 
 import duckdb
@@ -16,8 +18,10 @@ from markdown_pages import REPOSITORY, blocks
 from site_text import site_text
 
 from vsd_analytics import settings
+from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Value
 from vsd_analytics.ingest.formats import adapters, recognise
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
+from vsd_analytics.render.text import text
 from vsd_analytics.warehouse import sqlfiles
 
 PAGE = REPOSITORY / "CONTRIBUTING.md"
@@ -36,6 +40,7 @@ def test_every_path_of_the_page_exists_but_those_of_the_examples() -> None:
         "vsd_analytics/ingest/formats/acme.py",
         "sql/marts/long_violations.sql",
         "vsd_analytics/figures/catalogue/long_violations.py",
+        "vsd_analytics/render/markdown.py",
         "tests/sql/long_violations.toml",
     }
     paths = set(re.findall(r"`((?:vsd_analytics|sql|tests|docs|reports)/[\w./]*)`", TEXT))
@@ -132,12 +137,56 @@ def test_the_figure_example_defines_and_computes_a_figure(tmp_path: Path) -> Non
     assert set(relation.reads) <= set(sqlfiles.relations("marts"))
     assert {"floor_id", "local_date", "duration_s", "is_open"} <= set(sqlfiles.relations("marts")["violations"].columns)
     with duckdb.connect() as con:
+        con.execute("create table params as select 30000 as episode_min_ms")
         con.execute(
             "create table violations as select 'ground' as floor_id, * from (values ('mon', 59.9, true), "
             "('mon', 60.0, true), ('tue', 75.0, true), ('tue', 90.0, false)) as v (local_date, duration_s, is_open)"
         )
         sqlfiles.check_columns(con, relation)
-        assert con.execute(relation.sql).fetchall() == [("ground", "mon", 1, 60), ("ground", "tue", 1, 75)]
+        rows = sorted(con.execute(relation.sql).fetchall())
+        assert rows == [("ground", "mon", 1, 60), ("ground", "tue", 1, 75)]
+
+
+def test_the_output_column_example_is_one_line_of_one_file() -> None:
+    """The line takes the place of the list that begins alike, and text shows the column."""
+    from vsd_analytics.cli.visits import SHOWN
+
+    path = REPOSITORY / "vsd_analytics/cli/visits.py"
+    names = ast.literal_eval(example("output-column").strip().rstrip(","))
+    (position,) = [k for k, shown in enumerate(SHOWN) if shown[:2] == names[:2]]
+    assert set(names) - set(SHOWN[position]) == {"n_followed"}
+    assert set(SHOWN[position]) < set(names)
+    assert example("output-column").splitlines()[0].split(", ")[0] in path.read_text(encoding="utf-8")
+    printed = text(visits_answer(), [names])
+    assert "n followed" in printed[0]
+    assert printed[1].split()[:3] == ["Door", "12", "9"]
+
+
+def test_the_renderer_example_renders_an_answer_it_never_saw() -> None:
+    module = types.ModuleType("vsd_analytics.render.markdown")
+    exec(compile(example("renderer"), "markdown.py", "exec"), module.__dict__)
+    lines = module.markdown(visits_answer()).splitlines()
+    assert lines[0] == "| area | area | visits seen | n followed | share |"
+    assert lines[1] == "| --- | --- | --- | --- | --- |"
+    assert lines[2] == "| door | Door | 12 | 9 | \u2013 |"
+
+
+def visits_answer() -> Answer:
+    columns = (
+        Column("area_id", "key"),
+        Column("name", "fact"),
+        Column("n_visits", "count"),
+        Column("n_followed", "count", audience="operator"),
+        Column("route_share", "share"),
+    )
+    row = {
+        "area_id": "door",
+        "name": "Door",
+        "n_visits": Value(12),
+        "n_followed": Value(9),
+        "route_share": Value.missing(Reason("nobody.seen")),
+    }
+    return Answer("visits", columns, (row,), HoldsFor("shop", "ground", date(2026, 11, 9), date(2026, 11, 15)))
 
 
 def test_the_relation_of_params_is_where_the_page_says() -> None:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from figures.test_threshold_sensitivity import N_S, START, heartbeats, open_day, put, site_of
 
-from vsd_analytics.answer import Reason
-from vsd_analytics.figures.catalogue.count_figures import sensitivity
+from vsd_analytics.answer import HoldsFor, Reason, value_of
+from vsd_analytics.figures.catalogue import violations
 from vsd_analytics.figures.catalogue.form import FigureInputs
+from vsd_analytics.figures.catalogue.view import figure_of
 from vsd_analytics.figures.sensitivity import threshold_sensitivity
 from vsd_analytics.site.model import Calibration, Camera, Site
 
+HOLDS = HoldsFor("shop", "ground", date(2026, 11, 9), date(2026, 11, 9))
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -87,10 +90,12 @@ def test_row_of_the_legal_distance_has_the_range_in_the_json_file(pairs: Site) -
     with open_day(with_errors(pairs, calibrated(pairs.cameras[0], error_m=0.07))) as warehouse:
         found = threshold_sensitivity(warehouse)
     assert found.calibration is not None
-    inputs = SimpleNamespace(
-        found=SimpleNamespace(sensitivity=found), small=lambda *_: False, unit=Reason("unit.share")
-    )
-    rows = sensitivity(cast(FigureInputs, inputs)).rows
-    assert rows is not None
-    assert [row.get("calibration_lo") for row in rows] == [None, found.calibration.lo, None]
-    assert rows[1]["calibration_lo"] < rows[1]["share"] < rows[1]["calibration_hi"]
+    data = SimpleNamespace(floor=pairs.floors[0], site=pairs, this=SimpleNamespace(holds_for=HOLDS))
+    inputs = FigureInputs(*cast(Any, (data, SimpleNamespace(sensitivity=found), None, None, (), None, True)))
+    [answer] = violations.threshold_sensitivity(inputs)
+    assert [row["calibration_lo"] for row in answer.rows] == [None, found.calibration.lo, None]
+    legal = answer.rows[1]
+    assert legal["calibration_lo"] < value_of(legal, "close_time_share").value < legal["calibration_hi"]  # type: ignore[operator]
+    figure = figure_of("M26", [answer], unit=Reason("unit.share"))
+    assert figure.value == value_of(legal, "close_time_share").value
+    assert [row["calibration_hi"] for row in figure.rows or ()] == [None, found.calibration.hi, None]

@@ -38,19 +38,19 @@ def vsd(root: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tupl
 def test_the_report_has_the_planted_flow_and_the_page_draws_it(shop: Path) -> None:
     report = w.report(load_site(shop))
     figures: dict[str, Any] = json.loads(to_json(report))["figures"]
-    of_door = {r["to_areas"]: r for r in figures["M37"]["rows"] if r["area"] == "door"}
+    of_door = {r["to_area_ids"]: r for r in figures["M37"]["rows"] if r["area_id"] == "door"}
     assert of_door["bread"]["lo"] < 0.6 < of_door["bread"]["hi"]
     assert of_door.keys() == {"bread", "wine till"}, "two people are no line of their own"
     assert sum(r["value"] for r in of_door.values()) == pytest.approx(1.0)
     assert all(r["fits_arrivals"] for r in of_door.values())
-    routes = {r["areas"]: r["value"] for r in figures["M38"]["rows"]}
-    assert list(routes) == ["door bread till door", ""], (
+    routes = {r["route_area_ids"]: r["value"] for r in figures["M38"]["rows"]}
+    assert list(routes) == ["door bread till door", "others"], (
         "the other way is joined by the rare one, so that it is not told"
     )
     assert routes["door bread till door"] == pytest.approx(0.6, abs=0.1)
     corridor = [r for r in figures["M42"]["rows"] if r["y_m"] == 3.5]
     assert {r["ways"] for r in corridor} == {"both"}
-    assert all(abs(r["value"]) < 1 and r["n_people"] >= 5 for r in corridor)
+    assert all(abs(r["value"]) < 1 and r["denominator"] >= 5 for r in corridor)
     page = render_html(report)
     figure = page[page.index("Which way people walk and go next") :]
     assert "Between areas" in figure
@@ -63,23 +63,23 @@ def test_the_command_prints_matrix_and_routes_in_three_formats(shop: Path, capsy
     code, text, _ = vsd(shop, capsys, "--week", "2026-W46")
     assert code == 0
     assert "Door > <b>Bread</b> > Till > Door" in text
-    assert re.search(r"Door: \d+% of those who leave were lost before they came to an area", text)
+    assert re.search(r"^Door +40 \([^)]*\) +\d\.\d% \(", text, re.MULTILINE), "who leaves, and who is lost"
     code, out, _ = vsd(shop, capsys, "--week", "2026-W46", "--format", "json")
-    found = json.loads(out)
-    door = found["areas"][0]
-    assert [to["area_ids"] for to in door["to"]] == [["bread"], ["wine", "till"]]
-    assert door["inflow"]["agrees"] is True
+    answers = json.loads(out)["answers"]
+    door, to = answers["flow_areas"]["rows"][0], [r for r in answers["flow"]["rows"] if r["area_id"] == "door"]
+    assert [row["to_area_ids"] for row in to] == ["bread", "wine till"]
+    assert door["fits_arrivals"] is True
     assert door["leave_per_open_h"]["value"] == pytest.approx(40, rel=0.01)
     code, out, _ = vsd(shop, capsys, "--week", "2026-W46", "--format", "csv")
     rows = list(csv.DictReader(io.StringIO(out)))
-    assert [r["to"] for r in rows if r["what"] == "flow" and r["from"] == "door"] == ["bread", "wine till"]
-    assert float(rows[0]["share"]) == pytest.approx(door["to"][0]["share"]["value"], abs=1e-4)
+    assert [r["to_area_ids"] for r in rows if r["area_id"] == "door"] == ["bread", "wine till"]
+    assert float(rows[0]["next_area_share"]) == pytest.approx(to[0]["next_area_share"]["value"], abs=1e-4)
 
 
 def test_a_week_without_records_is_unknown_and_names_the_camera(shop: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, text, _ = vsd(shop, capsys, "--week", "2026-W47")
     assert code == 1
-    assert "Nothing was recorded by cam:" in text
+    assert "nothing was recorded by cam:" in text
 
 
 def test_without_areas_that_ask_the_command_says_how(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

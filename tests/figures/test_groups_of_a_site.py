@@ -364,16 +364,21 @@ def test_the_command_prints_both_readings_and_names_tracks_in_json_only(
     )
     put(make_site(tmp_path), [replace(r, track=f"track-{r.track}") for r in two_groups_that_meet()])
     code, text = run(["-C", str(tmp_path), "groups"], capsys)
-    assert (code, "2 of 2" in text, "1 of 3 violations" in text, "track-" in text) == (0, True, True, False)
-    assert "known accuracy" in text
+    assert (code, "track-" in text) == (0, False)
+    together = text.splitlines()[2:4]
+    assert together[1].split()[0] == "2", "two groups"
+    assert "F1 of pairs" in text
     code, text = run(["-C", str(tmp_path), "groups", "--json", "--camera", "cam"], capsys)
     told = json.loads(text)
     assert code == 0
     assert [g["tracks"] for g in told["groups"]] == [["track-a", "track-b"], ["track-c", "track-d"]]
     assert {(g["date"], g["camera_id"]) for g in told["groups"]} == {("2026-11-09", "cam")}
-    assert told["between"]["value"] == pytest.approx(1 / 3, rel=1e-5)
-    assert (told["between"]["lo"], told["between"]["state"]) == (None, "not_enough_data")
-    assert told["readings"][0]["M0"]["between"]["state"] == "not_enough_data"
+    [together] = told["answers"]["together"]["rows"]
+    assert together["between_share"]["value"] == pytest.approx(1 / 3, rel=1e-5)
+    assert (together["between_share"]["lo"], together["n_violations"]["value"]) == (None, 3)
+    between = next(r for r in told["answers"]["readings"]["rows"] if r["reading"] == "between_groups")
+    assert between["violation_rate"]["state"] == "not_enough_data"
+    assert [(r["n_people"], r["n_groups"]["value"]) for r in told["answers"]["groups_by_size"]["rows"]] == [(2, 2)]
 
 
 def test_the_command_exits_with_1_when_it_cannot_tell(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -384,7 +389,8 @@ def test_the_command_exits_with_1_when_it_cannot_tell(tmp_path: Path, capsys: py
     )
     put(make_site(tmp_path), [Pair(T0 + s * 1000, "a", "b", 900) for s in range(30)])
     code, text = run(["-C", str(tmp_path), "groups"], capsys)
-    assert (code, "not measurable: the engine sends no positions" in text) == (1, True)
+    assert (code, "the engine sends no positions" in text) == (1, True)
     code, text = run(["-C", str(tmp_path), "groups", "--json"], capsys)
-    assert (code, json.loads(text)["state"], json.loads(text)["people_share"]) == (1, "not_measurable", None)
+    [together] = json.loads(text)["answers"]["together"]["rows"]
+    assert (code, together["people_share"]["state"], together["people_share"]["value"]) == (1, "not_measurable", None)
     assert run(["-C", str(tmp_path), "groups", "--camera", "=nope"], capsys)[0] == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 from datetime import date, timedelta
@@ -9,14 +10,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from vsd_analytics.cli.queue_advice import forecast_lines
+from figures.answer_cells import Cells, only_row
 from warehouse.small_projects import DAY, HOUR, T0, Frame, Person, beats, make_site, open_days, put
 
+from vsd_analytics.answer import Answer, Value, check_sums, value_of
+from vsd_analytics.cli.queue import LAYOUTS
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.people_present import Presence
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.queue_forecast import queue_forecasts
-from vsd_analytics.figures.queues import AreaQueue, queues
+from vsd_analytics.figures.queue_forecast import queue_forecast
+from vsd_analytics.figures.queues import NO_END, queues
+from vsd_analytics.render.text import remarks, text
 from vsd_analytics.site.model import Area, Camera, Site
 
 FIRST = date(2026, 11, 9)
@@ -47,11 +51,13 @@ def customer(
     return rows
 
 
-def queue_of(site: Site, n_days: int = 1) -> AreaQueue:
+def queue_of(site: Site, n_days: int = 1) -> tuple[Cells, Answer]:
+    """Return the queue over the days, and its hours."""
     last = FIRST + timedelta(days=n_days - 1)
     with open_days(site, FIRST.isoformat(), last.isoformat()) as warehouse:
-        (found,) = queues(Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, last))
-    return found
+        found, by_hour = queues(Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, last))
+    check_sums([found, by_hour])
+    return only_row(found), by_hour
 
 
 def test_people_waiting_and_waiting_times_equal_the_planted_ones(tmp_path: Path) -> None:
@@ -59,26 +65,24 @@ def test_people_waiting_and_waiting_times_equal_the_planted_ones(tmp_path: Path)
     waits = list(range(11, 51))
     rows = [r for k, w in enumerate(waits) for r in customer(T0 + k * 80_000, w, f"t{k}", leaves=k % 4 == 0)]
     put(site, [*rows, *beats(T0, T0 + HOUR)])
-    found = queue_of(site)
-    assert found.people.value == pytest.approx(sum(waits) / 3600)
-    assert found.busy.value is not None
-    assert found.waiting is not None
-    seen = found.waiting.waits
-    assert (seen.n_entered, seen.n_served, seen.n_left, seen.n_cut) == (40, 30, 10, 0)
-    assert seen.left_share.value == pytest.approx(0.25)
+    found, by_hour = queue_of(site)
+    assert found["people_waiting"].value == pytest.approx(sum(waits) / 3600)
+    assert found["people_waiting_p90"].value is not None
+    assert found.numbers("n_entered", "n_served", "n_left", "n_cut") == (40, 30, 10, 0)
+    assert found["left_share"].value == pytest.approx(0.25)
     served = [w for k, w in enumerate(waits) if k % 4]
-    assert seen.median.value == np.sort(served)[14]
-    assert found.waiting.stays.little.value == pytest.approx(1.0, abs=0.01)
-    assert [h.hour for h in found.by_hour] == [8]
+    assert found["wait_median_s"].value == np.sort(served)[14]
+    assert found["little_ratio"].value == pytest.approx(1.0, abs=0.01)
+    assert [row["local_hour"] for row in by_hour.rows] == list(range(24)), "an open hour without records says so"
+    assert [h["local_hour"] for h in by_hour.rows if value_of(h, "people_waiting").value is not None] == [8]
+    assert by_hour.value("n_entered", local_hour=8).value == 40
 
 
 def test_who_walks_back_through_the_queue_does_not_wait(tmp_path: Path) -> None:
     site = with_queue(tmp_path)
     rows = [r for k in range(40) for r in customer(T0 + k * 80_000, 30, f"t{k}", back=True)]
     put(site, [*rows, *beats(T0, T0 + HOUR)])
-    found = queue_of(site).waiting
-    assert found is not None
-    assert (found.n_back, found.waits.n_entered, found.waits.n_left) == (40, 40, 0)
+    assert queue_of(site)[0].numbers("n_back", "n_entered", "n_left") == (40, 40, 0)
 
 
 def test_a_week_of_cut_tracks_holds_the_planted_wait_and_the_naive_one_does_not(tmp_path: Path) -> None:
@@ -98,10 +102,10 @@ def test_a_week_of_cut_tracks_holds_the_planted_wait_and_the_naive_one_does_not(
             whole.append(cut >= wait and not left[-1])
         rows += beats(T0 + d * DAY, T0 + d * DAY + HOUR)
     put(site, rows)
-    found = queue_of(site, n_days=7).waiting
-    assert found is not None
-    median, share = found.waits.median, found.waits.left_share
-    assert found.waits.n_cut > 0.35 * len(waits)
+    found, _ = queue_of(site, n_days=7)
+    median, share, n_cut = found["wait_median_s"], found["left_share"], found["n_cut"].value
+    assert n_cut is not None
+    assert n_cut > 0.35 * len(waits)
     served = np.array(waits)[~np.array(left)]
     assert median.lo is not None
     assert median.hi is not None
@@ -110,7 +114,7 @@ def test_a_week_of_cut_tracks_holds_the_planted_wait_and_the_naive_one_does_not(
     assert share.lo is not None
     assert share.hi is not None
     assert share.lo <= np.mean(left) <= share.hi
-    assert found.stays.little.agrees is True
+    assert found.row["means_agree"] is True
 
 
 def two_cameras(root: Path) -> Site:
@@ -179,9 +183,9 @@ def test_hours_missed_on_some_days_count_as_on_others_and_hours_never_recorded_h
             for t in range(start + hour * HOUR, start + (hour + 1) * HOUR, 10_000):
                 rows += [Person(t, track, 1000 * (k + 1), 2000) for k, track in enumerate(here)]
     put(site, rows)
-    found = queue_of(site, n_days=6)
-    assert found.people.value == pytest.approx(2.0, rel=0.01), "a plain mean would be 15 / 9"
-    assert found.people.lo is not None
+    people = queue_of(site, n_days=6)[0]["people_waiting"]
+    assert people.value == pytest.approx(2.0, rel=0.01), "a plain mean would be 15 / 9"
+    assert people.lo is not None
     with open_days(site, "2026-11-09", "2026-11-14") as warehouse:
         data = FloorHours(warehouse, floor=site.floors[0])
         odd = Presence(Period(data, FIRST + timedelta(days=1), FIRST + timedelta(days=1)), QUEUE).mean()
@@ -192,10 +196,10 @@ def test_hours_missed_on_some_days_count_as_on_others_and_hours_never_recorded_h
 def test_a_queue_without_an_end_has_people_and_no_waiting_times(tmp_path: Path) -> None:
     site = with_queue(tmp_path, served_in=None)
     put(site, [*customer(T0, 30, "a"), *beats(T0, T0 + HOUR)])
-    found = queue_of(site)
-    assert found.people.value == pytest.approx(30 / 3600)
-    assert found.waiting is None
-    assert found.why_no_waits is not None
+    found, _ = queue_of(site)
+    assert found["people_waiting"].value == pytest.approx(30 / 3600)
+    for column in ("wait_median_s", "left_share", "n_entered", "n_back", "stay_mean_s"):
+        assert found[column] == Value.missing(NO_END, "not_measurable"), column
 
 
 def test_the_forecast_names_the_hours_above_the_limit_and_knows_none_without_four_weeks(tmp_path: Path) -> None:
@@ -214,17 +218,20 @@ def test_the_forecast_names_the_hours_above_the_limit_and_knows_none_without_fou
     monday = FIRST + timedelta(weeks=5)
     with open_days(site, FIRST.isoformat(), (monday + timedelta(days=6)).isoformat()) as warehouse:
         data = FloorHours(warehouse, floor=site.floors[0])
-        (found,) = queue_forecasts(data, monday)
-        (early,) = queue_forecasts(data, FIRST + timedelta(weeks=2))
-    quiet, busy = found.people.rows
+        hours, score = queue_forecast(data, monday)
+        early, no_score = queue_forecast(data, FIRST + timedelta(weeks=2))
+    quiet, busy = (value_of(row, "people_waiting") for row in hours.rows)
     assert (quiet.value, busy.value) == (pytest.approx(1.0, rel=0.1), pytest.approx(4.0, rel=0.2))
     assert busy.lo is not None
     assert busy.hi is not None
     assert busy.lo < 4 < busy.hi
-    assert found.busy is not None
-    assert [(b.hour.hour, b.chance) for b in found.busy] == [(9, "likely" if busy.lo > 3 else "expected")]
-    text = "\n".join(forecast_lines((found,)))
-    assert "Mon 09:00: " in text
-    assert "above 3 people waiting, the limit of vsd.toml" in text
-    assert (early.people.state, early.busy) == ("not_enough_data", None)
-    assert "a forecast needs 4 recorded weeks, has 3" in "\n".join(forecast_lines((early,)))
+    assert [row["chance"] for row in hours.rows] == [None, "likely" if busy.lo > 3 else "expected"]
+    assert only_row(score)["off_share"].value is not None
+    printed = "\n".join(text(hours, LAYOUTS["queue_forecast"]))
+    assert re.search(r"^Queue +2026-12-21 +09:00 .* 3 +(likely|expected)$", printed, re.MULTILINE)
+    assert re.search(r"^09:00 +[\d.]+ \(", printed, re.MULTILINE), "hours down, days across"
+    assert [(row["chance"], value_of(row, "people_waiting").state) for row in early.rows] == [
+        (None, "not_enough_data")
+    ] * 2, "hours without a forecast say so"
+    assert remarks(early, LAYOUTS["queue_forecast"]) == ["Queue: a forecast needs 4 recorded weeks, has 3"]
+    assert (text(early, LAYOUTS["queue_forecast"]), only_row(no_score)["off_share"].value) == ([], None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,7 @@ def vsd(root: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tupl
 
 
 def values(figure: dict[str, Any], hour: int | None = None) -> dict[str, Any]:
-    return {r["what"]: r["value"] for r in figure["rows"] if r.get("hour") == hour}
+    return {r["column"]: r["value"] for r in figure["rows"] if r.get("local_hour") == hour}
 
 
 def test_report_page_and_commands_have_the_planted_people(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -44,13 +45,13 @@ def test_report_page_and_commands_have_the_planted_people(tmp_path: Path, capsys
     site = w.world(tmp_path, asking(name="<b>Q</b>{{ 7*7 }}"), w.messages(w.steady(PAIRS)))
     report = w.report(site)
     found = json.loads(to_json(report))["figures"]
-    assert values(found["M39"])["mean"] == pytest.approx(4 / 9, rel=1e-3)
-    assert values(found["M39"], 10)["mean"] == pytest.approx(4 / 9, rel=1e-3)
-    assert values(found["M39"])["90 % of the time"] == 2
+    assert values(found["M39"])["people_waiting"] == pytest.approx(4 / 9, rel=1e-3)
+    assert values(found["M39"], 10)["people_waiting"] == pytest.approx(4 / 9, rel=1e-3)
+    assert values(found["M39"])["people_waiting_p90"] == 2
     use = values(found["M41"])
-    for what in ("at least 60 % full", "full or over", "over", "mean people beyond it"):
-        assert use[what] == pytest.approx(2 / 9, rel=1e-3), what
-    (median,) = (r for r in found["M40"]["rows"] if r["what"] == "median")
+    for column in ("busy_share", "full_share", "over_share", "surplus_people"):
+        assert use[column] == pytest.approx(2 / 9, rel=1e-3), column
+    (median,) = (r for r in found["M40"]["rows"] if r["column"] == "wait_median_s" and "local_hour" not in r)
     assert (median["value"], median["reason"]) == (None, "needs at least 10 people who are served, has 0")
     page = render_html(report)
     assert "<b>Q</b>" not in page
@@ -58,11 +59,12 @@ def test_report_page_and_commands_have_the_planted_people(tmp_path: Path, capsys
     assert "On average 0.44 people wait" in page
     code, out, _ = vsd(tmp_path, capsys, "queue", "--week", "2026-W46")
     assert code == 1, "no waiting time of a queue that has an end"
-    assert "at most 2" in out
+    assert re.search(r"^<b>Q</b>{{ 7\*7 }} +0\.44 .* 2 ", out, re.MULTILINE)
+    assert re.search(r" 10:00 +0\.44 ", out)
     code, out, _ = vsd(tmp_path, capsys, "capacity", "--week", "2026-W46", "--json")
-    (place,) = json.loads(out)["places"]
+    (place,) = json.loads(out)["answers"]["capacity"]["rows"]
     assert code == 0
-    assert place["time_over"]["value"] == pytest.approx(2 / 9, rel=1e-3)
+    assert place["over_share"]["value"] == pytest.approx(2 / 9, rel=1e-3)
 
 
 def test_a_report_that_nobody_asked_has_neither_figures_nor_section(
@@ -83,22 +85,23 @@ def test_few_people_are_held_back_and_the_page_in_italian_says_so(tmp_path: Path
     found = json.loads(to_json(report))["figures"]
     for metric in ("M39", "M40"):
         assert found[metric]["state"] == "not_enough_data"
-        assert found[metric]["reason"] == "fewer than 5 people were seen to enter"
+        assert found[metric]["reason"] == "fewer than 5 were counted"
     assert "Non si sa quante persone aspettano" in render_html(report)
     table = vsd_analytics.open(tmp_path).week("2026-W46").queues.df()
-    assert table["value"].isna().all()
-    assert table["local_hour"].isna().all(), "no row of an hour tells that somebody came then"
+    assert table["people_waiting"].isna().all()
+    by_hour = vsd_analytics.open(tmp_path).week("2026-W46").queue_hours.df()
+    assert by_hour["people_waiting"].isna().all(), "no row of an hour tells that somebody came then"
 
 
 def test_the_table_of_queues_has_the_hours_of_the_report_and_holds_back_the_same_ones(tmp_path: Path) -> None:
     some = lambda day, hour: {w.QUEUE: 1} if day == 0 and hour == 10 else PAIRS if hour == 11 else {w.DOOR: 20}  # noqa: E731
     found = json.loads(to_json(w.report(w.world(tmp_path, asking(), w.messages(some, days=(0, 1))))))["figures"]["M39"]
-    said = {r["hour"]: r["value"] for r in found["rows"] if r["what"] == "mean"}
-    table = vsd_analytics.open(tmp_path).week("2026-W46").queues.df()
-    waiting = table[table["what"] == "people waiting"].astype({"local_hour": object, "value": object})
-    rows = zip(waiting["local_hour"], waiting["value"], strict=True)
-    shown = {None if pd.isna(hour) else hour: None if pd.isna(value) else value for hour, value in rows}
-    assert shown == pytest.approx(said, abs=1e-6)
+    printed = {r.get("local_hour"): r["value"] for r in found["rows"] if r["column"] == "people_waiting"}
+    week = vsd_analytics.open(tmp_path).week("2026-W46")
+    hours, (whole,) = week.queue_hours.df(), week.queues.df()["people_waiting"].tolist()
+    rows = zip(hours["local_hour"], hours["people_waiting"], strict=True)
+    shown = {None: whole, **{hour: None if pd.isna(value) else value for hour, value in rows}}
+    assert shown == pytest.approx(printed, abs=1e-6)
     assert shown[10] is None
     assert shown[11] == pytest.approx(4 / 9, rel=1e-3)
 
@@ -113,11 +116,11 @@ def test_a_week_in_which_one_of_two_cameras_was_silent_is_unknown_and_names_it(
     ]
     w.world(tmp_path, asking(cameras=("cam-1", "cam-2")), both)
     code, out, _ = vsd(tmp_path, capsys, "queue", "--week", "2026-W46", "--json")
-    (area,) = json.loads(out)["areas"]
+    (area,) = json.loads(out)["answers"]["queues"]["rows"]
     assert code == 1
     assert area["people_waiting"]["value"] is None
     assert area["silent_cameras"] == ["cam-2"]
-    assert area["recorded_share"] == 0.0
+    assert area["recorded_share"]["value"] == 0.0
     code, out, _ = vsd(tmp_path, capsys, "capacity", "--week", "2026-W46")
     assert code == 1
     assert "nothing was recorded by cam-2" in out

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import json
+from datetime import date
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 from report import ingested_worlds as w
-from vsd_analytics.figures.catalogue.visit_figures import _long_share
 
 import vsd_analytics
+from vsd_analytics.answer import VALUES, Answer, Cell, HoldsFor, Value, value_of
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.cli.visits import _as_dict
-from vsd_analytics.figures.rates import NOT_RECORDED
-from vsd_analytics.figures.visits import AreaVisits
+from vsd_analytics.figures.share.answers import share
+from vsd_analytics.figures.visits import COLUMNS, SUMS
 from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.site.model import Area
-from vsd_analytics.stats.dwell import dwell
+from vsd_analytics.wording.reasons import reason_text
 
 ASKING = w.toml().replace('name = "Queue"', 'name = "Queue"\nvisits = true\ndoor = true')
 HOURLY = {w.QUEUE: 20, w.DOOR: 12}
@@ -36,12 +33,12 @@ def test_the_report_has_the_planted_visits_and_the_page_names_their_area(tmp_pat
     report = w.report(w.world(tmp_path, ASKING, w.messages(w.steady(HOURLY))))
     found = json.loads(to_json(report))["figures"]
     (row,) = found["M35"]["rows"]
-    assert row["area"] == "queue"
+    assert (row["area_id"], row["name"], row["column"]) == ("queue", "Queue", "visits_per_open_h")
     assert row["value"] == pytest.approx(40, rel=1e-3)  # twenty pairs an hour
-    assert {r["what"]: r["value"] for r in found["M36"]["rows"]}["median"] == pytest.approx(w.CLOSE_S)
+    assert {r["column"]: r["value"] for r in found["M36"]["rows"]}["dwell_median_s"] == pytest.approx(w.CLOSE_S)
     page = render_html(report)
     assert "Visits of Queue" in page
-    assert "How long visits of Queue last: median" in page
+    assert "How long visits of Queue last: median stay" in page
 
 
 def test_a_report_that_nobody_asked_for_visits_has_none(tmp_path: Path) -> None:
@@ -54,11 +51,12 @@ def test_few_visits_are_held_back_and_no_reason_tells_how_many(tmp_path: Path) -
     few = lambda day, hour: {w.QUEUE: 1} if day < 2 and hour == 10 else {w.DOOR: 20}  # noqa: E731
     found = figures(w.world(tmp_path, ASKING, w.messages(few)))
     table = vsd_analytics.open(tmp_path).week("2026-W46").visits.df()
-    assert table["what"].tolist() == ["visits", "median dwell", "90 % dwell", "long visits"]
-    assert table["value"].isna().all()
+    assert table["area_id"].tolist() == ["queue"]
+    for column in ("visits_per_open_h", "dwell_median_s", "dwell_p90_s", "long_share", "dwell_mean_s", "n_visits"):
+        assert table[column].isna().all(), column
     for metric in ("M35", "M36"):
         assert found[metric]["state"] == "not_enough_data"
-        assert found[metric]["reason"] == "fewer than 5 visits were seen"
+        assert found[metric]["reason"] == "fewer than 5 were counted"
         assert found[metric]["rows"] is None
 
 
@@ -79,26 +77,32 @@ def test_an_area_where_nobody_was_ever_seen_is_unknown(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("n_long", "is_shown"), [(4, False), (5, True), (36, False), (35, True)])
 def test_a_share_of_long_visits_hides_small_counts_on_either_side(n_long: int, is_shown: bool) -> None:
-    seconds = np.r_[np.full(40 - n_long, 10.0), np.full(n_long, 300.0)]
-    found = dwell(seconds, np.zeros(40, bool), np.arange(40) % 7, person_s=np.full(7, 500.0), long_s=120.0)
-    of = AreaVisits(Area("a", "A", "ground", ()), NOT_RECORDED, found, 120.0, 0, 1.0, ())
-    asked: Any = SimpleNamespace(below=5, small=lambda *counts: any(0 < n < 5 for n in counts))
-    row = _long_share(asked, of)
-    assert (row["value"] is not None) is is_shown
-    assert (row["lo"] is not None) is is_shown
-    assert (_as_dict(of, 5)["long_share"]["value"] is not None) is is_shown
+    shared = share([of_area(n_visits=40, n_cut=0, n_long=n_long)], below=5)["visits"]
+    (row,) = shared.rows
+    assert (value_of(row, "long_share").value is not None) is is_shown
+    assert (value_of(row, "long_share").lo is not None) is is_shown
+    assert value_of(row, "dwell_median_s").value is not None
 
 
-def test_the_json_output_of_the_command_hides_few_visits_and_whoever_was_lost_among_them() -> None:
-    def printed(n: int, n_cut: int) -> dict[str, Any]:
-        cut = np.arange(n) < n_cut
-        found = dwell(np.full(n, 60.0), cut, np.arange(n) % 7, person_s=np.full(7, 500.0), long_s=120.0)
-        return _as_dict(AreaVisits(Area("a", "A", "ground", ()), NOT_RECORDED, found, 120.0, 3, 1.0, ()), 5)
+def test_few_visits_leave_nothing_and_whoever_was_lost_is_the_operator_s() -> None:
+    (row,) = share([of_area(n_visits=4, n_cut=1, n_long=0)], below=5)["visits"].rows
+    cells = {name: cell for name, cell in row.items() if isinstance(cell, Value)}
+    assert {name for name, cell in cells.items() if cell.value is not None} == {"recorded_share"}
+    assert "4" not in " ".join(reason_text(cell.reason) for cell in cells.values())
+    (row,) = share([of_area(n_visits=40, n_cut=4, n_long=0)], below=5)["visits"].rows
+    assert value_of(row, "n_visits").value == 40
+    assert not {"n_cut", "n_followed", "n_long", "n_short", "n_began_inside"} & row.keys()
 
-    few = printed(4, 1)
-    assert (few["n_visits"], few["n_cut"], few["n_began_inside"], few["little"]) == (None, None, None, None)
-    assert "4" not in str(few["reason"])
-    assert [printed(n, n_cut)["n_cut"] for n, n_cut in ((40, 4), (40, 5), (40, 36), (40, 0))] == [None, 5, None, 0]
+
+def of_area(*, n_visits: int, n_cut: int, n_long: int) -> Answer:
+    """Return the answer of one area with made-up numbers."""
+    counts = {"n_visits": n_visits, "n_followed": n_visits - n_cut, "n_cut": n_cut, "n_long": n_long,
+              "n_short": n_visits - n_long, "n_began_inside": 3}  # fmt: skip
+    cells: dict[str, Cell] = {
+        c.name: Value(float(counts.get(c.name, 0.5)), 0.4, 0.6) if c.kind in VALUES else None for c in COLUMNS
+    }
+    place = HoldsFor("shop", "ground", date(2026, 11, 9), date(2026, 11, 15))
+    return Answer("visits", COLUMNS, ({**cells, "floor_id": "ground", "area_id": "a"},), place, SUMS)
 
 
 def vsd(root: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
@@ -119,10 +123,10 @@ def test_the_command_names_a_camera_that_was_silent_all_week(
     assert "nothing was recorded by cam-2" in out
     assert "40 (" in out
     code, out, _ = vsd(tmp_path, capsys, "--week", "2026-W46", "--json")
-    (area,) = json.loads(out)["areas"]
+    (area,) = json.loads(out)["answers"]["visits"]["rows"]
     assert area["silent_cameras"] == ["cam-2"]
     assert area["visits_per_open_h"]["value"] == pytest.approx(40, rel=1e-3)
-    assert area["recorded_share"] == pytest.approx(0.5, abs=0.01)
+    assert area["recorded_share"]["value"] == pytest.approx(0.5, abs=0.01)
 
 
 def test_the_command_says_how_to_ask_for_visits(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from figures.answer_cells import Cells, only_row
 from warehouse.small_projects import DAY, HOUR, T0, Person, beats, make_site, open_days, put
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.visits import AreaVisits, visits
+from vsd_analytics.figures.visits import visits
 from vsd_analytics.site.model import Area, Camera, Site
 
 FIRST = date(2026, 11, 9)
@@ -33,11 +35,10 @@ def visitor(start_ms: int, stay_s: int, track: str, *, cut_after_s: int | None =
     return rows
 
 
-def visits_of(site: Site, n_days: int = 1) -> AreaVisits:
+def visits_of(site: Site, n_days: int = 1) -> Cells:
     last = FIRST + timedelta(days=n_days - 1)
     with open_days(site, FIRST.isoformat(), last.isoformat()) as warehouse:
-        (found,) = visits(Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, last))
-    return found
+        return only_row(visits(Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, last)))
 
 
 def test_visits_equal_the_planted_ones(tmp_path: Path) -> None:
@@ -46,10 +47,11 @@ def test_visits_equal_the_planted_ones(tmp_path: Path) -> None:
     rows = [row for k, stay in enumerate(stays) for row in visitor(T0 + k * 60_000, stay, f"t{k}")]
     put(site, [*rows, *beats(T0, T0 + HOUR)])
     found = visits_of(site)
-    assert (found.dwell.n_visits, found.dwell.n_cut, found.n_began_inside) == (40, 0, 0)
-    assert found.dwell.median.value == np.sort(stays)[19]
-    assert found.often.value == pytest.approx(40)
-    assert found.dwell.little.value == pytest.approx(1.0, abs=0.01)
+    assert found.numbers("n_visits", "n_followed", "n_cut", "n_began_inside") == (40, 40, 0, 0)
+    assert found.numbers("long_share", "n_long", "n_short") == (None, None, None), "nobody stayed that long"
+    assert found["dwell_median_s"].value == np.sort(stays)[19]
+    assert found["visits_per_open_h"].value == pytest.approx(40)
+    assert found["little_ratio"].value == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_week_of_cut_tracks_holds_the_planted_median_and_the_naive_one_does_not(tmp_path: Path) -> None:
@@ -66,27 +68,29 @@ def test_a_week_of_cut_tracks_holds_the_planted_median_and_the_naive_one_does_no
         rows += beats(T0 + d * DAY, T0 + d * DAY + HOUR)
     put(site, rows)
     found = visits_of(site, n_days=7)
-    median = found.dwell.median
-    assert found.n_began_inside == found.dwell.n_cut > 0.3 * len(stays)
+    median = found["dwell_median_s"]
+    n_began_inside, n_cut = found.numbers("n_began_inside", "n_cut")
+    assert n_cut is not None
+    assert n_began_inside == n_cut > 0.3 * len(stays)
     assert median.lo is not None
     assert median.hi is not None
     assert median.lo <= np.median(stays) <= median.hi
     assert np.median(pieces) < median.lo
-    assert found.dwell.little.agrees is True
+    assert found.row["means_agree"] is True
 
 
 def test_a_visit_over_the_hour_is_one_visit(tmp_path: Path) -> None:
     site = with_till(tmp_path)
     put(site, [*visitor(T0 + HOUR - 20_000, 60, "a"), *beats(T0, T0 + 2 * HOUR)])
-    found = visits_of(site)
-    assert (found.dwell.n_visits, found.dwell.n_cut) == (1, 0)
+    assert visits_of(site).numbers("n_visits", "n_cut") == (1, 0)
 
 
 def test_an_area_that_does_not_ask_has_no_visits(tmp_path: Path) -> None:
     site = with_till(tmp_path, has_visits=False)
     put(site, [*visitor(T0, 60, "a"), *beats(T0, T0 + HOUR)])
     with open_days(site) as warehouse:
-        assert visits(Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, FIRST)) == ()
+        answer = visits(Period(FloorHours(warehouse, floor=site.floors[0]), FIRST, FIRST))
+        assert (answer.rows, answer.nothing) == ((), Reason("visits.not_asked"))
         assert warehouse.rows("select * from area_stays") == []
 
 
@@ -95,8 +99,7 @@ def test_who_begins_and_ends_in_a_door_came_and_went(tmp_path: Path) -> None:
     for is_door, n in ((False, 0), (True, 1)):
         site = with_till(tmp_path / str(is_door), is_door=is_door)
         put(site, [*rows, *beats(T0, T0 + HOUR)])
-        found = visits_of(site)
-        assert (found.dwell.n_visits, found.n_began_inside) == (n, 1 - n)
+        assert visits_of(site).numbers("n_visits", "n_began_inside") == (n, 1 - n)
 
 
 def test_somebody_two_cameras_see_is_one_visit(tmp_path: Path) -> None:
@@ -107,7 +110,7 @@ def test_somebody_two_cameras_see_is_one_visit(tmp_path: Path) -> None:
     rows = visitor(T0, 30, "a")
     both = [*rows, *(replace(r, camera="cam-2", track="b") for r in rows)]
     put(site, [*both, *beats(T0, T0 + HOUR), *beats(T0, T0 + HOUR, camera="cam-2")])
-    assert visits_of(site).dwell.n_visits == 1
+    assert visits_of(site)["n_visits"].value == 1
 
 
 def test_a_dead_camera_is_named_and_its_visits_are_not_zero(tmp_path: Path) -> None:
@@ -116,7 +119,5 @@ def test_a_dead_camera_is_named_and_its_visits_are_not_zero(tmp_path: Path) -> N
     put(site, [*rows, *beats(T0, T0 + HOUR)])
     with open_days(site, "2026-11-09", "2026-11-10") as warehouse:
         data = FloorHours(warehouse, floor=site.floors[0])
-        (found,) = visits(Period(data, FIRST + timedelta(days=1), FIRST + timedelta(days=1)))
-    assert found.often.value is None
-    assert found.dwell.median.value is None
-    assert found.recorded_share == 0.0
+        found = only_row(visits(Period(data, FIRST + timedelta(days=1), FIRST + timedelta(days=1))))
+    assert found.numbers("visits_per_open_h", "dwell_median_s", "recorded_share") == (None, None, 0.0)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_source_profiles import TOML, project, stored, vsd
+from test_reading_rules import TOML, project, stored, vsd
 from watched_folders import watched
 
 from vsd_analytics.config.camera_in_name import camera_named, cameras_in_name

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from vsd_analytics.cli.explanations import EXPLANATIONS
 
+from vsd_analytics.cli.explain import explanations
 from vsd_analytics.ingest.checks.check_case import Case, SourceCheck, SourceWarning, always
 from vsd_analytics.ingest.checks.check_table import CHECKS, warnings_of
 from vsd_analytics.ingest.checks.sample import sample_of
@@ -23,7 +23,7 @@ def case(tmp_path: Path) -> Case:
 
 
 def test_every_code_is_explained_and_every_entry_says_what_it_looks_for() -> None:
-    assert {check.code for check in CHECKS} <= set(EXPLANATIONS)
+    assert {check.code for check in CHECKS} <= set(explanations())
     assert len({check.words for check in CHECKS}) == len(CHECKS)
     assert len({check.find for check in CHECKS}) == len(CHECKS)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from engine_files import SIZE
-from test_source_profiles import TOML, project, stored
+from test_reading_rules import TOML, project, stored
 
 from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.intake.pipeline import SourceResult, ingest

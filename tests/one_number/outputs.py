@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from vsd_analytics.cli import main
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
 from vsd_analytics.figures.hotspots import FloorHotspots, days_needed, hotspots
 from vsd_analytics.figures.operator_counts import hours
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages

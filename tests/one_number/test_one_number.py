@@ -17,12 +17,13 @@ import pytest
 import shapely
 from one_number.outputs import Outputs, outputs
 from realdata import prove_atc
-from vsd_analytics.ingest.pipeline import ingest
 
-from vsd_analytics.config import load_site
+from vsd_analytics.config.project import load_site
+from vsd_analytics.ingest.intake.pipeline import ingest
 from vsd_analytics.planner.page import render_planner
-from vsd_analytics.simulate import write_canteen_project, write_demo_project
+from vsd_analytics.simulate.canteen_project import write_canteen_project
 from vsd_analytics.simulate.demo import ingest_demo
+from vsd_analytics.simulate.demo_project import write_demo_project
 from vsd_analytics.warehouse.build import build
 
 MONDAY = date(2026, 11, 9)

@@ -243,10 +243,10 @@ def test_any_days_and_hours_have_the_rates_of_the_analysis(page_of: Any, oracle:
     places = {"floor": oracle.this.whole, "area%3Adoor": oracle.this.area("door"), "rest": oracle.this.area(None)}
     for (address, days, hours), (name, place) in itertools.product(selections(), places.items()):
         told = page.evaluate(READ, f"{address}&place={name}")
-        violation_rate, encounter_rate = oracle.rates(place, days, hours)
-        assert_same(told["now-violation_rate"], violation_rate.value, violation_rate.lo, violation_rate.hi)
-        assert_same(told["now-encounter_rate"], encounter_rate.value, encounter_rate.lo, encounter_rate.hi)
-        n_intervals += violation_rate.lo is not None
+        per_open_h, per_person_h = oracle.rates(place, days, hours)
+        assert_same(told["now-often"], per_open_h.value, per_open_h.lo, per_open_h.hi)
+        assert_same(told["now-risky"], per_person_h.value, per_person_h.lo, per_person_h.hi)
+        n_intervals += per_open_h.lo is not None
         if len(days) == 7 and len(hours) == 2:
             continue  # there the page tells the report's own change
         for kind, change in zip(("change-often", "change-risky"), oracle.change(place, days, hours), strict=True):
@@ -261,9 +261,9 @@ def test_a_rectangle_has_the_rates_of_what_lies_in_it(page_of: Any, oracle: Orac
         place = oracle.rectangle(box)
         for address, days, hours in selections()[:6]:
             told = page.evaluate(READ, f"{address}&place=rect&rect={','.join(map(str, box))}")
-            violation_rate, encounter_rate = oracle.rates(place, days, hours, has_history=False)
-            assert_same(told["now-violation_rate"], violation_rate.value, violation_rate.lo, violation_rate.hi)
-            assert_same(told["now-encounter_rate"], encounter_rate.value, encounter_rate.lo, encounter_rate.hi)
+            per_open_h, per_person_h = oracle.rates(place, days, hours, has_history=False)
+            assert_same(told["now-often"], per_open_h.value, per_open_h.lo, per_open_h.hi)
+            assert_same(told["now-risky"], per_person_h.value, per_person_h.lo, per_person_h.hi)
 
 
 def test_a_hotspot_has_the_rates_of_its_squares(page_of: Any, oracle: Oracle, exact: PlannerData) -> None:
@@ -283,9 +283,9 @@ def test_a_hotspot_has_the_rates_of_its_squares(page_of: Any, oracle: Oracle, ex
         place = Place(n, exposure_h, np.any([p.cameras for p in inside], axis=0))
         for address, days, hours in selections()[:3]:
             told = page_of("exact").evaluate(READ, f"{address}&place=spot%3A{spot.number}")
-            violation_rate, encounter_rate = oracle.rates(place, days, hours, has_history=False)
-            assert_same(told["now-violation_rate"], violation_rate.value, violation_rate.lo, violation_rate.hi)
-            assert_same(told["now-encounter_rate"], encounter_rate.value, encounter_rate.lo, encounter_rate.hi)
+            per_open_h, per_person_h = oracle.rates(place, days, hours, has_history=False)
+            assert_same(told["now-often"], per_open_h.value, per_open_h.lo, per_open_h.hi)
+            assert_same(told["now-risky"], per_person_h.value, per_person_h.lo, per_person_h.hi)
 
 
 def test_small_counts_put_together_move_rectangles_by_little(page_of: Any, oracle: Oracle, masked: PlannerData) -> None:

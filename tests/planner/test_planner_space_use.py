@@ -14,12 +14,14 @@ from figures.walkers_between_areas import HOSTILE, week_of_walkers
 from planner.written_address import written_address
 from report import ingested_worlds as w
 
+from vsd_analytics.answer import VALUES, Answer, Answers, Value
 from vsd_analytics.config.project import load_site
 from vsd_analytics.planner.flow_layer import flow_layer
 from vsd_analytics.planner.page import UNIT, render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
 from vsd_analytics.planner.space_use import space_use_view
 from vsd_analytics.report.draw.floor_frame import Frame
+from vsd_analytics.wording.reasons import read_reason
 
 SHOWN = (
     "() => [...document.querySelectorAll('.dl,.da')].filter(e => e.checkVisibility()).map(e => e.dataset.from || '')"
@@ -37,8 +39,11 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> PlannerData:
 
 def test_it_has_the_figures_of_the_report(walked: PlannerData) -> None:
     report = w.report(walked.site)
-    assert list(walked.space) == ["M35", "M36", "M37", "M38", "M39", "M40", "M41", "M42"]
-    assert walked.space == {metric: report.figures[metric] for metric in walked.space}
+    assert {answer.name for answer in walked.space} == {
+        *("visits", "flow", "flow_areas", "flow_routes", "flow_links", "walking_directions"),
+        *("queues", "queue_hours", "capacity"),
+    }
+    assert walked.space == report.answers
 
 
 def test_rare_ways_are_others_and_no_name_is_markup(walked: PlannerData) -> None:
@@ -56,17 +61,20 @@ def test_rare_ways_are_others_and_no_name_is_markup(walked: PlannerData) -> None
 
 
 def test_a_reason_stands_where_a_figure_is_missing(walked: PlannerData) -> None:
-    why = {"value": None, "lo": None, "hi": None}
-    rows = tuple({**r, **why, "reason": "needs 5 days"} for r in walked.space["M35"].rows or ())
-    stays = tuple({**r, **why, "reason": "nobody was followed"} for r in walked.space["M36"].rows or ())
-    flows = tuple({**r, **why, "to_areas": None, "reason": "all were lost"} for r in walked.space["M37"].rows or ())
-    given = {"M35": rows, "M36": stays, "M37": flows}
-    data = replace(walked, space={k: replace(f, rows=given.get(k, f.rows)) for k, f in walked.space.items()})
+    why = {"visits": "needs 5 days", "flow": "all were lost"}
+    data = replace(walked, space=Answers(without_values(a, why[a.name]) if a.name in why else a for a in walked.space))
     found = space_use_view(data.space)
     assert found is not None
     assert {r.often.note for r in found.visits} == {"needs 5 days"}
     assert {(r.reason, r.cells) for r in found.leaving} == {("all were lost", ())}
     assert render_planner(data).count("all were lost") == len(found.leaving)
+
+
+def without_values(answer: Answer, why: str) -> Answer:
+    """Return an answer of which nothing is known."""
+    missing = Value.missing(read_reason(why))
+    known = {c.name: missing for c in answer.columns if c.kind in VALUES and c.name != "recorded_share"}
+    return replace(answer, rows=tuple({**row, **known} for row in answer.rows))
 
 
 def test_nothing_is_drawn_over_floor_that_no_camera_recorded(walked: PlannerData) -> None:
@@ -88,7 +96,7 @@ def test_nothing_is_drawn_over_floor_that_no_camera_recorded(walked: PlannerData
 
 def test_nobody_asks_nothing_is_said(exact: PlannerData) -> None:
     page = render_planner(exact)
-    assert exact.space == {}
+    assert exact.space == Answers()
     assert 'id="flow"' not in page
     assert "How the space is used" not in page
 

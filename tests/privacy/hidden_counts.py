@@ -276,31 +276,34 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
         if row["violation_rate"] is not None:
             _rate(known, world, of, True, {"value": row["violation_rate"]["value"]}, f"{source} trend {of}")
     figures = told["figures"]
-    for row in figures["M28"]["rows"] or []:
+    tables = {name: answer["rows"] for name, answer in told["answers"].items()}
+    for row in tables["trend"]:
         of = (date.fromisocalendar(int(row["week"][:4]), int(row["week"][-2:]), 1) - FIRST).days // 7
-        _rate(known, world, of, True, {"value": row["violation_rate"]}, f"{source} M28 {of}")
-    for name in ("M8", "M0", "M10"):
-        n = figures[name]["value"] if name == "M8" else figures[name]["denominator"] if name == "M10" else None
+        _rate(known, world, of, True, row["violation_rate"], f"{source} M28 {of}")
+    [violations], [durations] = tables["violations"], tables["durations"]
+    for name, n in (("M8", violations["n_violations"]["value"]), ("M10", durations["n_measured"]["value"])):
         if n is not None:
             known.exact(every, n, f"{source} {name}")
     if figures["M6"]["value"] is not None:
         _time_close(known, every, figures["M6"], figures["M6"]["denominator"], f"{source} M6")
-    for row in figures["M15"]["rows"] or []:
-        _rate(known, world, week, row["area"], {"value": row["violation_rate"]}, f"{source} M15")
-    for row in figures["M9"]["rows"] or []:
-        if row["reading"] == "all" and row["n"] is not None:
-            known.exact(every, row["n"], f"{source} M9")
+    for row in tables["areas"]:
+        _rate(known, world, week, row["area_id"], row["violation_rate"], f"{source} M15")
+    for row in tables["readings"]:
+        if row["reading"] == "all" and row["n_violations"]["value"] is not None:
+            known.exact(every, row["n_violations"]["value"], f"{source} M9")
     shapes = spot_points(world, week)
-    for row in figures["M20"]["rows"] or []:
+    for row in tables["hotspots"]:
         if row["spot_id"] not in shapes:
             continue
         near, people = shapes[row["spot_id"]]
         window = [k for of in (week - 1, week) for k in keys_of(of)]
-        if row["n"] is not None:
-            known.exact([k for k in window if k[1] in near], row["n"], f"{source} M20.n")
-        if row["ratio"] is not None:  # a reader who knows what is expected there, and how long each violation lasts
+        n, close_h = row["n_violations"]["value"], row["violation_h"]["value"]
+        if n is not None:
+            known.exact([k for k in window if k[1] in near], n, f"{source} M20.n")
+        if (
+            row["excess_ratio"]["value"] is not None
+        ):  # a reader who knows what is expected there, and how long each violation lasts
             hours = {k: people[k[1]] * CLOSE_H for k in window if people[k[1]]}
-            close_h = row["violation_h"]
             close_h = sum(h * world.n[k] for k, h in hours.items()) if close_h is None else close_h
             known.rounded(hours, close_h, f"{source} M20.ratio", digits=5)
 

@@ -45,17 +45,17 @@ def reports(world: hidden.World) -> dict[int, WeekReport]:
 
 
 def spots(report: WeekReport) -> list[dict[str, Any]]:
-    return json.loads(to_json(report))["figures"]["M20"]["rows"] or []
+    return json.loads(to_json(report))["answers"]["hotspots"]["rows"]
 
 
 def test_hotspots_of_two_weeks_do_not_tell_the_small_count_of_the_later(reports: dict[int, WeekReport]) -> None:
     before, now = ({s["spot_id"]: s for s in spots(reports[w])} for w in TWO_WEEKS)
-    assert next(iter(before.values()))["n"] > hidden.BELOW
-    at_door = [s for s in now.values() if s["area"] == "door"]
+    assert next(iter(before.values()))["n_violations"]["value"] > hidden.BELOW
+    at_door = [s for s in now.values() if s["area_id"] == "door"]
     assert at_door
     for spot in at_door:
-        for name in ("n", "ratio", "lo", "hi"):
-            assert spot[name] is None, f"{name} of {spot['spot_id']}"
+        for name in ("n_violations", "excess_ratio", "violation_h", "excess_min_per_week", "q"):
+            assert spot[name]["value"] is spot[name]["lo"] is None, f"{name} of {spot['spot_id']}"
 
 
 def test_a_hotspot_with_a_small_week_is_shown_without_figures(tmp_path: Path) -> None:
@@ -78,7 +78,7 @@ def test_time_too_close_is_hidden_with_the_count_of_its_place_and_hour(reports: 
     told = json.loads(to_json(reports[3]))
     hidden_areas = {a["area_id"]: a for a in told["areas"] if a["is_masked"] or a["is_held_back"]}
     assert "door" in hidden_areas
-    for rows in (hidden_areas.values(), (r for r in told["figures"]["M15"]["rows"] if r["area"] in hidden_areas)):
+    for rows in (hidden_areas.values(), (r for r in told["answers"]["areas"]["rows"] if r["area_id"] in hidden_areas)):
         for row in rows:
             share = row["close_time_share"]
             assert (share["value"] if isinstance(share, dict) else share) is None

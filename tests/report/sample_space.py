@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 from report import sample_sections as sections
 from report import sample_weeks as weeks
 
-from vsd_analytics.answer import Reason
-from vsd_analytics.figures.week.results import Figure
+from vsd_analytics.answer import VALUES, Answer, Answers, Cell, Column, HoldsFor, Reason, Value
+from vsd_analytics.figures import capacities, flow_answers, queues
+from vsd_analytics.figures import visits as visits_of_areas
 from vsd_analytics.report.model import week as page_model
-from vsd_analytics.wording.reasons import read_reason
 
 AREAS = {"checkout": "Checkout queue", "entrance": "Main entrance", "aisle-2": "End of aisle 2",
          "pharmacy": "Pharmacy counter", "tills": "Tills"}  # fmt: skip
 CAPACITY = {"checkout": 12, "entrance": 10, "aisle-2": 6, "pharmacy": 5}
 CELLS_M = ((3.5, 2.5), (4.5, 2.5), (5.5, 3.5), (6.5, 3.5), (7.5, 4.5))
-LITTLE = Reason("hidden.few", least=5)
+LITTLE = Reason("hidden.few_counted", least=5)
+_WAITS = {"wait_median_s": 68.0, "wait_p90_s": 202.0, "left_share": 0.12, "stay_mean_s": 65.0,
+          "stay_mean_little_s": 55.0}  # fmt: skip
 
 
 def five_areas() -> page_model.WeekReport:
@@ -29,79 +31,94 @@ def five_areas() -> page_model.WeekReport:
         trend=sections.trend(report),
         spots=replace(spots, cards=spots.cards[:1]),
         causes=sections.CAUSES,
-        figures={**report.figures, "M37": _flow(), "M39": _people(), "M40": _waits(), "M41": _use(), "M42": _arrows()},
+        answers=Answers(a for a in space() if a.name != "visits"),
     )
 
 
-def visits() -> dict[str, Figure]:
-    """Return visits and stays of the five areas, which the planner shows."""
-    violation_rate, stays = [], []
-    for area, name in AREAS.items():
-        where = {"area": area, "place": name}
-        violation_rate.append({**where, **_limits(12.5), "recorded_share": 0.98})
-        stays += [{**where, "what": what, **_limits(v)} for what, v in (("median", 95.0), ("p90", 310.0))]
-        stays.append({**where, "what": "share of long visits", "longer_than_s": 300.0, **_limits(0.2)})
-    return {
-        "M35": Figure(unit=read_reason("visits per open hour"), rows=tuple(violation_rate)),
-        "M36": Figure(unit=read_reason("seconds"), rows=tuple(stays)),
-    }
+def space() -> Answers:
+    """Return all answers on the five areas; visits are those that the planner shows."""
+    return Answers([_visits(), _queues(), _queue_hours(), _capacity(), _flow(), _flow_areas(), _directions()])
 
 
-def _limits(value: float | None) -> dict[str, Any]:
-    if value is None:
-        return {"value": None, "lo": None, "hi": None, "reason": LITTLE}
-    return {"value": value, "lo": 0.8 * value, "hi": 1.25 * value, "reason": None}
+def _answer(name: str, columns: Sequence[Column], rows: Sequence[Mapping[str, float | Cell]]) -> Answer:
+    """Return an answer as it leaves: numbers become values with limits, what is not given is missing."""
+    week = weeks.normal().week
+    shared = tuple(c for c in columns if c.audience == "anybody")
+    return Answer(
+        name,
+        shared,
+        tuple({c.name: _cell(row.get(c.name), c) for c in shared} for row in rows),
+        HoldsFor("shop", "ground", week.monday, week.sunday),
+    )
 
 
-def _people() -> Figure:
-    gaps = {"recorded_share": 0.98, "silent_cameras": "", "unrecorded_hours": ""}
-    rows = []
-    for area, mean in (("checkout", 1.2), ("pharmacy", 0.2)):
-        where = {"area": area, "place": AREAS[area], "hour": None}
-        rows += [
-            {**where, "key": "mean", "what": "mean", **_limits(mean), **gaps},
-            {**where, "key": "p90_people", "what": "90 % of the time", **_limits(4.0)},
-            *({**where, "key": "mean", "what": "mean", "hour": h, **_limits(mean)} for h in range(8, 21)),
-        ]
-    return Figure(unit=read_reason("people waiting"), rows=tuple(rows))
+def _cell(cell: float | Cell, column: Column) -> Cell:
+    if column.name == "floor_id":
+        return "ground"
+    if column.kind not in VALUES or isinstance(cell, Value):
+        return cell
+    if not isinstance(cell, int | float):
+        return Value.missing(LITTLE)
+    return Value(cell) if column.kind == "count" else Value(cell, 0.8 * cell, 1.25 * cell)
 
 
-def _waits() -> Figure:
-    rows = []
-    for area, is_known in (("checkout", True), ("pharmacy", False)):
-        where = {"area": area, "place": AREAS[area], "hour": None}
-        values = {"median": 68.0, "p90": 202.0, "left": 0.12, "mean_tracks": 65.0, "mean_little": 55.0}
-        for key, value in values.items():
-            agrees = not is_known if key == "mean_tracks" else None
-            rows.append({**where, "key": key, "what": key, **_limits(value if is_known else None), "agrees": agrees})
-    return Figure(unit=read_reason("seconds"), rows=tuple(rows))
+def _of(area: str) -> dict[str, Cell]:
+    return {"area_id": area, "name": AREAS[area]}
 
 
-def _use() -> Figure:
-    rows: list[dict[str, Any]] = []
-    for area, capacity in CAPACITY.items():
-        where = {"area": area, "place": AREAS[area], "capacity": capacity}
-        values = {"people": 1.2, "busy": 0.11, "full": 0.02, "over": 0.003, "surplus": 0.02}
-        rows += [{**where, "key": key, "what": key, "unit": "share", **_limits(v)} for key, v in values.items()]
-    return Figure(unit=read_reason("share of time"), rows=tuple(rows))
+def _visits() -> Answer:
+    numbers = {"visits_per_open_h": 12.5, "dwell_median_s": 95.0, "dwell_p90_s": 310.0, "long_share": 0.2,
+               "long_visit_s": 300.0, "recorded_share": Value(0.98)}  # fmt: skip
+    return _answer("visits", visits_of_areas.COLUMNS, [{**_of(area), **numbers} for area in AREAS])
 
 
-def _flow() -> Figure:
-    rows = []
-    for area, name in AREAS.items():
-        where = {"area": area, "place": name, "not_followed_share": 0.3, "fits_arrivals": True}
+def _queues() -> Answer:
+    rows: list[dict[str, float | Cell]] = [
+        {**_of("checkout"), "people_waiting": 1.2, "people_waiting_p90": 4.0, **_WAITS, "means_agree": False},
+        {**_of("pharmacy"), "people_waiting": 0.2, "people_waiting_p90": 4.0, "means_agree": None},
+    ]
+    return _answer("queues", queues.QUEUE_COLUMNS, rows)
+
+
+def _queue_hours() -> Answer:
+    rows = [
+        {**_of(area), "local_hour": hour, "people_waiting": mean}
+        for area, mean in (("checkout", 1.2), ("pharmacy", 0.2))
+        for hour in range(8, 21)
+    ]
+    return _answer("queue_hours", queues.HOUR_COLUMNS, rows)
+
+
+def _capacity() -> Answer:
+    use = {"people": 1.2, "busy_share": 0.11, "full_share": 0.02, "over_share": 0.003, "surplus_people": 0.02}
+    rows = [{**_of(area), "capacity": capacity, **use} for area, capacity in CAPACITY.items()]
+    return _answer("capacity", capacities.COLUMNS, rows)
+
+
+def _flow() -> Answer:
+    rows: list[dict[str, float | Cell]] = []
+    for area in AREAS:
+        where = {**_of(area), "fits_arrivals": True, "in_view_only": area == "checkout"}
         if area in ("entrance", "tills"):
-            rows.append({**where, "to": None, "to_areas": None, **_limits(None), "in_view_only": False})
+            rows.append({**where, "to_area_ids": "", "to_name": None})
             continue
         rows += [
-            {**where, "to": AREAS[to], "to_areas": to, **_limits(share), "per_open_h": 40 * share,
-             "in_view_only": area == "checkout"}
-            for to, share in (("tills", 0.6), ("aisle-2", 0.4)) if to != area
-        ]  # fmt: skip
-    return Figure(unit=read_reason("share"), rows=tuple(rows))
+            {**where, "to_area_ids": to, "to_name": AREAS[to], "next_area_share": share, "per_open_h": 40 * share}
+            for to, share in (("tills", 0.6), ("aisle-2", 0.4))
+            if to != area
+        ]
+    return _answer("flow", flow_answers.FLOW_COLUMNS, rows)
 
 
-def _arrows() -> Figure:
-    cells = [{"x_m": x, "y_m": y, "cell_m": 1.0, "ways": "one" if k else "both", "value": 30.0 * k, "agreement": 0.8,
-              "n_people": 12 + k} for k, (x, y) in enumerate(CELLS_M)]  # fmt: skip
-    return Figure(unit=read_reason("degrees"), rows=tuple(cells))
+def _flow_areas() -> Answer:
+    rows = [{**_of(area), "not_followed_share": 0.3, "fits_arrivals": True} for area in AREAS]
+    return _answer("flow_areas", flow_answers.AREA_COLUMNS, rows)
+
+
+def _directions() -> Answer:
+    cells = [
+        {"x_m": x, "y_m": y, "cell_m": 1.0, "ways": "one" if k else "both", "direction_deg": 30.0 * k,
+         "agreement": 0.8, "n_people": Value(12 + k)}
+        for k, (x, y) in enumerate(CELLS_M)
+    ]  # fmt: skip
+    return _answer("walking_directions", flow_answers.DIRECTION_COLUMNS, cells)

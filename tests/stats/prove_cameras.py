@@ -24,7 +24,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from camera_worlds import CAPACITY, WORLDS, Walker, World, fill, is_in, site, walker
 from warehouse.small_projects import open_days
 
-from vsd_analytics.figures.capacities import capacities
+from vsd_analytics.answer import Value
+from vsd_analytics.figures.capacities import capacity
 from vsd_analytics.figures.flow import Flow, flow
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
@@ -83,18 +84,18 @@ def measured(world: World, seed: int) -> tuple[dict[str, Span], dict[str, float]
         last = FIRST + timedelta(days=N_DAYS - 1)
         with open_days(made, FIRST.isoformat(), last.isoformat()) as warehouse:
             period = Period(FloorHours(warehouse, floor=made.floors[0]), FIRST, last)
-            found = {v.area.area_id: v.dwell for v in visits(period)}
-            moves, (queue,), (use,) = flow(period), queues(period), capacities(period)
+            moves, stays, (queue, _), use = flow(period), visits(period), queues(period), capacity(period)
             pieces = warehouse.rows("select area_id, (ended_ms - started_ms) / 1000 as s from visits where is_counted")
             levels = warehouse.rows("select n_people, sum(recorded_open_s)::double as s from count_hours group by all")
     assert moves is not None
     spans: dict[str, Span] = {}
     for name, q in (
-        ("bread median", found["bread"].median),
-        ("bread 90 %", found["bread"].p90),
-        ("hall median", found["hall"].median),
+        ("bread median", stays.value("dwell_median_s", area_id="bread")),
+        ("bread 90 %", stays.value("dwell_p90_s", area_id="bread")),
+        ("hall median", stays.value("dwell_median_s", area_id="hall")),
+        ("its wait", queue.value("wait_median_s", area_id="till")),
     ):
-        spans[name] = (q.value, q.lo, q.hi if q.hi is not None or q.lo is None else np.inf)
+        spans[name] = _span(q)
     naive = {
         name: float(np.quantile([p["s"] for p in pieces if p["area_id"] == area], q))
         for name, area, q in (
@@ -104,17 +105,20 @@ def measured(world: World, seed: int) -> tuple[dict[str, Span], dict[str, float]
     }  # fmt: skip
     for a, b in WAYS:
         spans[f"{a} to {b}"], naive[f"{a} to {b}"] = _share(moves, a, b)
-    spans["people at the till"] = (queue.people.value, queue.people.lo, queue.people.hi)
-    wait = queue.waiting.waits.median if queue.waiting is not None else None
-    spans["its wait"] = (None, None, None) if wait is None else (wait.value, wait.lo, wait.hi or np.inf)
-    spans["till full"] = (use.full.value, use.full.lo, use.full.hi)
+    people, full = queue.value("people_waiting", area_id="till"), use.value("full_share", area_id="till")
+    spans["people at the till"] = (people.value, people.lo, people.hi)
+    spans["till full"] = (full.value, full.lo, full.hi)
     open_s = N_DAYS * 7200.0
     naive["people at the till"] = sum(r["n_people"] * r["s"] for r in levels) / open_s
     naive["till full"] = sum(r["s"] for r in levels if r["n_people"] >= CAPACITY) / open_s
     linked = next((x.share for x in moves.links.found if (x.origin.area_id, x.to.area_id) == ("bread", "till")), None)
     spans["the same by links"] = (None, None, None) if linked is None else (linked.value, linked.lo, linked.hi)
     naive["the same by links"] = naive["bread to till"]
-    return spans, naive, queue.recorded_share
+    return spans, naive, queue.value("recorded_share", area_id="till").value or 0.0
+
+
+def _span(q: Value) -> Span:
+    return q.value, q.lo, q.hi if q.hi is not None or q.lo is None else np.inf
 
 
 def _share(found: Flow, a: str, b: str) -> tuple[Span, float]:

@@ -32,9 +32,12 @@ _COVERAGE = (
     "from camera_hours group by all order by camera_id, local_date"
 )
 COMPUTED_TABLES: Final = {
-    "visits": "One row per area with visits = true and figure: visits per open hour (M35) and dwell times (M36).",
-    "queues": "One row per area with queue = true and figure: people waiting (M39), waiting times (M40).",
-    "flow": "One row per area with visits = true and area that people go to next (M37), and per estimated link.",
+    "visits": "One row per area with visits = true: visits per open hour (M35) and dwell times (M36).",
+    "queues": "One row per area with queue = true: people waiting (M39) and waiting times (M40).",
+    "queue_hours": "The same by hour of the day.",
+    "capacity": "One row per area or floor with a capacity: how full it was (M41).",
+    "flow": "One row per area with visits = true and area that people go to next (M37).",
+    "flow_links": "One row per estimated link over floor that no camera sees.",
     "hotspots": "One row per hotspot (M20) of the 28 days that end with the days asked for.",
     "changes": "One row per entry of the change log that was made in the days asked for.",
 }
@@ -260,7 +263,12 @@ class Days:
 
     @cached_property
     def flow_links(self) -> Table:
-        """Return estimated links over floor where nobody is followed; they are in no share of `flow`."""
+        """Return estimated links over floor where nobody is followed; they are in no share of `flow`.
+
+        Example:
+            >>> print(week.flow_links.note)
+            no area has visits = true in vsd.toml
+        """
         from vsd_analytics.figures.flow_answers import flow_answers
 
         return self._answer("flow_links", flow_answers)
@@ -279,7 +287,12 @@ class Days:
 
     @cached_property
     def queue_hours(self) -> Table:
-        """Return people waiting and waiting times by hour of the day, a row for each queue and hour."""
+        """Return people waiting and waiting times by hour of the day, a row for each queue and hour.
+
+        Example:
+            >>> print(week.queue_hours.note)
+            no area has queue = true in vsd.toml
+        """
         from vsd_analytics.figures.queues import queues
 
         return self._answer("queue_hours", queues)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import date
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,44 +12,48 @@ from vsd_analytics.cli.output import emit_json, plain
 
 if TYPE_CHECKING:
     from vsd_analytics.answer import Answers
+    from vsd_analytics.render.text import Layout
 
 
 def print_answers(
     answers: Answers,
     *,
-    title: str,
     days: tuple[date, date],
-    shown: Mapping[str, Sequence[Sequence[str]]],
+    layouts: Mapping[str, Layout],
     as_json: bool,
     notes: Sequence[str],
+    beside: Mapping[str, Any] | None = None,
 ) -> None:
-    """Print answers: one JSON object, or a title and the chosen columns of each.
+    """Print answers: one JSON object, or each under its title, a remark that several of them make once.
 
     Args:
         answers: The answers.
-        title: Name of what is printed, for text.
-        days: First and last local day.
-        shown: By name of an answer, the sets of columns that text shows one after the other.
+        days: First and last local day that were asked for.
+        layouts: By name of an answer, what text shows of it.
         as_json: Print JSON: `first`, `last`, `answers` by name, and `notes` where there are any.
         notes: Warnings on what does not compare.
+        beside: What else the JSON object has.
     """
     from vsd_analytics.cli.ranges import noted, warn
     from vsd_analytics.render.json_form import as_json as answer_json
     from vsd_analytics.render.significant import rounded
-    from vsd_analytics.render.text import text
+    from vsd_analytics.render.text import remarks, text, title
 
-    first, last = days
     if as_json:
         printed = {answer.name: rounded(answer_json(answer)) for answer in answers}
-        emit_json(noted({"first": first, "last": last, "answers": printed}, notes))
+        emit_json(noted({"first": days[0], "last": days[1], **(beside or {}), "answers": printed}, notes))
         return
     warn(notes)
-    lines = [f"{title}, {first} to {last}"]
-    for name, column_sets in shown.items():
-        if (answer := answers.get(name)) is None:
-            continue
-        lines += ["", *text(answer, column_sets)]
-    click.echo(plain("\n".join(lines)))
+    sections, printed_before = [], set[str]()
+    for answer, layout in ((answers[name], layouts[name]) for name in layouts if name in answers):
+        lines = [line for line in remarks(answer, layout) if line not in printed_before]
+        printed_before.update(lines)
+        if tables := text(answer, layout):
+            lines = [*tables, *([""] if lines else []), *lines]
+        if lines:
+            holds = answer.holds_for
+            sections.append("\n".join([f"{title(answer)}, {holds.first} to {holds.last}", "", *lines]))
+    click.echo(plain("\n\n".join(sections)))
 
 
 def has_value(answers: Answers, name: str, columns: Iterable[str]) -> bool:

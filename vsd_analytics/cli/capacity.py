@@ -9,11 +9,15 @@ import click
 from vsd_analytics.cli.answers import has_value, print_answers
 from vsd_analytics.cli.options import exact_option, floor_option, json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.render.text import Layout, TableLayout
 
-SHOWN: Final = (
-    ("name", "capacity", "people", "busy_share", "full_share", "over_share", "surplus_people", "recorded_share"),
-    ("name", "area_m2", *(f"room_{level}_share" for level in "abcdef")),
-)
+_TIME: Final = ("busy_share", "full_share", "over_share")
+LAYOUTS: Final[dict[str, Layout]] = {
+    "capacity": (
+        TableLayout(("name", "capacity", "people", *_TIME, "surplus_people", "recorded_share")),
+        TableLayout(("name", "area_m2", *(f"room_{level}_share" for level in "abcdef"))),
+    )
+}
 
 
 @click.command()
@@ -52,6 +56,5 @@ def capacity(project: Project, week: str | None, days: str | None, floor_id: str
     with period_with_history(project, floor, week=week, days=days) as period:
         answers = audience_answers([figures.capacity(period)], period.data.site)
         notes = purged_hours_notes(period.data.warehouse)
-    dates = (period.first, period.last)
-    print_answers(answers, title="Capacity", days=dates, shown={"capacity": SHOWN}, as_json=as_json, notes=notes)
+    print_answers(answers, days=(period.first, period.last), layouts=LAYOUTS, as_json=as_json, notes=notes)
     return 0 if has_value(answers, "capacity", ["full_share"]) else 1

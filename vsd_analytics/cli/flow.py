@@ -9,12 +9,15 @@ import click
 from vsd_analytics.cli.answers import has_value, print_answers
 from vsd_analytics.cli.options import choice_option, exact_option, floor_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.render.text import Layout, TableLayout
 
-SHOWN: Final = {
-    "flow": (("name", "to_name", "next_area_share", "per_open_h", "followed_per_open_h"),),
-    "flow_areas": (("name", "leave_per_open_h", "not_followed_share", "inflow_ratio", "n_left"),),
-    "flow_links": (("name", "to_name", "linked_share"),),
-    "flow_routes": (("route", "route_share"),),
+LAYOUTS: Final[dict[str, Layout]] = {
+    "flow": (TableLayout(("name", "to_name", "next_area_share", "per_open_h", "followed_per_open_h")),),
+    "flow_areas": (
+        TableLayout(("name", "leave_per_open_h", "not_followed_share", "inflow_ratio", "n_left", "recorded_share")),
+    ),
+    "flow_links": (TableLayout(("name", "to_name", "linked_share")),),
+    "flow_routes": (TableLayout(("route", "route_share")),),
 }
 
 
@@ -68,6 +71,6 @@ def flow(
     if kind == "csv":
         click.echo(csv_text(answers["flow"]), nl=False)
     else:
-        dates = (period.first, period.last)
-        print_answers(answers, title="Flow", days=dates, shown=SHOWN, as_json=kind == "json", notes=notes)
+        days_of = (period.first, period.last)
+        print_answers(answers, days=days_of, layouts=LAYOUTS, as_json=kind == "json", notes=notes)
     return 0 if has_value(answers, "flow", ["next_area_share"]) else 1

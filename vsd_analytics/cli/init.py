@@ -50,7 +50,7 @@ def init(
     """
     from vsd_analytics.config.first_config import (
         ALWAYS,
-        Answers,
+        FirstAnswers,
         check_opening,
         check_unit,
         check_zone,
@@ -84,7 +84,7 @@ def init(
     unit = ask("6 Positions of your engine are in (m, mm, cm, ft, or px: the picture)", unit, "m", check=check_unit)
     check_unit(unit)
     split = tuple(part.strip() for part in named.split(",") if part.strip())
-    answers = Answers(name, timezone, site_id, opening, split, plan, plan_m_per_px, distance_m)
+    answers = FirstAnswers(name, timezone, site_id, opening, split, plan, plan_m_per_px, distance_m)
     site = write_first_config(folder, answers=answers)
     if as_json:
         emit_json({"ok": True, "file": str(folder / "vsd.toml"), "site": site.site_id})

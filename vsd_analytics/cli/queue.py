@@ -9,16 +9,23 @@ import click
 from vsd_analytics.cli.answers import has_value, print_answers
 from vsd_analytics.cli.options import exact_option, floor_option, json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.render.text import GridLayout, Layout, TableLayout
 
 WAITS: Final = ("wait_median_s", "wait_p90_s", "left_share")
-SHOWN: Final = {
+_ENDS: Final = ("n_served", "n_left", "n_cut", "n_back")
+LAYOUTS: Final[dict[str, Layout]] = {
     "queues": (
-        ("name", "people_waiting", "people_waiting_p90", *WAITS, "recorded_share"),
-        ("name", "n_entered", "n_served", "n_left", "n_cut", "n_back", "n_days", "stay_mean_s", "stay_mean_little_s"),
+        TableLayout(("name", "people_waiting", "people_waiting_p90", *WAITS, "recorded_share")),
+        TableLayout(("name", "n_entered", *_ENDS, "n_days", "stay_mean_s", "stay_mean_little_s")),
     ),
-    "queue_hours": (("area_id", "local_hour", "people_waiting", *WAITS),),
-    "queue_forecast": (("area_id", "local_date", "local_hour", "people_waiting", "queue_limit", "chance"),),
-    "queue_forecast_score": (("name", "scored_week", "off_share", "in_range_share", "range_share", "n_hours"),),
+    "queue_hours": (TableLayout(("name", "local_hour", "people_waiting", *WAITS)),),
+    "queue_forecast": (
+        GridLayout("people_waiting", down="local_hour", over="local_date"),
+        TableLayout(("name", "local_date", "local_hour", "people_waiting", "queue_limit", "chance"), only="chance"),
+    ),
+    "queue_forecast_score": (
+        TableLayout(("name", "scored_week", "off_share", "in_range_share", "range_share", "n_hours")),
+    ),
 }
 
 
@@ -77,8 +84,7 @@ def queue(
             every += queue_forecast(period.data, whole_week(period.last))
         answers = audience_answers(every, period.data.site)
         notes = purged_hours_notes(period.data.warehouse)
-    dates = (period.first, period.last)
-    print_answers(answers, title="Queues", days=dates, shown=SHOWN, as_json=as_json, notes=notes)
+    print_answers(answers, days=(period.first, period.last), layouts=LAYOUTS, as_json=as_json, notes=notes)
     has_end = any(a.served_in is not None for a in period.data.areas if a.is_queue)
     is_known = has_value(answers, "queues", ["people_waiting"])
     return 0 if is_known and (not has_end or has_value(answers, "queues", ["wait_median_s"])) else 1

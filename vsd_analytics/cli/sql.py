@@ -128,5 +128,7 @@ def _missing_as_dash(frame: pd.DataFrame) -> pd.DataFrame:
     """Return a frame whose masked columns hold a dash for what is missing; `na_rep` does it for all others."""
     import pandas as pd
 
-    masked = [c for c, kind in frame.dtypes.items() if isinstance(kind, pd.api.extensions.ExtensionDtype)]
+    masked = [
+        c for c, kind in frame.dtypes.items() if kind.kind == "O" or isinstance(kind, pd.api.extensions.ExtensionDtype)
+    ]
     return frame.assign(**{str(c): frame[c].astype(object).where(frame[c].notna(), _MISSING) for c in masked})

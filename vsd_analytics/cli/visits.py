@@ -9,11 +9,16 @@ import click
 from vsd_analytics.cli.answers import has_value, print_answers
 from vsd_analytics.cli.options import exact_option, floor_option, json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.render.text import Layout, TableLayout
 
-SHOWN: Final = (
-    ("name", "visits_per_open_h", "dwell_median_s", "dwell_p90_s", "long_share", "long_visit_s", "recorded_share"),
-    ("name", "n_visits", "n_cut", "n_began_inside", "n_days", "dwell_mean_s", "dwell_mean_little_s"),
-)
+_STAYS: Final = ("dwell_median_s", "dwell_p90_s", "long_share", "long_visit_s")
+_MEANS: Final = ("dwell_mean_s", "dwell_mean_little_s")
+LAYOUTS: Final[dict[str, Layout]] = {
+    "visits": (
+        TableLayout(("name", "visits_per_open_h", *_STAYS, "recorded_share")),
+        TableLayout(("name", "n_visits", "n_cut", "n_began_inside", "n_days", *_MEANS)),
+    )
+}
 
 
 @click.command()
@@ -52,6 +57,5 @@ def visits(project: Project, week: str | None, days: str | None, floor_id: str |
     with period_with_history(project, floor, week=week, days=days) as period:
         answers = audience_answers([figures.visits(period)], period.data.site)
         notes = purged_hours_notes(period.data.warehouse)
-    dates = (period.first, period.last)
-    print_answers(answers, title="Visits", days=dates, shown={"visits": SHOWN}, as_json=as_json, notes=notes)
+    print_answers(answers, days=(period.first, period.last), layouts=LAYOUTS, as_json=as_json, notes=notes)
     return 0 if has_value(answers, "visits", ["dwell_median_s"]) else 1

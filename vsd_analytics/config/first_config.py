@@ -21,7 +21,7 @@ ALWAYS = "always"
 
 
 @dataclass(frozen=True, slots=True)
-class Answers:
+class FirstAnswers:
     """What a first `vsd.toml` says.
 
     Attributes:
@@ -45,7 +45,7 @@ class Answers:
     distance_m: float = DEFAULTS.distance_m
 
 
-def write_first_config(folder: Path, *, answers: Answers) -> Site:
+def write_first_config(folder: Path, *, answers: FirstAnswers) -> Site:
     """Write `vsd.toml` into `folder` and return the site it describes.
 
     Raises:
@@ -125,7 +125,7 @@ def _unreadable(why: str, fix: str) -> UsageError:
     return UsageError("the opening hours cannot be read", why=why, fix=fix)
 
 
-def render(answers: Answers) -> str:
+def render(answers: FirstAnswers) -> str:
     """Return the text of `vsd.toml`, with the lines a site may want later as comments."""
     opening = '# opening = { mon-sat = "08:00-21:00", sun = "10:00-18:00" }   # absent = always open'
     if answers.opening.strip().lower() != ALWAYS:
@@ -179,7 +179,7 @@ def render(answers: Answers) -> str:
     return text
 
 
-def _plan(answers: Answers) -> list[str]:
+def _plan(answers: FirstAnswers) -> list[str]:
     if answers.plan is None:
         return [
             '# plan = "plans/ground.png"         # svg, png or jpg',

@@ -110,7 +110,7 @@ def examine_listener(site: Site, *, status: Mapping[str, Any] | None, now: datet
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class BrokerReply:
     """What a broker grants to a client that connects.
 
     Attributes:
@@ -155,7 +155,7 @@ def _examine_broker(broker: Broker, *, environ: Mapping[str, str]) -> Iterator[F
         yield Finding("password of the broker", "needs you", "others on this machine may read it", fix)
 
 
-def ask(broker: Broker, *, password: str | None, timeout_s: float = _ANSWER_S) -> Answer:
+def ask(broker: Broker, *, password: str | None, timeout_s: float = _ANSWER_S) -> BrokerReply:
     """Connect for a moment with a client id of its own, read what the broker grants, and leave no session behind.
 
     Args:
@@ -192,17 +192,17 @@ def ask(broker: Broker, *, password: str | None, timeout_s: float = _ANSWER_S) -
             if "properties" in heard:
                 until_s = min(until_s, time.monotonic() + 0.5)
     except (OSError, ValueError) as error:
-        return Answer(error=str(error))
+        return BrokerReply(error=str(error))
     if "reason" not in heard:
-        return Answer(error="it does not answer like an MQTT 5 broker")
+        return BrokerReply(error="it does not answer like an MQTT 5 broker")
     if heard["reason"].is_failure:
-        return Answer(error=str(heard["reason"]))
+        return BrokerReply(error=str(heard["reason"]))
     leaving = Properties(PacketTypes.DISCONNECT)  # type: ignore[no-untyped-call]
     leaving.SessionExpiryInterval = 0
     client.disconnect(properties=leaving)
     client.loop(0.05)
     granted = heard["properties"]
-    return Answer(
+    return BrokerReply(
         session_s=getattr(granted, "SessionExpiryInterval", SESSION_MIN_S),
         qos_max=getattr(granted, "MaximumQoS", 2),
         keeps_retained=bool(getattr(granted, "RetainAvailable", 1)),

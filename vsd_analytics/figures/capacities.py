@@ -24,24 +24,22 @@ select count(*) as n_cells
 from area_cells
 where area_id = $area and from_ms < $end and to_ms >= $end
 """
-
-
 COLUMNS: Final = (
     Column("floor_id", "key"),
     Column("area_id", "key"),
     Column("name", "fact"),
     Column("capacity", "fact", "people"),
-    Column("people", "people", "people", "M41", per="recorded_open_h"),
+    Column("people", "people", "people", "M41", digits=2, per="recorded_open_h"),
     Column("busy_share", "share", "share", "M41", per="recorded_open_h"),
     Column("full_share", "share", "share", "M41", per="recorded_open_h"),
     Column("over_share", "share", "share", "M41", per="recorded_open_h"),
-    Column("surplus_people", "people", "people", "M41", per="recorded_open_h"),
+    Column("surplus_people", "people", "people", "M41", digits=2, per="recorded_open_h"),
     *(Column(f"room_{level.lower()}_share", "share", "share", "M41") for level in LEVELS),
     Column("area_m2", "fact", "m2"),
     Column("recorded_open_h", "fact", "h"),
     Column("recorded_share", "share", "share"),
     Column("silent_cameras", "fact"),
-    Column("unrecorded_hours", "fact"),
+    Column("unrecorded_hours", "fact", "hour_of_day"),
 )
 """Columns of `capacity`."""
 NO_ROOM: Final = Reason("room.no_area")

@@ -42,8 +42,9 @@ AREA_COLUMNS: Final = (
     Column("n_arrived", "count", "people", audience="operator"),
     Column("n_days", "fact", "days"),
     Column("recorded_open_h", "fact", "h"),
+    Column("recorded_share", "share", "share"),
 )
-"""Columns of `flow_areas`."""
+"""Columns of `flow_areas`; the recorded share is that of all cameras of the floor."""
 ROUTE_COLUMNS: Final = (
     Column("floor_id", "key"),
     Column("route_area_ids", "key"),
@@ -94,8 +95,9 @@ def flow_answers(period: Period) -> tuple[Answer, ...]:
             Answer(n, columns, (), holds, nothing=NOT_ASKED) for n, columns in (*tables, ("flow_links", LINK_COLUMNS))
         )
     to = tuple({**place, **row} for area in of_floor.areas for row in _destinations(area))
-    areas = tuple({**place, **_area(area)} for area in of_floor.areas)
-    notes = ((None, Reason("note.flow")), *((k, n) for k, a in enumerate(of_floor.areas) for n in _notes(a)))
+    recorded: Row = {"recorded_share": Value(of_floor.recorded_share)}
+    areas = tuple({**place, **_area(area), **recorded} for area in of_floor.areas)
+    notes = tuple((k, n) for k, a in enumerate(of_floor.areas) for n in _notes(a))
     silent = Reason("flow.silent", cameras=", ".join(of_floor.silent_cameras))
     general = ((None, silent),) if of_floor.silent_cameras else ()
     lost = (Sum("n_left", ("n_lost", "n_not_lost")), Sum("n_not_lost", ("flow.n_followed",)))
@@ -128,7 +130,7 @@ def direction_answer(period: Period) -> Answer:
 
 
 def _destinations(area: AreaFlow) -> list[Row]:
-    """Return the rows of one area; one without a destination where nothing is known."""
+    """Return the rows of one area; one without a destination where nobody is known to go anywhere."""
     why = area.often.reason if area.often.value is None else area.following.reason
     is_in_view_only = area.following.reason is not None and area.following.reason.code == LEFT_VIEW
     about: Row = {
@@ -138,7 +140,7 @@ def _destinations(area: AreaFlow) -> list[Row]:
         "in_view_only": is_in_view_only,
         "fits_arrivals": area.inflow.agrees,
     }
-    if area.often.value is None or all(to.share.value is None for to in area.to):
+    if not area.to:
         none = dict.fromkeys(("next_area_share", "per_open_h", "followed_per_open_h", "n_followed"), Value.missing(why))
         return [{**about, "to_area_ids": "", "to_name": None, **none}]
     return [
@@ -146,7 +148,7 @@ def _destinations(area: AreaFlow) -> list[Row]:
             **about,
             "to_area_ids": " ".join(a.area_id for a in to.areas),
             "to_name": ", ".join(a.name for a in to.areas),
-            "next_area_share": Value.of(to.share),
+            "next_area_share": Value.of(to.share, reason=to.share.reason or (why if to.share.value is None else None)),
             "per_open_h": _per_open_h(area, to, is_in_view_only=is_in_view_only),
             "followed_per_open_h": Value.of(to.often),
             "n_followed": Value(to.share.n),
@@ -160,7 +162,7 @@ def _per_open_h(area: AreaFlow, to: Destination, *, is_in_view_only: bool) -> Va
     if is_in_view_only:
         return Value.of(to.often)
     if area.often.value is None or to.share.value is None:
-        return Value.missing(to.share.reason)
+        return Value.missing(to.share.reason or area.following.reason)
     return Value(area.often.value * to.share.value)
 
 
@@ -204,14 +206,16 @@ def _routes(of_floor: Flow, place: Row, period: Period) -> Answer:
     if not routes.has_doors:
         nothing = Reason("flow.no_doors")
         return Answer("flow_routes", ROUTE_COLUMNS, (), period.holds_for, nothing=nothing)
-    if all(route.share.value is None for route in routes.routes):
-        return Answer("flow_routes", ROUTE_COLUMNS, (), period.holds_for, nothing=following.reason)
+    if not routes.routes:
+        unknown = {"route_share": Value.missing(following.reason), "n_people": Value.missing(following.reason)}
+        row = {**place, "route_area_ids": "", "route": None, **unknown, "n_began": Value(following.n)}
+        return Answer("flow_routes", ROUTE_COLUMNS, (row,), period.holds_for)
     rows = tuple(
         {
             **place,
             "route_area_ids": " ".join(a.area_id for a in route.areas) or OTHERS,
-            "route": " > ".join(a.name for a in route.areas) or None,
-            "route_share": Value.of(route.share),
+            "route": " > ".join(a.name for a in route.areas) or OTHERS,
+            "route_share": Value.of(route.share, reason=route.share.reason or following.reason),
             "n_people": Value(route.share.n),
             "n_began": Value(following.n),
         }

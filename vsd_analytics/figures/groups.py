@@ -91,8 +91,8 @@ class GroupReadings:
     Attributes:
         floor_id: The floor.
         between, n_unknown: As of `Groups`, on this floor.
-        violation_rate, violation_rate_between: How violation_rate, M0, of all violations and of those between groups.
-        encounter_rate, encounter_rate_between: How encounter_rate, M7, likewise.
+        violation_rate, violation_rate_between: Violations per open hour (M0), of all and of those between groups.
+        encounter_rate, encounter_rate_between: Violations per person-hour (M7), likewise.
     """
 
     floor_id: str

@@ -31,8 +31,9 @@ COLUMNS: Final = (
     Column("floor_id", "key"),
     Column("area_id", "key"),
     Column("local_date", "key"),
-    Column("local_hour", "key"),
-    Column("people_waiting", "people", "people"),
+    Column("local_hour", "key", "hour_of_day"),
+    Column("name", "fact"),
+    Column("people_waiting", "people", "people", digits=2),
     Column("queue_limit", "fact", "people"),
     Column("chance", "fact"),
     Column("open_h", "fact", "h"),
@@ -84,8 +85,11 @@ def queue_forecast(data: FloorHours, monday: date) -> tuple[Answer, Answer]:
     scores = tuple(
         _score_row(data, area, people, monday, next_monday) for area, people in zip(asked, series, strict=True)
     )
+    notes = [Reason("note.queue_forecast")] if any(people.rows for people in series) else []
+    if no_limit := [area.name for area in asked if area.queue_limit is None]:
+        notes.append(Reason("queues.no_limit", places=", ".join(no_limit)))
     return (
-        Answer("queue_forecast", COLUMNS, hours, holds, notes=((None, Reason("note.queue_forecast")),)),
+        Answer("queue_forecast", COLUMNS, hours, holds, notes=tuple((None, note) for note in notes)),
         Answer("queue_forecast_score", SCORE_COLUMNS, scores, holds),
     )
 
@@ -104,7 +108,8 @@ def _series(data: FloorHours, area: Area, monday: date) -> SeriesForecast:
 
 def _hour_rows(data: FloorHours, area: Area, people: SeriesForecast, monday: date) -> list[Row]:
     """Return a row for each open hour of the next week, without a number where there is no forecast."""
-    place: Row = {"floor_id": data.floor.floor_id, "area_id": area.area_id, "queue_limit": area.queue_limit}
+    place: Row = {"floor_id": data.floor.floor_id, "area_id": area.area_id}
+    facts: Row = {"name": area.name, "queue_limit": area.queue_limit}
     of_hours = {(row.day, row.hour): row for row in people.rows}
     open_h = open_hours(data.site, monday)
     rows: list[Row] = []
@@ -115,7 +120,7 @@ def _hour_rows(data: FloorHours, area: Area, people: SeriesForecast, monday: dat
         chance = None if forecast is None or area.queue_limit is None else _chance(forecast, area.queue_limit)
         n_weeks = 0 if forecast is None else forecast.n_weeks
         cells: Row = {"people_waiting": value, "chance": chance, "open_h": float(open_h[slot]), "n_weeks": n_weeks}
-        rows.append({**place, "local_date": day, "local_hour": hour, **cells})
+        rows.append({**place, "local_date": day, "local_hour": hour, **facts, **cells})
     return rows
 
 

@@ -47,7 +47,11 @@ order by started_ms, camera_id, track_id, area_id
 """
 
 
-_PEOPLE: Final = (Column("people_waiting", "people", "people", "M39", tells=("n_entered",), per="recorded_open_h"),)
+def _people(name: str) -> Column:
+    return Column(name, "people", "people", "M39", digits=2, tells=("n_entered",), per="recorded_open_h")
+
+
+_PEOPLE: Final = _people("people_waiting")
 _WAIT_COLUMNS: Final = (
     Column("wait_median_s", "seconds", "s", "M40", tells=("n_entered",), per="n_entered"),
     Column("wait_p90_s", "seconds", "s", "M40", tells=("n_entered",), per="n_entered"),
@@ -58,8 +62,8 @@ QUEUE_COLUMNS: Final = (
     Column("floor_id", "key"),
     Column("area_id", "key"),
     Column("name", "fact"),
-    *_PEOPLE,
-    Column("people_waiting_p90", "people", "people", "M39", tells=("n_entered",), per="recorded_open_h"),
+    _PEOPLE,
+    _people("people_waiting_p90"),
     *_WAIT_COLUMNS,
     Column("stay_mean_s", "seconds", "s", "M40", tells=("n_entered",), per="n_entered"),
     Column("stay_mean_little_s", "seconds", "s", "M40", tells=("n_entered",), per="n_entered"),
@@ -73,14 +77,15 @@ QUEUE_COLUMNS: Final = (
     Column("recorded_open_h", "fact", "h"),
     Column("recorded_share", "share", "share"),
     Column("silent_cameras", "fact"),
-    Column("unrecorded_hours", "fact"),
+    Column("unrecorded_hours", "fact", "hour_of_day"),
 )
 """Columns of `queues`."""
 HOUR_COLUMNS: Final = (
     Column("floor_id", "key"),
     Column("area_id", "key"),
-    Column("local_hour", "key"),
-    *_PEOPLE,
+    Column("local_hour", "key", "hour_of_day"),
+    Column("name", "fact"),
+    _PEOPLE,
     *_WAIT_COLUMNS,
     *(Column(name, "count", "people", audience="operator") for name in ("n_entered", *_ENDS, "n_not_left")),
     Column("recorded_open_h", "fact", "h"),
@@ -162,7 +167,7 @@ def _queue(period: Period, area: Area, waits: _Waits) -> tuple[Row, tuple[Row, .
         "people_waiting_p90": Value.of(present.quantile(BUSY_SHARE), state=people.state, reason=people.reason),
         **_wait_cells(times, why),
         **_stay_cells(stays, why),
-        "n_back": Value.missing(why) if why else Value(int(waits.was_served.sum())),
+        "n_back": Value.missing(why, "not_measurable") if why else Value(int(waits.was_served.sum())),
         "n_days": 0 if times is None else times.n_days,
         "recorded_open_h": people.exposure_h,
         "recorded_share": Value(present.recorded_share),
@@ -170,11 +175,11 @@ def _queue(period: Period, area: Area, waits: _Waits) -> tuple[Row, tuple[Row, .
         "unrecorded_hours": present.unrecorded_hours,
     }
     hours = []
-    for hour in present.hours_of_day():
+    for hour in sorted({*present.hours_of_day(), *present.unrecorded_hours, *of_day.tolist()}):
         of_hour = present.mean(hour=hour)
         cells = _wait_cells(None if why else _waiting(period, waits.of(of_day == hour), recorded), why)
-        hours.append({**place, "local_hour": hour, "people_waiting": Value.of(of_hour), **cells,
-                      "recorded_open_h": of_hour.exposure_h})  # fmt: skip
+        people_cells: Row = {"people_waiting": Value.of(of_hour), "recorded_open_h": of_hour.exposure_h}
+        hours.append({**place, "local_hour": hour, "name": area.name, **people_cells, **cells})
     return row, tuple(hours)
 
 

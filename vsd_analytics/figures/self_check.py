@@ -13,9 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.answer import Reason, State
+from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, State, Value
 from vsd_analytics.figures.panels import WEEK, Array, FloorHours, Panel
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.values import lack, measured
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.false_alarms import MIN_WEEKS, FalseAlarms, false_alarm_rate, together
 from vsd_analytics.warehouse.stored_days import stored_extent
@@ -23,6 +24,15 @@ from vsd_analytics.warehouse.stored_days import stored_extent
 MAX_WEEKS: Final = 26
 """Weeks of the past that are shuffled, at most: what a site was like before that says little of today."""
 WEEKS_A_YEAR: Final = 52
+SELF_CHECK: Final = (
+    Column("floor_id", "key"),
+    Column("judged", "key"),
+    Column("false_alarm_share", "share", "share"),
+    Column("verdicts_a_year", "fact"),
+    Column("false_a_year", "rate", "verdicts"),
+    Column("n_weeks", "fact", "weeks"),
+)
+"""Columns of `self_check`."""
 
 Days = tuple[date, date]
 
@@ -109,6 +119,41 @@ def self_check(data: FloorHours, *, until: date) -> FloorSelfCheck:
         return FloorSelfCheck(floor_id, used, len(weeks), None, None, None, "not_enough_data", why)
     both = together(found, confidence=settings.confidence)
     return FloorSelfCheck(floor_id, used, len(weeks), violation_rate, encounter_rate, both, "ok", None)
+
+
+def self_check_answer(found: FloorSelfCheck, site: Site, *, until: date, inputs: str) -> Answer:
+    """Return a self-check as an answer: a row for each number that gets a verdict, and one for both together.
+
+    Columns: share of verdicts that are false alarms; verdicts in a year of weekly reports, and how many of them are
+    false; weeks used. It holds for the weeks used.
+
+    Args:
+        found: The self-check.
+        site: The site.
+        until: Last day that was asked for, where no week is used.
+        inputs: Hash of the facts.
+    """
+    first, last = found.weeks or (until, until)
+    holds = HoldsFor(site.site_id, found.floor_id, first, last, settings=site.settings.settings_id(), inputs=inputs)
+    if found.state != "ok":
+        nothing = lack(found.state, found.reason)
+        return Answer("self_check", SELF_CHECK, (), holds, nothing=nothing.reason, state=nothing.state)
+    judged = {"violation_rate": found.violation_rate, "encounter_rate": found.encounter_rate, "both": found.both}
+    return Answer("self_check", SELF_CHECK, tuple(_judged(found, *entry) for entry in judged.items()), holds)
+
+
+def _judged(found: FloorSelfCheck, judged: str, share: FalseAlarms | None) -> Row:
+    a_year = found.verdicts_a_year if judged == "both" else WEEKS_A_YEAR if share is not None else 0
+    why = Reason("selfcheck.not_judged")
+    expected = None if share is None else Value(a_year * share.value, a_year * share.lo, a_year * share.hi)
+    return {
+        "floor_id": found.floor_id,
+        "judged": judged,
+        "false_alarm_share": Value.missing(why) if share is None else measured(share),
+        "verdicts_a_year": a_year,
+        "false_a_year": expected or Value.missing(why),
+        "n_weeks": found.n_weeks,
+    }
 
 
 def _weeks(data: FloorHours, until: date) -> list[Period]:

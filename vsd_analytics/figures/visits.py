@@ -84,6 +84,11 @@ COLUMNS: Final = (
     Column("silent_cameras", "fact"),
 )
 """Columns of `visits`."""
+_STAYS: Final = (
+    *("dwell_median_s", "dwell_p90_s", "long_share", "dwell_mean_s", "dwell_mean_little_s", "little_ratio"),
+    *("n_visits", "n_followed", "n_cut", "n_long", "n_short"),
+)
+SUMS: Final = (Sum("n_visits", ("n_followed", "n_cut")), Sum("n_visits", ("n_long", "n_short")))
 
 
 def visits(period: Period) -> Answer:
@@ -110,8 +115,7 @@ def visits(period: Period) -> Answer:
     able = sends_ids(period)
     areas = tuple(_area_row(period, a, stays.of(k), able) for k, a in enumerate(asked))
     notes = ((None, Reason("note.visits")), *((k, n) for k, row in enumerate(areas) for n in _row_notes(row)))
-    sums = (Sum("n_visits", ("n_followed", "n_cut")), Sum("n_visits", ("n_long", "n_short")))
-    return Answer("visits", COLUMNS, areas, period.holds_for, sums, notes)
+    return Answer("visits", COLUMNS, areas, period.holds_for, SUMS, notes)
 
 
 def sends_ids(period: Period) -> Flags:
@@ -153,20 +157,16 @@ def _area_row(period: Period, area: Area, stays: _Stays, able: Flags) -> Row:
     times = dwell_of(period, place, used, stays.dwell_s[entered], is_cut, stays.hour[entered], long_s=long_s)
     rate = per_open_hour(period, counted, what="visits", why_none=why_none)
     recorded_h = data.hours.recorded_s[:, period.is_inside].sum(axis=1) / 3600
-    n_long = None if times.long_share.value is None else round(times.long_share.value * times.n_visits)
+    why = None if counted.cameras.any() else why_none
     return {
         "floor_id": data.floor.floor_id,
         "area_id": area.area_id,
         "name": area.name,
         "visits_per_open_h": Value.of(rate),
-        **dwell_cells(times),
+        **(_stay_cells(times) if why is None else dict.fromkeys(_STAYS, Value.missing(why, "not_measurable"))),
+        "means_agree": None if why else times.little.agrees,
         "long_visit_s": long_s,
-        "n_visits": Value(times.n_visits),
-        "n_followed": Value(times.n_visits - times.n_cut),
-        "n_cut": Value(times.n_cut),
-        "n_long": count_or_unknown(n_long, times.reason),
-        "n_short": count_or_unknown(None if n_long is None else times.n_visits - n_long, times.reason),
-        "n_began_inside": Value(int((~entered).sum())),
+        "n_began_inside": Value.missing(why, "not_measurable") if why else Value(int((~entered).sum())),
         "n_days": times.n_days,
         "recorded_open_h": rate.exposure_h,
         "recorded_share": Value(share_of_open_hours(period, counted.cameras)),
@@ -174,9 +174,10 @@ def _area_row(period: Period, area: Area, stays: _Stays, able: Flags) -> Row:
     }
 
 
-def dwell_cells(times: Dwell) -> Row:
-    """Return dwell times as cells: median, 90 % quantile, share of long visits, and the mean by two ways."""
+def _stay_cells(times: Dwell) -> Row:
+    """Return dwell times as cells, and visits by how they were seen; how many are long is an estimate."""
     little = times.little
+    n_long = None if times.long_share.value is None else round(times.long_share.value * times.n_visits)
     return {
         "dwell_median_s": Value.of(times.median, state=times.state, reason=times.reason),
         "dwell_p90_s": Value.of(times.p90, state=times.state, reason=times.reason),
@@ -184,13 +185,12 @@ def dwell_cells(times: Dwell) -> Row:
         "dwell_mean_s": Value.of(little.by_tracks),
         "dwell_mean_little_s": Value.of(little.by_little),
         "little_ratio": Value.of(little),
-        "means_agree": little.agrees,
+        "n_visits": Value(times.n_visits),
+        "n_followed": Value(times.n_visits - times.n_cut),
+        "n_cut": Value(times.n_cut),
+        "n_long": Value.missing(times.reason) if n_long is None else Value(n_long),
+        "n_short": Value.missing(times.reason) if n_long is None else Value(times.n_visits - n_long),
     }
-
-
-def count_or_unknown(n: int | None, reason: Reason | None) -> Value:
-    """Return a count, or why it is unknown."""
-    return Value.missing(reason) if n is None else Value(n)
 
 
 def share_of_open_hours(period: Period, cameras: Flags) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 
 from vsd_analytics.answer import Answers, Reason
 from vsd_analytics.figures import hotspots as spots
-from vsd_analytics.figures.catalogue import asks_for, shared_answers
+from vsd_analytics.figures.catalogue import OF_SPACE, asks_for, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_time import change_close_time_share, close_time
 from vsd_analytics.figures.compare import why_not
@@ -94,8 +94,8 @@ class PlaceRow:
         name: Display name; free text.
         area: The area; None for floor and rest.
         cameras: Which cameras count anybody there.
-        violation_rate: How violation_rate (M0), with the change from the other week.
-        encounter_rate: How encounter_rate (M7), likewise.
+        violation_rate: Violations per open hour (M0), with the change from the other week.
+        encounter_rate: Violations per person-hour (M7), likewise.
         close_time_share: Share of person-time too close (M6), likewise; None where it is hidden or unknown.
         close_cameras: Which cameras' person-time makes the share (M6), in this week and the other, as in the report:
             those with somebody there whose distances are known in every hour.
@@ -296,7 +296,7 @@ def _space(data: TwoWeeks, *, is_ranked: bool) -> Answers:
     level = floor_level(data, is_compared=False, areas=areas)
     found, coverage = lazy_answers.LazyAnswers(data), recording.coverage(data)
     asked = FigureInputs(data, found, coverage, level, areas.rows, timetable.timetable(data).when, is_ranked)
-    return shared_answers(asked)
+    return shared_answers(asked, metrics=OF_SPACE)
 
 
 def _seen(data: TwoWeeks, shown: FloorMap | None) -> Flags | None:

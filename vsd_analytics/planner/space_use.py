@@ -89,8 +89,9 @@ def space_use_view(answers: Answers) -> SpaceUseView | None:
     visits, between = rows_of(answers, "visits"), rows_of(answers, "flow")
     areas = {str(r["area_id"]): str(r["name"]) for r in between}
     lost = {r["area_id"]: value_of(r, "not_followed_share") for r in rows_of(answers, "flow_areas")}
-    to = [area for area in areas if any(r["to_area_ids"] == area for r in between)]
-    has_others = any(is_pooled(r) for r in between)
+    known = [r for r in between if is_known(r)]
+    to = [area for area in areas if any(r["to_area_ids"] == area for r in known)]
+    has_others = any(is_pooled(r) for r in known)
     limits = {number(r, "long_visit_s") for r in visits}
     limit = _limit(limits.pop()) if len(limits) == 1 else ""
     columns = [*to, *([OTHERS] if has_others else [])]
@@ -104,7 +105,7 @@ def space_use_view(answers: Answers) -> SpaceUseView | None:
             for area, name in areas.items()
         ),
         why_no_flow=_why(answers, "flow"),
-        doubts=tuple(doubts([r for r in between if is_known(r)])),
+        doubts=tuple(doubts(known)),
         waiting=waiting(answers),
     )
 

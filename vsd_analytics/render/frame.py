@@ -69,8 +69,8 @@ def _flat(answer: Answer, column: Column) -> Iterator[tuple[str, pa.DataType, li
         yield column.name, _type(cells, column), [list(c) if isinstance(c, tuple) else c for c in cells]
         return
     values = [c for c in cells if isinstance(c, Value)]
-    is_count = column.kind == "count"
-    yield column.name, pa.int64() if is_count else pa.float64(), [_number(v, is_count) for v in values]
+    is_whole = column.kind in ("count", "number")
+    yield column.name, pa.int64() if is_whole else pa.float64(), [_number(v, is_whole) for v in values]
     if column.kind in INTERVALS:
         yield f"{column.name}_lo", pa.float64(), [v.lo for v in values]
         yield f"{column.name}_hi", pa.float64(), [v.hi for v in values]
@@ -78,8 +78,8 @@ def _flat(answer: Answer, column: Column) -> Iterator[tuple[str, pa.DataType, li
     yield f"{column.name}_reason", pa.string(), [text_or_none(v.reason) for v in values]
 
 
-def _number(value: Value, is_count: bool) -> float | int | None:
-    return None if value.value is None else round(value.value) if is_count else float(value.value)
+def _number(value: Value, is_whole: bool) -> float | int | None:
+    return None if value.value is None else round(value.value) if is_whole else float(value.value)
 
 
 def _type(cells: Sequence[Cell], column: Column) -> pa.DataType:

@@ -17,7 +17,7 @@ ANSWERS_SCHEMA: Final[dict[str, Any]] = {
     "description": "Tables of figures by name: columns, rows, and the place and days they hold for.",
     "additionalProperties": {
         "type": "object",
-        "required": ["name", "holds_for", "columns", "rows", "notes", "nothing", "sums"],
+        "required": ["name", "holds_for", "columns", "rows", "notes", "nothing", "state", "sums"],
         "properties": {
             "name": {"type": "string"},
             "holds_for": {"type": "object"},
@@ -32,6 +32,7 @@ ANSWERS_SCHEMA: Final[dict[str, Any]] = {
             },
             "notes": {"type": "array", "items": {"type": "object", "required": ["row", "text"]}},
             "nothing": _TEXT,
+            "state": {"enum": ["ok", "not_enough_data", "not_measurable"]},
             "sums": {"type": "array", "items": {"type": "object", "required": ["total", "parts"]}},
         },
     },
@@ -45,7 +46,8 @@ def as_json(answer: Answer) -> dict[str, Any]:
     Returns:
         `name`; `holds_for` (site, floor, first and last day, until, settings, inputs); `columns` (name, kind, unit,
         figure, per); `rows`, in which a value is an object of value, lo, hi, state, reason, and everything else is
-        itself; `notes` (row, text); `nothing`, why there are no rows. Days and instants are ISO 8601.
+        itself; `notes` (row, text); `nothing`, why there are no rows, and its
+        `state`. Days and instants are ISO 8601.
     """
     return {
         "name": answer.name,
@@ -54,6 +56,7 @@ def as_json(answer: Answer) -> dict[str, Any]:
         "rows": [{name: cell_json(cell) for name, cell in row.items()} for row in answer.rows],
         "notes": [{"row": row, "text": text_or_none(reason)} for row, reason in answer.notes],
         "nothing": text_or_none(answer.nothing),
+        "state": answer.state,
         "sums": [{"total": s.total, "parts": list(s.parts)} for s in answer.sums],
     }
 
@@ -97,18 +100,19 @@ def from_json(decoded: Mapping[str, Any]) -> Answer:
         tuple(Sum(s["total"], tuple(s["parts"])) for s in decoded["sums"]),
         tuple((note["row"], _reason(note["text"])) for note in decoded["notes"]),
         None if decoded["nothing"] is None else _reason(decoded["nothing"]),
+        decoded["state"],
     )
 
 
 def rounded_answers(answers: Answers) -> Answers:
-    """Return answers with every number of 6 significant digits, as the JSON file has them."""
+    """Return answers with every float of 6 significant digits, as the JSON file has them."""
 
     def cell(value: Cell) -> Cell:
         if isinstance(value, float):
             return significant(value)
         if not isinstance(value, Value):
             return value
-        number, lo, hi = (None if n is None else significant(float(n)) for n in (value.value, value.lo, value.hi))
+        number, lo, hi = (significant(n) if isinstance(n, float) else n for n in (value.value, value.lo, value.hi))
         return Value(number, lo, hi, value.state, value.reason)
 
     return Answers(

@@ -1,65 +1,102 @@
-"""Answers as aligned text for a terminal: a chosen set of columns, or one column across a second key."""
+"""Answers as aligned text for a terminal: tables of chosen columns, one column as a grid, why values are missing."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
-from vsd_analytics.answer import INTERVALS, Answer, Cell, Column, Reason, Row, Scalar, Value, value_of
+from vsd_analytics.answer import INTERVALS, VALUES, Answer, Cell, Column, Reason, Row, Scalar, Value, value_of
 from vsd_analytics.errors import CONTROL
-from vsd_analytics.wording.catalogue import has, say
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 
-MISSING: Final = "\u2013"
-_MINUTE_S: Final = 60
-_SHOWN_BELOW_S: Final = 90
+_MINUTE_S = 60
+_SHOWN_BELOW_S = 90
+_LEAST_PERCENT = 0.1
+_PERCENT_WITH_DIGIT = 9.95
+"""Smaller shares have a digit behind the point."""
+_LEAST = 0.001
+"""Smaller numbers are written as being smaller than this."""
 
 
-def text(answer: Answer, column_sets: Sequence[Sequence[str]]) -> list[str]:
-    """Return some columns as lines, a line for each row, and below them why values are missing.
+@dataclass(frozen=True, slots=True)
+class TableLayout:
+    """Some columns of an answer, a line for each row.
 
-    Args:
-        answer: The answer.
-        column_sets: Names of columns, in order, for one table after the other; those the answer lacks are left out. A
-            reason is printed only for what is shown.
+    Attributes:
+        columns: Names of columns, in order; those the answer lacks are left out.
+        only: Column without which a row is left out; empty for all rows.
+    """
+
+    columns: tuple[str, ...]
+    only: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class GridLayout:
+    """One column of an answer, a line for each cell of the column `down`, a column for each of `over`.
+
+    Rows of different `name` are grids of their own.
+    """
+
+    column: str
+    down: str
+    over: str
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Return the columns that are shown."""
+        return (self.column,)
+
+
+Layout = Sequence[TableLayout | GridLayout]
+
+
+def title(answer: Answer) -> str:
+    """Return the name of an answer in words."""
+    return say(f"reason.answer.{answer.name}")
+
+
+def text(answer: Answer, layout: Layout) -> list[str]:
+    """Return the tables of an answer as lines, an empty line between two; a table without any value is left out."""
+    lines: list[str] = []
+    for shown in layout:
+        for table in _grids(answer, shown) if isinstance(shown, GridLayout) else _tables(answer, shown):
+            lines += ["", *table] if lines else table
+    return lines
+
+
+def remarks(answer: Answer, layout: Layout) -> list[str]:
+    """Return why there are no rows, or why shown values lack a number or an interval, and the notes.
+
+    A line begins with the `name` of its row. Of several lines that differ in their numbers alone, the first is there.
     """
     if answer.nothing is not None:
         return [reason_text(answer.nothing)]
-    known = {c.name for c in answer.columns}
-    lines: list[str] = []
-    for names in column_sets:
-        columns = [answer.column(name) for name in names if name in known]
-        rows = [[head(c) for c in columns], *([cell_text(row[c.name], c) for c in columns] for row in answer.rows)]
-        lines += ["", *aligned(rows)] if lines else aligned(rows)
-    shown = {name for names in column_sets for name in names if name in known}
-    return [*lines, *_reasons(answer, [c for c in answer.columns if c.name in shown])]
-
-
-def across(answer: Answer, column: str, *, down: str, over: str) -> list[str]:
-    """Return one column as a grid: a line for each value of the key `down`, a column for each of the key `over`."""
-    shown = answer.column(column)
-    heads = list(dict.fromkeys(row[over] for row in answer.rows))
-    lines = list(dict.fromkeys(row[down] for row in answer.rows))
-    cells = {(row[down], row[over]): cell_text(row[column], shown) for row in answer.rows}
-    rows = [["", *map(str, heads)], *([str(at), *(cells.get((at, h), MISSING) for h in heads)] for at in lines)]
-    return aligned(rows)
+    columns = [column for column in answer.columns if any(column.name in shown.columns for shown in layout)]
+    sentences: dict[tuple[str, str], dict[str, None]] = {}
+    for number, row in enumerate(answer.rows):
+        for reason in (*_reasons(row, columns), *(reason for k, reason in answer.notes if k == number)):
+            sentences.setdefault((_name(row), reason.code), {})[reason_text(reason)] = None
+    general = [reason_text(reason) for k, reason in answer.notes if k is None]
+    return [*(_remark(name, list(several)) for (name, _), several in sentences.items()), *general]
 
 
 def head(column: Column) -> str:
-    """Return the heading of a column: the catalogue's entry, else its name in words."""
-    key = f"reason.column.{column.name}"
-    return say(key) if has(key) else column.name.replace("_", " ")
+    """Return the heading of a column."""
+    return say(f"reason.column.{column.name}")
 
 
 def cell_text(cell: Cell, column: Column) -> str:
     """Return a cell as text: a value with its limits where it has both, a dash where it is missing."""
     if isinstance(cell, tuple):
-        return ", ".join(_plain(one) for one in cell) or MISSING
+        return ", ".join(_plain(one, column) for one in cell) or fmt.MISSING
     if not isinstance(cell, Value):
-        return _plain(cell)
+        return _plain(cell, column)
     if cell.value is None:
-        return MISSING
+        return fmt.MISSING
     number = number_text(cell.value, column)
     if column.kind not in INTERVALS or cell.lo is None:
         return number
@@ -69,52 +106,85 @@ def cell_text(cell: Cell, column: Column) -> str:
 
 
 def number_text(value: float, column: Column) -> str:
-    """Return a number as its kind is written: 12%, 45 s, 2.5 min, 1,234, 0.095."""
-    match column.kind:
+    """Return a number as its unit is written: 12%, 0.6%, 45 s, 2.5 min, 08:00, 1,234, 0.095, <0.001."""
+    if not math.isfinite(value):
+        return fmt.MISSING
+    match column.unit:
         case "share":
-            return f"{value:.0%}"
-        case "seconds":
+            return _percent(100 * value)
+        case "s":
             return f"{value:.0f} s" if abs(value) < _SHOWN_BELOW_S else f"{value / _MINUTE_S:.1f} min"
-        case "count":
-            return f"{value:,.0f}"
-        case _:
-            return f"{value:,.0f}" if abs(value) >= 10**column.digits else f"{value:.{column.digits}g}"
+        case "hour_of_day":
+            return f"{value:02.0f}:00"
+    if column.kind in ("count", "number") or abs(value) >= 10**column.digits:
+        return f"{value:,.0f}"
+    return f"<{_LEAST}" if 0 < value < _LEAST else f"{value:.{column.digits}g}"
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return rows of texts as lines with aligned columns; control characters and line ends in a text are replaced."""
-    clean = [[CONTROL.sub("\ufffd", cell).replace("\n", " ") for cell in row] for row in rows]
+    """Return rows of texts as lines with aligned columns; control characters in a text are replaced."""
+    clean = [[CONTROL.sub("\ufffd", cell) for cell in row] for row in rows]
     widths = [max(len(row[k]) for row in clean) for k in range(len(clean[0]))]
     return ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in clean]
 
 
-def _reasons(answer: Answer, columns: Sequence[Column]) -> list[str]:
-    """Return why shown values lack a number or an interval, and the notes, each once, after the name of its row."""
-    lines: dict[str, None] = {}
-    for number, row in enumerate(answer.rows):
-        for column in (c for c in columns if isinstance(row[c.name], Value)):
-            value = value_of(row, column.name)
-            if value.reason is not None and value.state != "ok":
-                lines[_line(row, value.reason)] = None
-        for of_row, reason in answer.notes:
-            if of_row == number:
-                lines[_line(row, reason)] = None
-    for of_row, reason in answer.notes:
-        if of_row is None:
-            lines[reason_text(reason)] = None
-    return ["", *lines] if lines else []
+def _tables(answer: Answer, shown: TableLayout) -> Iterator[list[str]]:
+    known = {column.name for column in answer.columns}
+    columns = [answer.column(name) for name in shown.columns if name in known]
+    rows = [row for row in answer.rows if not shown.only or row[shown.only] is not None]
+    if _has_value(rows, columns):
+        yield aligned([[head(c) for c in columns], *([cell_text(row[c.name], c) for c in columns] for row in rows)])
 
 
-def _line(row: Row, reason: Reason) -> str:
+def _grids(answer: Answer, shown: GridLayout) -> Iterator[list[str]]:
+    column, down, over = (answer.column(name) for name in (shown.column, shown.down, shown.over))
+    for name in dict.fromkeys(map(_name, answer.rows)):
+        rows = [row for row in answer.rows if _name(row) == name]
+        if not _has_value(rows, [column]):
+            continue
+        cells = {(row[down.name], row[over.name]): cell_text(row[column.name], column) for row in rows}
+        days, hours = (list(dict.fromkeys(row[c.name] for row in rows)) for c in (over, down))
+        lines = [[head(down), *(cell_text(day, over) for day in days)]]
+        lines += [[cell_text(h, down), *(cells.get((h, day), "") for day in days)] for h in hours]
+        yield [*aligned([[f"{name}: {head(column)}" if name else head(column)]]), *aligned(lines)]
+
+
+def _has_value(rows: Sequence[Row], columns: Sequence[Column]) -> bool:
+    names = [column.name for column in columns if column.kind in VALUES]
+    return bool(rows) if not names else any(value_of(row, name).value is not None for row in rows for name in names)
+
+
+def _reasons(row: Row, columns: Sequence[Column]) -> Iterator[Reason]:
+    for column in columns:
+        value = row[column.name]
+        if isinstance(value, Value) and value.reason is not None and value.state != "ok":
+            yield value.reason
+
+
+def _remark(name: str, sentences: Sequence[str]) -> str:
+    first, n_others = sentences[0], len(sentences) - 1
+    line = say("reason.likewise", first=first, n=n_others) if n_others else first
+    return aligned([[f"{name}: {line}" if name else line]])[0]
+
+
+def _name(row: Row) -> str:
     name = row.get("name")
-    return f"{name}: {reason_text(reason)}" if isinstance(name, str) else reason_text(reason)
+    return name if isinstance(name, str) else ""
 
 
-def _plain(cell: Scalar) -> str:
-    if cell is None:
-        return MISSING
-    if isinstance(cell, bool):
-        return "yes" if cell else "no"
-    if isinstance(cell, float):
-        return f"{cell:g}" if math.isfinite(cell) else MISSING
-    return str(cell)
+def _percent(value: float) -> str:
+    if 0 < value < _LEAST_PERCENT:
+        return f"<{_LEAST_PERCENT}%"
+    return f"{value:.1f}%" if 0 < value < _PERCENT_WITH_DIGIT else f"{value:.0f}%"
+
+
+def _plain(cell: Scalar, column: Column) -> str:
+    match cell:
+        case None:
+            return fmt.MISSING
+        case bool():
+            return "yes" if cell else "no"
+        case int() | float():
+            return number_text(cell, column)
+        case _:
+            return str(cell)

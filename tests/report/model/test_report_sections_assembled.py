@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from report import ingested_worlds as w
 
-from vsd_analytics.answer import Reason
+from vsd_analytics.answer import Reason, value_of
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.week import render_html
 
@@ -57,7 +57,7 @@ def test_spots_are_the_planted_ones_with_their_evidence_and_the_sites_own_questi
 
 
 def test_a_hotspot_counts_the_violations_of_the_people_who_stand_in_it(week: WeekReport) -> None:
-    counted = {row["place"]: row["n"] for row in week.figures["M20"].rows or ()}
+    counted = {row["name"]: value_of(row, "n_violations").value for row in week.answers["hotspots"].rows}
     assert counted["Queue"] == 14 * 3 * 20
     assert counted["Door"] == 7 * 3 * (12 + 6)
 
@@ -89,8 +89,8 @@ def test_a_hotspot_whose_area_was_changed_is_watched_until_enough_days_have_pass
     streams = [w.messages(counts, monday=monday) for monday in weeks]
     log = [{"at": f"{w.MONDAY}T08:00:00+01:00", "text": "Door mat moved", "area": "door"}]
     made = w.report(w.world(tmp_path / "shop", w.toml(more=rules), *streams, log=log))
-    rows = {row["place"]: (row["state"], row.get("changed_on")) for row in made.figures["M20"].rows or ()}
-    assert rows["Door"] == ("watching", f"{w.MONDAY}")
+    rows = {row["name"]: (row["change"], row["changed_on"]) for row in made.answers["hotspots"].rows}
+    assert rows["Door"] == ("watching", w.MONDAY)
     assert made.spots is not None
     assert [(s.name, s.changed_on) for s in made.spots.watching] == [("Door", w.MONDAY)]
     assert "Door: changed on Mon 9 Nov; watching since." in render_html(made)

@@ -13,13 +13,14 @@ import pandas as pd
 import pytest
 from report import sample_sections as sections
 from report import sample_weeks as weeks
+from report.sample_space import five_areas
 
 from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.render.significant import significant
 from vsd_analytics.report.pages.json_and_csv import (
     from_json,
     json_schema,
     rounded,
-    significant,
     to_csv,
     to_json,
 )
@@ -35,6 +36,16 @@ def test_the_json_file_is_valid_and_renders_the_same_page(name: str) -> None:
     again = from_json(data)
     assert render_html(again) == render_html(report)
     assert to_json(again) == data
+
+
+def test_a_file_of_version_1_has_no_answers_and_its_page_says_so() -> None:
+    data = json.loads(to_json(five_areas()))
+    del data["answers"]
+    data["figures"]["M39"] = {**data["figures"]["M0"], "rows": [{"place": "Till", "key": "mean", "value": 1.2}]}
+    page = render_html(from_json(json.dumps(data).encode()))
+    assert "The file is of version 1" in page
+    assert 'id="waiting"' not in page
+    assert "The file is of version 1" not in render_html(five_areas())
 
 
 def test_the_schema_documents_itself_and_refuses_what_is_wrong() -> None:

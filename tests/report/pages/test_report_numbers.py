@@ -13,7 +13,7 @@ import pytest
 from report import sample_sections as sections
 from report import sample_weeks as weeks
 
-from vsd_analytics.answer import Reason
+from vsd_analytics.answer import Answers, Reason
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages.json_and_csv import from_json, to_json
@@ -60,6 +60,10 @@ def leaves(value: Any, unit: str | None = None) -> Iterator[tuple[Any, str | Non
         return
     if isinstance(value, Reason):
         yield reason_text(value), unit  # the page shows the sentence, numbers and all
+        return
+    if isinstance(value, Answers):
+        for column, cell in ((c, row[c.name]) for answer in value for row in answer.rows for c in answer.columns):
+            yield from leaves(cell, column.unit)
         return
     if is_dataclass(value):
         for field in fields(value):

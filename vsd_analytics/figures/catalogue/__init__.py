@@ -1,11 +1,11 @@
-"""The catalogue of a report: its figures by id, M0 onwards, as the JSON report gives them.
+"""The catalogue of a report: its answers, and its figures by id, M0 onwards, as the JSON report gives them.
 
-Every file of this folder is part of it: a function with `@figure("M30")` before it makes that figure. Those of how a
-space is used are imported where a place of the floor asks for them. docs/figures.md defines them all; it is made from
-the headers of the SQL files. Their words are in `reports/wording/figures.toml`.
+Every file of this folder is part of it: a function with `@answers("M30")` before it returns the answers whose columns
+hold that figure. Those of how a space is used are imported where a place of the floor asks for them. docs/figures.md
+defines all figures; it is made from the headers of the SQL files. Their words are in `reports/wording/figures.toml`.
 
-Nothing in a figure tells of one person: no track ids, no count under `mask_below`, no ranking of a week recorded too
-little for one.
+Nothing in an answer tells of one person: no track ids, no count under `mask_below` (`figures.share`), no ranking of a
+week recorded too little for one.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ import importlib
 import pkgutil
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
-from dataclasses import replace
 from typing import Final
 
-from vsd_analytics.answer import Answers
-from vsd_analytics.figures.catalogue.form import ANSWER_MAKERS, MAKERS, FigureInputs
-from vsd_analytics.figures.catalogue.view import figure_of
+from vsd_analytics.answer import Answers, Reason
+from vsd_analytics.figures.catalogue.form import ANSWER_MAKERS, FigureInputs
+from vsd_analytics.figures.catalogue.view import MAPS, figure_of, map_figure
 from vsd_analytics.figures.share.answers import share
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.results import Figure
@@ -47,31 +46,37 @@ def _import(names: AbstractSet[str]) -> None:
 _import({file.name for file in pkgutil.iter_modules(__path__)} - FILES_OF_SPACE)
 
 
-def figures(inputs: FigureInputs, shared: Answers) -> Mapping[str, Figure]:
-    """Return all figures of a week by catalogue id, in its order; of other days, those that need no weeks.
+def shared_answers(inputs: FigureInputs, *, metrics: AbstractSet[str] | None = None) -> Answers:
+    """Return the answers of a week as they may leave the operator's hands, all of them together.
 
-    Figures of visits, queues and capacities are absent where no place of the floor asks for them.
+    Those of visits, queues and capacities are absent where no place of the floor asks for them, and of days that are
+    no week those that need weeks.
+
+    Args:
+        inputs: The week.
+        metrics: Only the answers that hold these figures; None = all.
+    """
+    asked = asks_for(inputs.data)
+    if asked:
+        _import(FILES_OF_SPACE)
+    left_out = (OF_SPACE - asked) | (frozenset() if inputs.data.is_week else OF_WEEKS)
+    wanted = (ANSWER_MAKERS.keys() if metrics is None else metrics) - left_out
+    makers = dict.fromkeys(maker for metric, maker in ANSWER_MAKERS.items() if metric in wanted)
+    below = int(inputs.data.site.settings.mask_below)
+    return share((answer for maker in makers for answer in maker(inputs)), below=below)
+
+
+def figures(inputs: FigureInputs, shared: Answers) -> Mapping[str, Figure]:
+    """Return all figures of a week by catalogue id, in its order: a view of its answers, and its maps.
 
     Args:
         inputs: The week.
         shared: What `shared_answers` returned for it.
     """
-    left_out = set[str]() if inputs.data.is_week else set(OF_WEEKS)
-    return _made(inputs, (MAKERS.keys() | OF_SPACE) - left_out, shared)
-
-
-def space_figures(inputs: FigureInputs, shared: Answers) -> Mapping[str, Figure]:
-    """Return the figures of how the space is used, as `figures` has them; empty where no place of the floor asks."""
-    return _made(inputs, OF_SPACE, shared)
-
-
-def shared_answers(inputs: FigureInputs) -> Answers:
-    """Return the answers of a week as they may leave the operator's hands, all of them together."""
-    asked = asks_for(inputs.data)
-    if asked:
-        _import(FILES_OF_SPACE)
-    makers = dict.fromkeys(maker for metric, maker in ANSWER_MAKERS.items() if metric not in OF_SPACE - asked)
-    return share((answer for maker in makers for answer in maker(inputs)), below=inputs.below)
+    held = {column.figure for answer in shared for column in answer.columns} - {""}
+    found = {metric: figure_of(metric, shared, unit=_unit(inputs, metric)) for metric in held}
+    maps = {metric: map_figure(inputs.found.maps, metric, unit=_unit(inputs, metric)) for metric in MAPS}
+    return dict(sorted({**found, **maps}.items(), key=lambda entry: int(entry[0][1:])))
 
 
 def asks_for(data: WeekData) -> frozenset[str]:
@@ -87,18 +92,12 @@ def asks_for(data: WeekData) -> frozenset[str]:
     return found
 
 
-def _made(inputs: FigureInputs, metrics: AbstractSet[str], shared: Answers) -> Mapping[str, Figure]:
-    asked = asks_for(inputs.data)
-    if asked:
-        _import(FILES_OF_SPACE)
-    wanted = metrics - (OF_SPACE - asked)
-    return {metric: _figure(replace(inputs, metric=metric), shared) for metric in sorted(wanted, key=_number)}
-
-
-def _figure(inputs: FigureInputs, shared: Answers) -> Figure:
-    maker = MAKERS.get(inputs.metric)
-    return figure_of(inputs.metric, shared, unit=inputs.unit) if maker is None else maker(inputs)
-
-
-def _number(metric: str) -> int:
-    return int(metric[1:])
+def _unit(inputs: FigureInputs, metric: str) -> Reason:
+    """Return the unit of a figure, as the wording catalogue names it."""
+    settings = inputs.data.site.settings
+    return Reason(
+        f"unit.{metric}",
+        distance_m=settings.distance_m,
+        outage_min=settings.outage_min_s / 60,
+        contact_min=settings.contact_s / 60,
+    )

@@ -1,52 +1,132 @@
-"""Figures by catalogue id, as the JSON file has them under `figures`: a view of the answers that computes nothing."""
+"""Figures by catalogue id, as the JSON file has them under `figures`: a view of answers and maps, computing nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import date, datetime
-from typing import Any
+from typing import Any, Final
 
-from vsd_analytics.answer import VALUES, Answer, Cell, Column, Reason, Row, value_of
+import numpy as np
+
+from vsd_analytics.answer import VALUES, Answer, Cell, Column, Reason, Row, Scalar, State, value_of
+from vsd_analytics.figures.maps import MIN_EXPECTED_S, MIN_EXPOSURE_H, CellMap, CellMaps, ExcessMap
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
+
+WHOLE: Final[dict[str, tuple[str, dict[str, Scalar]]]] = {
+    "M8": ("n_violations", {}),
+    "M23": ("behaviour_ratio", {}),
+    "M26": ("close_time_share", {"is_legal_distance": True}),
+    "M30": ("close_person_min", {}),
+}
+"""Which of several values a figure has at its top: the column, and the row it is in."""
+MAPS: Final = {"M16": "exposure", "M17": "burden", "M18": "risk", "M19": "excess"}
+"""Figures that are maps: each a field of `CellMaps`."""
+MIN_CELL_S: Final = 60.0
+"""Person-seconds a square metre needs to be printed: with less, it could show the way of a few people."""
+_NO_CELL: Final = {
+    "M16": Reason("map.no_cell_seconds", least=MIN_CELL_S),
+    "M17": Reason("map.no_cell_seconds", least=MIN_CELL_S),
+    "M18": Reason("map.no_cell_hours", least=MIN_EXPOSURE_H),
+    "M19": Reason("map.no_cell_expected", least=MIN_EXPECTED_S),
+}
+_FLOOR: Final = ("floor_id",)
+Place = tuple[Answer, Row, Column]
+"""Where a value is."""
 
 
 def figure_of(metric: str, answers: Iterable[Answer], *, unit: Reason) -> Figure:
     """Return the columns of one figure over all answers.
 
-    Returns:
-        A row for each row and column of the figure, with the keys and facts of the row, `column`, `what` (its name in
-        words), `unit`, `value`, `lo`, `hi`, `state`, `reason` and `denominator`. Where no row has a value, the figure
-        has the first reason that one of them gives.
-
     Args:
         metric: Id in the catalogue.
         answers: The answers of a week.
         unit: Unit of the figure in words.
+
+    Returns:
+        `value`, `lo`, `hi`, `verdict`, `denominator`: those of the only column of the figure in an answer with one row
+        for the floor, or of the one that `WHOLE` names. `rows`: one for each row and column of the
+        figure, with the keys and facts of the row, `column`, `what` (its name in words), `unit`, `value`, `lo`, `hi`,
+        `state`, `reason` and `denominator`. Where nothing has a value, the figure has the first reason that is given.
     """
     chosen = [a for a in answers if any(c.figure == metric for c in a.columns)]
-    rows = tuple(row for answer in chosen for row in _rows(answer, metric))
-    if all(row["value"] is None for row in rows):
-        reasons = [*(row["reason"] for row in rows), *(a.nothing for a in chosen)]
-        states = [row["state"] for row in rows if row["reason"] is not None]
-        why = next((r for r in reasons if r is not None), NOTHING_OPEN)
-        return Figure(unit=unit, state=states[0] if states else "not_enough_data", reason=why)
-    note = next((reason for a in chosen for k, reason in a.notes if k is None), None)
-    return Figure(unit=unit, rows=rows, note=note)
+    places = [(a, row, c) for a in chosen for row in a.rows for c in a.columns if c.figure == metric]
+    whole = _whole(metric, places)
+    is_alone = whole is not None and metric not in WHOLE
+    rows = tuple(_row(*place) for place in places if not (is_alone and place is whole))
+    note = _joined([reason for a in chosen for k, reason in a.notes if k is None])
+    if whole is not None and (value := value_of(whole[1], whole[2].name)).value is not None:
+        return Figure(
+            unit=unit,
+            value=value.value,
+            rows=rows if rows or any(a.keys != _FLOOR for a in chosen) else None,
+            denominator=_denominator(whole[1], whole[2].per),
+            lo=value.lo,
+            hi=value.hi,
+            verdict=whole[1].get(f"{whole[2].name}_verdict"),  # type: ignore[arg-type]
+            reason=value.reason,
+            note=note,
+        )
+    has_rows = any(row["value"] is not None for row in rows)
+    if whole is None and (has_rows or not (places or any(a.nothing for a in chosen))):
+        return Figure(unit=unit, rows=rows, note=note)
+    state, reason = _why_nothing(whole, places, chosen)
+    return Figure(unit=unit, state=state, reason=reason)
 
 
-def _rows(answer: Answer, metric: str) -> Iterator[dict[str, Any]]:
-    columns = [c for c in answer.columns if c.figure == metric]
-    about = [c.name for c in answer.columns if c.kind not in VALUES]
-    for row in answer.rows:
-        keys = {name: _plain(row[name]) for name in about}
-        for column in columns:
-            yield {**keys, **_value(row, column)}
+def map_figure(maps: CellMaps, metric: str, *, unit: Reason) -> Figure:
+    """Return a map as a row for each square metre on which people spent a minute or more: `x_m`, `y_m`, `value`.
+
+    Args:
+        maps: The maps of a week.
+        metric: Which, a key of `MAPS`.
+        unit: Unit of the figure in words.
+    """
+    found: CellMap = getattr(maps, MAPS[metric])
+    if found.grid is None or found.values is None or found.exposure_h is None:
+        state: State = "not_enough_data" if found.state == "ok" else found.state
+        return Figure(unit=unit, state=state, reason=found.reason or NOTHING_OPEN)
+    is_printed = np.isfinite(found.values) & (found.exposure_h * 3600 >= MIN_CELL_S)
+    if not is_printed.any():
+        return Figure(unit=unit, state="not_enough_data", reason=_NO_CELL[metric])
+    clear = found.is_clear if isinstance(found, ExcessMap) else None
+    rows: list[dict[str, float | bool | None]] = []
+    for r, c in zip(*np.nonzero(is_printed), strict=True):
+        x_m, y_m = float(found.grid.x_m(c)), float(found.grid.y_m(r))
+        is_clear = {"is_clear": None if clear is None else bool(clear[r, c])} if isinstance(found, ExcessMap) else {}
+        rows.append({"x_m": x_m, "y_m": y_m, "value": float(found.values[r, c]), **is_clear})
+    note = Reason("note.cells", side_m=found.grid.cell_m)
+    return Figure(unit=unit, rows=tuple(rows), denominator=found.denominator, note=note)
 
 
-def _value(row: Row, column: Column) -> dict[str, Any]:
+def _whole(metric: str, places: Sequence[Place]) -> Place | None:
+    """Return where the value is that a figure has at its top."""
+    if metric in WHOLE:
+        name, facts = WHOLE[metric]
+        return next((p for p in places if p[2].name == name and facts.items() <= p[1].items()), None)
+    of_floor = [p for p in places if p[0].keys == _FLOOR and len(p[0].rows) == 1]
+    return of_floor[0] if len(of_floor) == 1 else None
+
+
+def _why_nothing(whole: Place | None, places: Sequence[Place], chosen: Sequence[Answer]) -> tuple[State, Reason]:
+    """Return why a figure has no value: that of the value at its top, else the first that is given."""
+    values = [value_of(row, column.name) for _, row, column in ([whole] if whole else []) + list(places)]
+    lacks = [(v.state, v.reason) for v in values] + [(a.state, a.nothing) for a in chosen]
+    for state, reason in lacks:
+        if reason is not None:
+            return "not_enough_data" if state == "ok" else state, reason
+    return "not_enough_data", NOTHING_OPEN
+
+
+def _joined(notes: Sequence[Reason]) -> Reason | None:
+    different = tuple(dict.fromkeys(notes))
+    return Reason("joined", reasons=different) if len(different) > 1 else next(iter(different), None)
+
+
+def _row(answer: Answer, row: Row, column: Column) -> dict[str, Any]:
     value = value_of(row, column.name)
     return {
+        **dict(_facts(answer, row)),
         "column": column.name,
         "what": Reason(f"column.{column.name}"),
         "unit": column.unit,
@@ -57,6 +137,12 @@ def _value(row: Row, column: Column) -> dict[str, Any]:
         "reason": value.reason,
         "denominator": _denominator(row, column.per),
     }
+
+
+def _facts(answer: Answer, row: Row) -> Iterator[tuple[str, Any]]:
+    for column in answer.columns:
+        if column.kind not in VALUES:
+            yield column.name, _plain(row[column.name])
 
 
 def _denominator(row: Row, name: str) -> Any:

@@ -1,15 +1,16 @@
 """The mask: what of some answers may leave the operator's hands, together. No other module hides a number.
 
-A count of 1 to `mask_below` - 1 is not shared, nor is any value of its row that would tell it (`Column.tells`). Of a
-declared sum, all parts stay hidden where one is: a single hidden part is its total less the others. Columns of the
-operator (`Column.audience`) are left out; where they are small they hide what tells them all the same.
+A count of 1 to `mask_below` - 1 is not shared, nor is any value, reason or note of its row that would tell it
+(`Column.tells`). Of a declared sum, all parts that are shared stay hidden where one is: a single hidden part is its
+total less the others. Of a small total no part leaves, no zero either: it would say when the few were there. Columns of
+the operator (`Column.audience`) are left out; where they are small they hide what tells them all the same.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from vsd_analytics.answer import Answer, Answers, Cell, Reason, Row, Sum, Value, value_of
+from vsd_analytics.answer import Answer, Answers, Cell, Reason, Row, Sum, Value, check_sums, value_of
 from vsd_analytics.figures.share.counts import is_small
 from vsd_analytics.figures.share.periods import hides
 from vsd_analytics.site.model import Site
@@ -27,8 +28,12 @@ def share(answers: Iterable[Answer], *, below: int) -> Answers:
 
     Returns:
         The same answers without the operator's columns; hidden values have the state "not_enough_data" and a reason.
+
+    Raises:
+        ValueError: A declared sum does not hold.
     """
     every = list(answers)
+    check_sums(every)  # a hidden part is safe only if the sums are those that are declared
     by_name = {answer.name: answer for answer in every}
     small = {
         (answer.name, k, c.name)
@@ -44,7 +49,7 @@ def share(answers: Iterable[Answer], *, below: int) -> Answers:
         size = len(hidden)
         for answer in every:
             for declared in answer.sums:
-                hidden |= _parts_to_hide(answer, declared, by_name, hidden)
+                hidden |= _parts_to_hide(answer, declared, by_name, small, hidden)
     return Answers(_shared(answer, small, hidden, below) for answer in every)
 
 
@@ -53,14 +58,25 @@ def audience_answers(answers: Iterable[Answer], site: Site) -> Answers:
     return share(answers, below=int(site.settings.mask_below)) if hides(site) else Answers(answers)
 
 
-def _parts_to_hide(answer: Answer, declared: Sum, by_name: Mapping[str, Answer], hidden: set[Place]) -> set[Place]:
-    """Return the parts of a sum that are not zero, where one of them or the total is hidden."""
-    more: set[Place] = set()
+def _parts_to_hide(
+    answer: Answer, declared: Sum, by_name: Mapping[str, Answer], small: set[Place], hidden: set[Place]
+) -> set[Place]:
+    """Return all parts of small totals, and of other sums with something hidden the shared parts that are not zero."""
+    to_hide: set[Place] = set()
     for k, row in enumerate(answer.rows):
+        total = (answer.name, k, declared.total)
         parts = [place for part in declared.parts for place in _places(answer, k, row, part, by_name)]
-        if (answer.name, k, declared.total) in hidden or any(place in hidden for place in parts):
-            more |= {p for p in parts if (n := value_of(by_name[p[0]].rows[p[1]], p[2]).value) is not None and n > 0}
-    return more
+        if total in small:
+            to_hide.update(parts)
+        elif total in hidden or any(place in hidden for place in parts):
+            to_hide.update(place for place in parts if _is_shared_and_some(place, by_name))
+    return to_hide
+
+
+def _is_shared_and_some(place: Place, by_name: Mapping[str, Answer]) -> bool:
+    name, k, column = place
+    answer = by_name[name]
+    return answer.column(column).audience == "anybody" and bool(value_of(answer.rows[k], column).value)
 
 
 def _places(answer: Answer, k: int, row: Row, part: str, by_name: Mapping[str, Answer]) -> list[Place]:
@@ -79,7 +95,7 @@ def _shared(answer: Answer, small: set[Place], hidden: set[Place], below: int) -
 
     def cell(k: int, row: Row, name: str, tells: Sequence[str]) -> Cell:
         value = row[name]
-        if not isinstance(value, Value) or value.value is None:
+        if not isinstance(value, Value):
             return value
         told = [(answer.name, k, column) for column in (name, *tells)]
         if any(place in small for place in told):
@@ -89,4 +105,6 @@ def _shared(answer: Answer, small: set[Place], hidden: set[Place], below: int) -
     rows = tuple({c.name: cell(k, row, c.name, c.tells) for c in columns} for k, row in enumerate(answer.rows))
     names = {c.name for c in columns}
     sums = tuple(s for s in answer.sums if s.total in names and all("." in p or p in names for p in s.parts))
-    return Answer(answer.name, columns, rows, answer.holds_for, sums, answer.notes, answer.nothing)
+    with_small = {k for name, k, _ in small if name == answer.name}
+    notes = tuple((k, note) for k, note in answer.notes if k not in with_small)
+    return Answer(answer.name, columns, rows, answer.holds_for, sums, notes, answer.nothing, answer.state)

@@ -42,7 +42,7 @@ from vsd_analytics.version import VERSION
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
-from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.catalogue import has, say
 from vsd_analytics.wording.languages import chosen, language, speaking
 from vsd_analytics.wording.reasons import reason_text
 
@@ -215,12 +215,19 @@ def with_row_texts(found: Mapping[str, Figure]) -> Mapping[str, Figure]:
     """Return figures whose rows hold sentences instead of reasons: rows are plain values, as JSON has them."""
 
     def text(row: Mapping[str, Any]) -> Mapping[str, Any]:
-        return {name: reason_text(value) if isinstance(value, Reason) else value for name, value in row.items()}
+        return {name: _plain_text(value) if isinstance(value, Reason) else value for name, value in row.items()}
 
     return {
         key: figure if figure.rows is None else replace(figure, rows=tuple(text(row) for row in figure.rows))
         for key, figure in found.items()
     }
+
+
+def _plain_text(reason: Reason) -> str:
+    """Return a reason as its sentence; the name of a column that has no heading in words."""
+    if has(f"reason.{reason.code}"):
+        return reason_text(reason)
+    return reason.code.rpartition(".")[2].replace("_", " ")
 
 
 def _state(data: WeekData, coverage: Coverage, change: SettingsChange | None, has_before: bool) -> WeekState:

@@ -12,7 +12,7 @@ published JSON Schema are made from them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Final, Literal
 
@@ -130,7 +130,10 @@ class WeekReport:
     close_by_crowding: CloseByCrowding | None = _o(
         "Time too close by crowding and day; None in files of older versions.", metric="M6"
     )
-    answers: Answers = _f("Tables of figures by name, as they may leave the operator's hands.", default=Answers())
+    answers: Answers = field(
+        default_factory=Answers,
+        metadata={"help": "Tables of figures by name, as they may leave the operator's hands; none in files of 1.x."},
+    )
     figures: Mapping[str, Figure] = _f(
         "Keyed by the catalogue, as M7; absent: not in this version, nobody asks for it, or it needs weeks."
     )

@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass, fields
 from functools import cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 from markupsafe import Markup
 
@@ -276,11 +276,19 @@ def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> froz
     return frozenset({"changed"} | always | hours | maps | asked)
 
 
+_SHOWN_FROM_ANSWERS: Final = {"M37", "M39", "M41", "M42"}
+"""Figures whose sections are made from answers, which files of version 1 do not have."""
+
+
 def _messages(report: WeekReport) -> str:
-    n, n_gaps = report.coverage.missing_messages, report.coverage.message_gaps
-    if not n:
-        return ""
-    return say("data.messages", plural=n, n=fmt.count(n), gaps=say("data.gaps", plural=n_gaps, n=fmt.count(n_gaps)))
+    lines = []
+    if n := report.coverage.missing_messages:
+        n_gaps = report.coverage.message_gaps
+        gaps = say("data.gaps", plural=n_gaps, n=fmt.count(n_gaps))
+        lines.append(say("data.messages", plural=n, n=fmt.count(n), gaps=gaps))
+    if report.figures.keys() & _SHOWN_FROM_ANSWERS and not len(report.answers):
+        lines.append(say("data.version_1"))
+    return " ".join(lines)
 
 
 def not_recorded(report: WeekReport) -> str:

@@ -1,0 +1,106 @@
+"""Visits, flow, queues and capacity are the same numbers in commands, report, its file, Python and planner."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from figures.walkers_between_areas import week_of_walkers
+from report import ingested_worlds as w
+
+import vsd_analytics
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.config.project import load_site
+from vsd_analytics.planner.planner_data import planner_pages
+from vsd_analytics.render.significant import significant
+from vsd_analytics.report.pages.json_and_csv import from_json, to_json
+
+COMMANDS = {
+    "visits": ("visits", "--json"),
+    "queues": ("queue", "--json"),
+    "queue_hours": ("queue", "--json"),
+    "capacity": ("capacity", "--json"),
+    "flow": ("flow", "--format", "json"),
+    "flow_areas": ("flow", "--format", "json"),
+    "flow_routes": ("flow", "--format", "json"),
+    "flow_links": ("flow", "--format", "json"),
+}
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = week_of_walkers(tmp_path_factory.mktemp("everywhere"))
+    toml = root / "vsd.toml"
+    asking = 'id = "till"\nqueue = true\nserved_in = "door"\ncapacity = 2\n'
+    toml.write_text(toml.read_text("utf-8").replace('id = "till"\n', asking), encoding="utf-8")
+    return root
+
+
+@pytest.fixture(scope="module")
+def twin(shop: Path) -> dict[str, Any]:
+    answers: dict[str, Any] = json.loads(to_json(w.report(load_site(shop))))["answers"]
+    return answers
+
+
+def printed(root: Path, capsys: pytest.CaptureFixture[str], command: str, *arguments: str) -> str:
+    run(cli, ["-C", str(root), "--now", "2026-11-20T12:00:00Z", "--quiet", command, "--week", "2026-W46", *arguments])
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_prints_the_rows_of_the_report(
+    shop: Path, twin: dict[str, Any], capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    command, *arguments = COMMANDS[name]
+    told = json.loads(printed(shop, capsys, command, *arguments))["answers"][name]
+    assert told["rows"] == twin[name]["rows"]
+    assert told["columns"] == twin[name]["columns"]
+
+
+@pytest.mark.parametrize("name", ["visits", "queues", "queue_hours", "capacity", "flow", "flow_links"])
+def test_python_has_the_values_of_the_report(shop: Path, twin: dict[str, Any], name: str) -> None:
+    rows = getattr(vsd_analytics.open(shop).week("2026-W46"), name).arrow().to_pylist()
+    flat = [
+        {
+            f"{column}{end}": cell[part]
+            for column, cell in row.items()
+            if isinstance(cell, dict)
+            for part, end in (("value", ""), ("state", "_state"), ("reason", "_reason"))
+        }
+        for row in twin[name]["rows"]
+    ]
+    assert len(rows) == len(flat)
+    for told, expected in zip(rows, flat, strict=True):
+        rounded = {k: significant(v) if isinstance(v, float) else v for k, v in told.items()}
+        assert {column: rounded[column] for column in expected} == expected
+
+
+def test_csv_has_the_values_of_the_report(shop: Path, twin: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
+    rows = list(csv.DictReader(io.StringIO(printed(shop, capsys, "flow", "--format", "csv"))))
+    shares = [row["next_area_share"]["value"] for row in twin["flow"]["rows"]]
+    assert [float(row["next_area_share"]) if row["next_area_share"] else None for row in rows] == shares
+
+
+def test_figures_by_catalogue_id_are_a_view_of_the_answers(shop: Path, twin: dict[str, Any]) -> None:
+    figures = json.loads(to_json(w.report(load_site(shop))))["figures"]
+    for metric in ("M35", "M36", "M37", "M39", "M40", "M41"):
+        rows = figures[metric]["rows"] or []
+        for column in {row["column"] for row in rows}:
+            tables = [
+                t for t in twin.values() if any((c["name"], c["figure"]) == (column, metric) for c in t["columns"])
+            ]
+            values = [row[column]["value"] for table in tables for row in table["rows"]]
+            viewed = [row["value"] for row in rows if row["column"] == column]
+            assert sorted(map(str, viewed)) == sorted(map(str, values)), (metric, column)
+
+
+def test_the_file_and_the_planner_hold_the_answers_of_the_report(shop: Path) -> None:
+    site = load_site(shop)
+    report = w.report(site)
+    assert planner_pages(site, w.MONDAY)[0].space == report.answers
+    assert to_json(from_json(to_json(report))) == to_json(report)

@@ -1,0 +1,181 @@
+"""Where: areas (M15) and hotspots (M20). Maps (M16 to M19) are no tables: `catalogue.view` takes them as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+from vsd_analytics.answer import Answer, Column, Reason, Row, Value
+from vsd_analytics.figures.catalogue.form import FigureInputs, answers
+from vsd_analytics.figures.hotspots import FloorSpot, ResolvedSpot
+from vsd_analytics.figures.share.counts import GIVES_AWAY
+from vsd_analytics.figures.slots import NOTHING_OPEN
+from vsd_analytics.figures.values import known, lack, measured
+from vsd_analytics.figures.week.results import AreaRow
+from vsd_analytics.stats.shrinkage import MIN_PLACES, Pulled, pull
+
+AREAS: Final = (
+    Column("area_id", "key"),
+    Column("name", "fact"),
+    Column("rank", "fact"),
+    Column("violation_rate", "rate", "per_open_hour", "M15", per="recorded_h"),
+    Column("violation_rate_verdict", "fact"),
+    Column("encounter_rate", "rate", "per_person_hour", "M15", per="exposure_h"),
+    Column("close_time_share", "share", "share", "M15", per="exposure_h"),
+    Column("rates_share", "share", "share", "M15"),
+    Column("shrunken_encounter_rate", "rate", "per_person_hour", "M15", per="exposure_h"),
+    Column("excess_per_week", "rate", "violations", "M15"),
+    Column("exposure_h", "fact", "h"),
+    Column("recorded_h", "fact", "h"),
+)
+"""Columns of `areas`."""
+_OF_SPOT: Final = {
+    "excess_ratio": "ratio",
+    "n_violations": "n",
+    "violation_h": "violation_h",
+    "expected_h": "expected_h",
+    "excess_min_per_week": "excess_min_per_week",
+    "q": "q",
+}
+"""Value columns of `hotspots`, and what the analysis calls them."""
+HOTSPOTS: Final = (
+    Column("spot_id", "key"),
+    Column("rank", "fact"),
+    Column("change", "fact"),
+    Column("since", "fact"),
+    Column("changed_on", "fact"),
+    Column("name", "place"),
+    Column("area_id", "fact"),
+    Column("x_m", "place", "m"),
+    Column("y_m", "place", "m"),
+    Column("area_m2", "fact", "m2"),
+    Column("excess_ratio", "rate", "ratio", "M20", tells=("n_violations",)),
+    Column("n_violations", "count", "violations", "M20"),
+    Column("violation_h", "rate", "h", "M20", tells=("n_violations",)),
+    Column("expected_h", "rate", "h", "M20", tells=("n_violations",)),
+    Column("excess_min_per_week", "rate", "minutes", "M20", tells=("n_violations",)),
+    Column("q", "share", "share", "M20", tells=("n_violations",)),
+    Column("n_days", "fact", "days"),
+)
+"""Columns of `hotspots`."""
+
+
+@answers("M15")
+def areas(inputs: FigureInputs) -> tuple[Answer, ...]:
+    """Return the rates of each area (M15), most violations first; the rest of the floor has no `area_id`.
+
+    Beside the rates: the area's share of the sum of all areas' rates; its rate per person-hour shrunken towards the
+    mean of all, and what that makes above the floor's rate in the week.
+    """
+    data = inputs.data
+    if not inputs.areas:
+        none = Value.missing(Reason("areas.none"))
+        if (reason := data.why_no_violations or data.why_no_places) is not None:
+            none = Value.missing(reason, "not_measurable")
+        return (inputs.list_answer("areas", AREAS, (), nothing=none),)
+    order = [a.area_id for a in data.areas]
+    shown = list(inputs.areas)
+    if not inputs.is_ranked:
+        shown.sort(key=lambda a: len(order) if a.area_id is None else order.index(a.area_id))
+    shrunken = _shrunken(inputs, shown)
+    ranks = iter(range(1, len(shown) + 1))
+    rows = [
+        {**_area(inputs, a, shrunken.get(a.area_id)), "rank": next(ranks) if _can_rank(inputs, a) else None}
+        for a in shown
+    ]
+    notes: list[tuple[int | None, Reason]] = []
+    if not inputs.is_ranked:
+        notes.append((None, inputs.why_not_ranked))
+    if not shrunken:
+        notes.append((None, _not_shrunken()))
+    borders = {b.area_id: b.note for b in inputs.found.borders if b.note is not None}
+    notes += [(k, borders[a.area_id]) for k, a in enumerate(shown) if a.area_id in borders]
+    return (inputs.list_answer("areas", AREAS, rows, *notes),)
+
+
+def _can_rank(inputs: FigureInputs, area: AreaRow) -> bool:
+    return inputs.is_ranked and area.area_id is not None and area.violation_rate.value is not None
+
+
+def _not_shrunken() -> Reason:
+    return Reason("note.not_pulled", least=MIN_PLACES)
+
+
+def _shrunken(inputs: FigureInputs, areas: Sequence[AreaRow]) -> dict[str | None, Pulled]:
+    """Return each area's rate per person-hour shrunken towards the mean of all; empty where they are too few."""
+    if not inputs.is_ranked:
+        return {}
+    rates = {a.area_id: a.encounter_rate for a in areas if a.area_id is not None}
+    full = {k: r for k, r in rates.items() if r is not None and r.value and r.lo and r.hi}
+    ends = ([getattr(rate, name) for rate in full.values()] for name in ("value", "lo", "hi"))
+    shrunken = pull(*ends, confidence=inputs.data.site.settings.confidence)
+    return {} if shrunken is None else dict(zip(full, shrunken, strict=True))
+
+
+def _area(inputs: FigureInputs, area: AreaRow, shrunken: Pulled | None) -> Row:
+    rate, floor = area.violation_rate, inputs.level.encounter_rate.value
+    excess = None
+    if shrunken is not None and floor is not None and area.exposure_h is not None:
+        excess = (shrunken.value - floor) * area.exposure_h
+    return {
+        "area_id": area.area_id,
+        "name": area.name,
+        "violation_rate": Value.of(rate),
+        "violation_rate_verdict": rate.verdict,
+        "encounter_rate": measured(area.encounter_rate),
+        "close_time_share": measured(area.close_time_share),
+        "rates_share": known(area.share if rate.value is not None else None, rate.reason or NOTHING_OPEN, rate.state),
+        "shrunken_encounter_rate": Value.missing(_not_shrunken()) if shrunken is None else measured(shrunken),
+        "excess_per_week": known(excess, _not_shrunken()),
+        "exposure_h": area.exposure_h,
+        "recorded_h": inputs.recorded_h,
+    }
+
+
+@answers("M20")
+def hotspots(inputs: FigureInputs) -> tuple[Answer, ...]:
+    """Return the places with more time too close than their crowd explains, and those that are none any more (M20).
+
+    `change`: "new", "persisting", or of an earlier window "resolved" or "watching". Columns: time in violation over
+    that which crowding explains; violations near the cells; person-hours in violation and those expected;
+    person-minutes above the expected in a week; least false discovery rate.
+    """
+    found = inputs.found.hotspots
+    nothing = None
+    if not inputs.is_ranked:
+        nothing = Value.missing(inputs.why_not_ranked)
+    elif found.state != "ok":
+        nothing = lack(found.state, found.reason)
+    if nothing is not None:
+        return (inputs.list_answer("hotspots", HOTSPOTS, (), nothing=nothing),)
+    rows = [_spot(inputs, spot, spot.state) for spot in found.spots]
+    rows += [_spot(inputs, spot, "resolved") for spot in found.resolved]
+    rows += [_spot(inputs, spot, "watching") for spot in found.watching]
+    return (inputs.list_answer("hotspots", HOTSPOTS, rows, *((None, note) for note in found.notes)),)
+
+
+def _spot(inputs: FigureInputs, spot: FloorSpot | ResolvedSpot, change: str | None) -> Row:
+    """Return where a spot is, and its figures unless they would tell a small count of another output."""
+    why_none = Reason("hotspots.earlier")
+    values = {name: known(getattr(spot, field, None), why_none) for name, field in _OF_SPOT.items()}
+    if spot.ratio is not None:
+        values["excess_ratio"] = Value(spot.ratio, spot.lo, spot.hi)
+    if isinstance(spot, FloorSpot):
+        values["excess_min_per_week"] = Value(spot.excess_min_per_week, spot.excess_min_lo, spot.excess_min_hi)
+    if spot.spot_id in inputs.found.revealing_spots:
+        values = dict.fromkeys(values, Value.missing(GIVES_AWAY))
+    place = spot.place
+    return {
+        "spot_id": spot.spot_id,
+        "rank": getattr(spot, "number", None),
+        "change": change,
+        "since": getattr(spot, "since", None),
+        "changed_on": getattr(spot, "changed_on", None),
+        "name": place.name,
+        "area_id": place.area_id,
+        "x_m": place.x_m,
+        "y_m": place.y_m,
+        "area_m2": place.area_m2,
+        **values,
+        "n_days": inputs.found.hotspots.n_days,
+    }

@@ -1,0 +1,123 @@
+"""What each camera recorded of the opening hours, as answers: shares, days, outages, lost messages, restarts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import date, datetime
+from typing import Any, Final
+
+from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, Value
+from vsd_analytics.figures.operator_counts import coverage
+from vsd_analytics.warehouse.warehouse import Warehouse
+
+CLOSED: Final = Reason("site.closed")
+_HOURS: Final = (
+    Column("recorded_share", "share", "share", "M1", per="scheduled_h"),
+    Column("recorded_h", "fact", "h"),
+    Column("scheduled_h", "fact", "h"),
+)
+CAMERAS: Final = (Column("camera_id", "key"), Column("name", "fact"), *_HOURS)
+"""Columns of `recorded`."""
+DAYS: Final = (Column("camera_id", "key"), Column("local_date", "key"), *_HOURS)
+"""Columns of `recorded_days`."""
+OUTAGES: Final = (
+    Column("outage", "key"),
+    Column("camera_id", "fact"),
+    Column("start", "instant"),
+    Column("end", "instant"),
+    Column("open_h", "rate", "h", "M2"),
+    Column("is_inferred", "fact"),
+)
+"""Columns of `camera_outages`."""
+GAPS: Final = (
+    Column("gap", "key"),
+    Column("camera_id", "fact"),
+    Column("start", "instant"),
+    Column("end", "instant"),
+    Column("n_missing", "number", "messages"),
+    Column("first_missing", "fact"),
+    Column("last_missing", "fact"),
+)
+"""Columns of `message_gaps`."""
+RESTARTS: Final = (
+    Column("restart", "key"),
+    Column("camera_id", "fact"),
+    Column("start", "instant"),
+    Column("end", "instant"),
+)
+"""Columns of `restarts`."""
+
+
+def coverage_answers(warehouse: Warehouse, *, until_ms: int | None = None) -> tuple[Answer, ...]:
+    """Return how much of the opening time was recorded.
+
+    `recorded`: by camera, and of all where `camera_id` is null; `recorded_days`: by camera and day; `camera_outages`:
+    open hours without data; `message_gaps`: messages that never arrived or are in quarantine, by the engine's running
+    numbers, from the last message before to the first after; `restarts` of its count, around which losses are unknown.
+
+    Args:
+        warehouse: The range.
+        until_ms: Hours from this UTC instant on are not over: neither recorded nor missing.
+    """
+    found = coverage(warehouse, until_ms=until_ms)
+    site = warehouse.site
+    until = None if until_ms is None else datetime.fromtimestamp(until_ms / 1000, site.zone)
+    holds = HoldsFor(
+        *(site.site_id, None, warehouse.first, warehouse.last, until),
+        settings=site.settings.settings_id(),
+        inputs=warehouse.inputs_digest,
+    )
+    cameras = found["cameras"]
+    whole = {name: sum(c[name] for c in cameras) for name in ("recorded_h", "scheduled_h")}
+    of_all: Row = {"camera_id": None, "name": site.name, **_hours({**whole, "share": found["share"]})}
+    days: list[Row] = [
+        {"camera_id": c["camera_id"], "local_date": date.fromisoformat(d["date"]), **_hours(d)}
+        for c in cameras
+        for d in c["days"]
+    ]
+    restarts = tuple(_stretch("restart", k, r) for k, r in enumerate(found["restarts"], 1))
+    return (
+        Answer("recorded", CAMERAS, (*(_camera(c) for c in cameras), of_all), holds),
+        Answer("recorded_days", DAYS, tuple(days), holds),
+        Answer(
+            "camera_outages",
+            OUTAGES,
+            tuple(
+                {**_stretch("outage", k, o), "open_h": Value(o["open_h"]), "is_inferred": o["is_inferred"]}
+                for k, o in enumerate(found["outages"], 1)
+            ),
+            holds,
+        ),
+        _gaps(found, holds),
+        Answer("restarts", RESTARTS, restarts, holds),
+    )
+
+
+def _gaps(found: Mapping[str, Any], holds: HoldsFor) -> Answer:
+    if found["n_missing"] is None:
+        why = Reason("engine.no_numbers")
+        return Answer("message_gaps", GAPS, (), holds, nothing=why, state="not_measurable")
+    rows = tuple(
+        {
+            **_stretch("gap", k, gap),
+            "n_missing": Value(gap["n_missing"]),
+            "first_missing": gap["first_missing"],
+            "last_missing": gap["last_missing"],
+        }
+        for k, gap in enumerate(found["gaps"], 1)
+    )
+    return Answer("message_gaps", GAPS, rows, holds)
+
+
+def _camera(camera: Mapping[str, Any]) -> Row:
+    return {"camera_id": camera["camera_id"], "name": camera["name"], **_hours(camera)}
+
+
+def _hours(told: Mapping[str, Any]) -> Row:
+    share = Value.missing(CLOSED) if told["share"] is None else Value(told["share"])
+    return {"recorded_share": share, "recorded_h": told["recorded_h"], "scheduled_h": told["scheduled_h"]}
+
+
+def _stretch(what: str, number: int, told: Mapping[str, Any]) -> Row:
+    start, end = (datetime.fromisoformat(told[name]) for name in ("start", "end"))
+    return {what: number, "camera_id": told["camera_id"], "start": start, "end": end}

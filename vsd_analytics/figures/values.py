@@ -1,0 +1,38 @@
+"""Estimates as values of answers: a number without an interval is given, and the reason says why it has none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from vsd_analytics.answer import Estimated, Reason, State, Value
+from vsd_analytics.figures.slots import NOTHING_OPEN
+
+
+def measured(estimate: Estimated | None, *, reason: Reason | None = None) -> Value:
+    """Return an estimate as a value whose reason says why it has no number or no interval.
+
+    Args:
+        estimate: The estimate; None = there is none.
+        reason: The reason of what it is part of; None = its own.
+    """
+    if estimate is None:
+        return Value.missing(NOTHING_OPEN)
+    value = Value.of(estimate, reason=reason)
+    if value.value is None:
+        return lack(value.state, value.reason)
+    return replace(value, state="ok", reason=value.reason if value.lo is None else None)
+
+
+def known(number: float | None, reason: Reason | None, state: State = "not_enough_data") -> Value:
+    """Return a number that has no interval, or why it is not known."""
+    return lack(state, reason) if number is None else Value(number)
+
+
+def lack(state: State, reason: Reason | None) -> Value:
+    """Return a value that is not given, as what it comes from is not."""
+    return Value.missing(reason or NOTHING_OPEN, "not_enough_data" if state == "ok" else state)
+
+
+def without(value: Value, reason: Reason | None) -> Value:
+    """Return a value, without its number where there is a reason to hold it back."""
+    return value if reason is None else Value.missing(reason)
