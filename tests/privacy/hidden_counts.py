@@ -220,9 +220,10 @@ def _rate(known: Known, world: World, week: int, place: str | bool | None, e: Ma
 def _time_close_before(known: Known, world: World, week: int, share: float | None, source: str) -> None:
     """Add the share of time too close on the rest of the floor in the week before, over the hours compared.
 
-    One person stands there alone, in view of the first camera, for as long as that camera recorded.
+    One person stands there alone, in view of the first camera, for as long as that camera recorded. Of weeks with a
+    day that a camera lost, a reader does not know which days of which camera are compared.
     """
-    if share is None or not share < 1:
+    if share is None or not share < 1 or any(w in (week - 1, week) for w, _, _ in world.lost):
         return
     days = {camera: world.both(week, camera) for camera in range(2)}
     keys = [k for c in days for k in keys_of(week - 1, place=None, camera=c) if k[2] in days[c]]

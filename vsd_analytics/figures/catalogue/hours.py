@@ -115,8 +115,7 @@ def _highest(inputs: FigureInputs, hidden: set[tuple[int, int]]) -> Answer:
 
 def _ranked(inputs: FigureInputs, by: str, peaks: PeakHours, hidden: set[tuple[int, int]]) -> list[Row]:
     """Return the highest hours that may be named, then those that may be as high as the first."""
-    below = int(inputs.data.site.settings.mask_below)
-    top = [p for p in peaks.top if not 0 < p.n < below and (p.weekday, p.hour) not in hidden]
+    top = [p for p in peaks.top if not inputs.data.mask.hides(p.n) and (p.weekday, p.hour) not in hidden]
     if not top:
         return []
     tied = set(peaks.tied)

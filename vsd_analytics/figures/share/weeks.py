@@ -47,6 +47,11 @@ class HiddenWeek:
     why_floor: Reason | None
     shared: SharedWeek | None = None
 
+    @property
+    def hides_hours(self) -> bool:
+        """Tell whether a count of an hour is hidden: then a part of the week tells of it, too."""
+        return bool(self.hours.small or self.hours.others)
+
 
 def hidden_week(data: FloorHours, period: Period, earlier: Sequence[SharedWeek] = ()) -> HiddenWeek:
     """Return what is held back of a week.

@@ -12,7 +12,7 @@ import shapely
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Place
-from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, held_back, in_week_before
+from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, in_week_before
 from vsd_analytics.figures.share.weeks import by_camera, hidden_times
 from vsd_analytics.figures.week import estimates, recording
 from vsd_analytics.figures.week.contributions import difference
@@ -52,9 +52,8 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     found = {key: estimates.measure(data, place, is_compared=is_compared) for key, place in places.items()}
     judged = area_changes(data.pair) if is_compared else {}
     found = {key: _with_verdicts(m, judged[key]) if key in judged else m for key, m in found.items()}
-    below = data.site.settings.mask_below
     now = data.hidden.places
-    before = _before(data, places, below) if is_compared else HeldBack(frozenset(), frozenset(), is_total_safe=True)
+    before = _before(data, places) if is_compared else HeldBack(frozenset(), frozenset(), is_total_safe=True)
     total = sum(m.violation_rate.value or 0.0 for m in found.values())
     times = hidden_times(data, data.this)
     times_before = hidden_times(data, data.pair.before) if is_compared else {}
@@ -65,7 +64,7 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
         change = judged[key].close if key in judged else None
         is_new = False
         close = estimates.close_time_share(data, drawn.get(key), change)
-        if (why := now.why(key, below=below)) is not None:
+        if (why := data.mask.why_held_back(now, key)) is not None:
             violation_rate, encounter_rate, close = (
                 estimates.without_figures(e, why) for e in (violation_rate, encounter_rate, close)
             )
@@ -73,7 +72,7 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
             violation_rate, encounter_rate, close = (
                 estimates.without_change(e, NEW) for e in (violation_rate, encounter_rate, close)
             )
-        elif (why := before.why(key, below=below)) is not None:
+        elif (why := data.mask.why_held_back(before, key)) is not None:
             why = in_week_before(why) if key in before.small else why
             violation_rate, encounter_rate, close = (
                 estimates.without_change(e, why) for e in (violation_rate, encounter_rate, close)
@@ -141,11 +140,11 @@ def _with_verdicts(measured: estimates.Measured, judged: AreaChanges) -> estimat
     return replace(measured, violation_rate=violation_rate, encounter_rate=encounter_rate)
 
 
-def _before(data: WeekData, places: Mapping[str | None, Place], below: int) -> HeldBack[str | None]:
+def _before(data: WeekData, places: Mapping[str | None, Place]) -> HeldBack[str | None]:
     """Return what is held back of the week before: in the hours compared, and what its own report holds back."""
     keys = list(places)
     counts = {key: by_camera(data, place, data.compared(place)[0].n) for key, place in places.items()}
-    held = held_back(counts, below=below, give=[None, *reversed(keys[:-1])])
+    held = data.mask.held_back(counts, give=[None, *reversed(keys[:-1])])
     own = data.hidden_before.places
     small = held.small | own.small
     return HeldBack(small, (held.others | own.others) - small, is_total_safe=held.is_total_safe)

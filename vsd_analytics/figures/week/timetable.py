@@ -115,7 +115,7 @@ def _cells(data: WeekData) -> tuple[HourCell, ...]:
 
 def _printed(cell: HourCell, data: WeekData) -> float | None:
     """Return the count a reader knows of a cell; the middle of the small counts for a masked one."""
-    return data.site.settings.mask_below / 2 if cell.is_masked else cell.violations
+    return data.mask.middle if cell.is_masked else cell.violations
 
 
 def _mean(values: Sequence[float]) -> tuple[float | None, int]:

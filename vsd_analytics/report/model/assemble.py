@@ -13,7 +13,7 @@ from vsd_analytics.figures.catalogue import figures, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
 from vsd_analytics.figures.panels import WEEK
-from vsd_analytics.figures.share.counts import GIVES_AWAY, in_week_before, is_small, too_few
+from vsd_analytics.figures.share.counts import GIVES_AWAY, in_week_before
 from vsd_analytics.figures.share.periods import check_days
 from vsd_analytics.figures.share.weeks import CHANGED
 from vsd_analytics.figures.week import areas as report_areas
@@ -245,7 +245,6 @@ def _state(data: WeekData, coverage: Coverage, change: SettingsChange | None, ha
 
 def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas) -> Level:
     """Return the figures of the whole floor, without those that are too small or would tell a small one."""
-    below = data.site.settings.mask_below
     measured = estimates.measure(data, data.whole, is_compared=is_compared)
     violation_rate, encounter_rate = measured.violation_rate, measured.encounter_rate
     close = estimates.floor_close_time_share(data, is_compared=is_compared)
@@ -256,13 +255,13 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
         )
         is_printed = False
     elif is_compared and (
-        is_small(measured.n_before, below=below)
+        data.mask.hides(measured.n_before)
         or not areas.is_before_safe
         or data.hidden_before.why_floor
         or data.is_revealed_by_comparing
     ):
-        is_few = is_small(measured.n_before, below=below)
-        why = in_week_before(too_few(below)) if is_few else GIVES_AWAY
+        is_few = data.mask.hides(measured.n_before)
+        why = in_week_before(data.mask.why) if is_few else GIVES_AWAY
         violation_rate, close, encounter_rate = (
             estimates.without_change(e, why) for e in (violation_rate, close, encounter_rate)
         )
