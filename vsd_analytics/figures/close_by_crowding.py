@@ -37,7 +37,7 @@ EDGES: Final = tuple(float(f"{0.5 * 2 ** (k / 2):.4g}") for k in range(15))
 VIEW_UNKNOWN: Final = Reason("crowding.view_unknown")
 
 
-def close_by_crowding(period: Period, *, why_hidden: Reason | None) -> CloseByCrowding:
+def close_by_crowding(period: Period, *, why_hidden: Reason | None, is_by_day: bool = True) -> CloseByCrowding:
     """Return person-hours and those too close by class of crowding, for each day and for all days.
 
     Of the camera-hours that enter rates. No part has a count of violations from 1 to under `mask_below`: days, and
@@ -46,6 +46,7 @@ def close_by_crowding(period: Period, *, why_hidden: Reason | None) -> CloseByCr
     Args:
         period: The days.
         why_hidden: Why no count of the floor is shown; None where they are.
+        is_by_day: False: all days are one, as that of a day would tell an hour that is hidden.
     """
     data = period.data
     if (why := period.why_no_exposure or period.why_no_violations or period.why_no_places) is not None:
@@ -83,7 +84,7 @@ def close_by_crowding(period: Period, *, why_hidden: Reason | None) -> CloseByCr
                 close_h=float(close_h[run].sum()),
                 person_h=tuple(person_h[run].sum(axis=0).tolist()),
             )
-            for run in runs(seen, n.sum(axis=1), mask=data.mask)
+            for run in (runs(seen, n.sum(axis=1), mask=data.mask) if is_by_day else [seen])
         ),
         classes=tuple(
             CloseInClasses(first=int(run[0]), last=int(run[-1]), close_h=float(close_h[:, run].sum()))

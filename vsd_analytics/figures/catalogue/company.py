@@ -260,7 +260,10 @@ def _longest(inputs: FigureInputs, found: FloorGatherings, rate: Value) -> Answe
             "diameter_m": g.diameter_m,
         }
         for rank, g in enumerate(found.top if nothing is None else (), 1)
+        if not mask.hides(g.n_people)
     ]
+    if nothing is None and found.top and not rows:
+        nothing = Value.missing(Reason("hidden.few_people", least=mask.below))
     notes = ((None, Reason("note.gatherings", n=found.n)),) if rows and found.n is not None else ()
     return inputs.list_answer("gatherings", GATHERINGS, rows, *notes, nothing=nothing)
 

@@ -198,7 +198,9 @@ def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | No
         log=site_changes.log_lines(data, coverage, is_compared=is_compared),
         stored=stored_records(site, at=made_at.date()),
         settings_change=change if state == "settings_changed" else None,
-        close_by_crowding=close_by_crowding(data.this, why_hidden=data.hidden.why_floor),
+        close_by_crowding=close_by_crowding(
+            data.this, why_hidden=data.hidden.why_floor, is_by_day=not data.hidden.hides_hours
+        ),
         answers=shared,
         figures=with_row_texts(figures(inputs, shared)),
     )
