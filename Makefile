@@ -101,6 +101,9 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/engine/prove_monoloco.py
 	$(BIN)/python tests/engine/prove_subsets.py
 	$(BIN)/python tests/engine/prove_walking_skeletons.py
+	$(BIN)/python tests/engine/prove_detector.py
+	$(BIN)/python tests/engine/prove_box_or_torso.py
+	$(BIN)/python tests/benchmarks/bench_detector.py
 
 bench: $(VENV)/.installed-test
 	$(BIN)/python tests/benchmarks/bench_tools.py

@@ -77,7 +77,7 @@ REFUSED: dict[str, tuple[str, str | bytes | None, str, str, str]] = {
         "again",
     ),
     "gzip damaged at once": ("a.csv.gz", gzip.compress(HEADER.encode(), mtime=0)[:14], "E205", "damaged", "again"),
-    "frame numbers only": ("a.csv", "frame,x_m,y_m\n1,2,3\n", "E207", "frame numbers but no times", "--fps 25 --start"),
+    "frame numbers only": ("a.csv", "frame,x_m,y_m\n1,2,3\n", "E207", "frame numbers but no times", "--hz 25 --start"),
     "no camera": ("a.csv", "ts,x_m,y_m\n1794214800,2,3\n", "E203", "no column 'camera_id'", "--camera"),
     "a list for numbers": ("a.parquet", _parquet(ts=[1], camera_id=["a"], x_m=[[1]], y_m=[1]), "E203", "type", "--map"),
 }

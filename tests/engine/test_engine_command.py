@@ -96,3 +96,33 @@ def test_wrong_option_is_an_error_with_its_name(words: list[str], says: str, tmp
     code, _, err = vsd("engine", "run", str(source), "--out", str(tmp_path / "x.jsonl"), *words)
     assert code == 2
     assert says in err
+
+
+def test_people_without_a_place_are_a_number_and_nothing_goes_to_quarantine(tmp_path: Path, vsd: Vsd) -> None:
+    np.savetxt(tmp_path / "matrix.txt", CAMERA.homography())
+    assert vsd("calibrate", "cam-1", "--matrix", str(tmp_path / "matrix.txt"))[0] == 0
+    head_alone = [0.0] * 51
+    head_alone[:3] = [900, 300, 0.9]
+    head_alone[15:21] = [850, 350, 0.9, 950, 350, 0.9]
+    people = [{"image_id": 0, "category_id": 1, "keypoints": head_alone, "score": 0.9}]
+    (tmp_path / "joints.json").write_text(json.dumps(people))
+    out = tmp_path / "frames.jsonl"
+    words = ["engine", "run", str(tmp_path / "joints.json"), "--camera", "cam-1", "--start", "2026-11-09T08:00"]
+    code, printed, _ = vsd(*words, "--track", "--out", str(out))
+    assert code == 0
+    assert "1 person not used" in printed
+    assert "so that feet are seen" in printed
+    (message,) = messages(out)
+    assert (message["persons"], message["unplaced"]) == ([], 1)
+    code, printed, err = vsd("ingest", str(out))
+    assert (code, err) == (0, "")
+    assert "left out: 1 person without a place" in printed
+
+
+def test_start_without_an_offset_is_in_the_zone_of_the_site_as_for_ingest(tmp_path: Path, vsd: Vsd) -> None:
+    np.savetxt(tmp_path / "matrix.txt", CAMERA.homography())
+    vsd("calibrate", "cam-1", "--matrix", str(tmp_path / "matrix.txt"))
+    source = write_boxes(tmp_path / "people.csv", boxes_only(simulate(CAMERA, seed=2, seconds=1)))
+    words = ["engine", "run", str(source), "--camera", "cam-1", "--hz", "2", "--out", str(tmp_path / "f.jsonl")]
+    assert vsd(*words, "--start", "2026-11-09T08:00")[0] == 0
+    assert messages(tmp_path / "f.jsonl")[0]["ts"] == "2026-11-09T07:00:00.000Z"  # the site is in Rome

@@ -134,3 +134,62 @@ def test_command_prints_the_scores_and_the_same_as_json(tmp_path: Path, capsys: 
     code, _, err = vsd(*command)
     assert code == 2
     assert "E204" in err
+
+
+def placed(folder: Path, vsd: Vsd, *words: str) -> dict:
+    """Return what is printed for messages without ids: a and b .3 m off, c not found, one who is not in the truth."""
+    body = {"v": 1, "camera": "cam-1", "ts": "2026-11-09T08:00:00Z", "seq": 0}
+    at = [(1.3, 0.0), (0.3, 0.0), (8.0, 9.9), (1.0, -1.4)]
+    body["persons"] = [{"x_m": x, "y_m": y} for x, y in at]
+    (folder / "frames.jsonl").write_text(json.dumps(body))
+    (folder / "truth.csv").write_text("frame,track_id,x_m,y_m\n0,a,0,0\n0,b,1,0\n0,c,2.5,0\n0,d,9,9\n")
+    files = [str(folder / "frames.jsonl"), "--truth", str(folder / "truth.csv")]
+    code, printed, err = vsd("evaluate", *files, *words, "--json")
+    assert code == 0, err
+    return json.loads(printed)
+
+
+def test_persons_without_ids_are_compared_by_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    vsd = shop(tmp_path, capsys)
+    done = placed(tmp_path, vsd, "--by", "place")
+    detection, pairs = done["detection"]["pooled"], done["pairs"]["pooled"]
+    assert (detection["recall"]["value"], detection["precision"]["value"]) == (0.5, 0.5)
+    assert (done["n_true_pairs"], done["n_found_pairs"]) == (2, 3)  # a-b found; b-c missed; two with the stranger false
+    assert pairs["recall"]["value"] == 0.5
+    assert pairs["precision"]["value"] == pytest.approx(1 / 3, abs=1e-5)
+    wide = placed(tmp_path, vsd, "--by", "place", "--within", "1.5")["detection"]["pooled"]
+    assert wide["recall"]["value"] == 1.0  # as many as possible: the one between b and c is c then, the stranger is b
+
+
+def test_nobody_counts_in_areas_that_are_ignored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    vsd = shop(tmp_path, capsys)
+    corners = [(0, -3), (3, -3), (3, -1), (0, -1)]
+    (tmp_path / "areas.csv").write_text(
+        "area,x_m,y_m\n" + "".join(f"south,{x},{y}\n" for x, y in corners) + "far,7,8\nfar,10,8\nfar,10,11\nfar,7,11\n"
+    )
+    done = placed(tmp_path, vsd, "--by", "place", "--ignore", str(tmp_path / "areas.csv"))
+    assert done["n_uncounted"] == {"found": 2, "true": 1}
+    detection, pairs = done["detection"]["pooled"], done["pairs"]["pooled"]
+    assert detection["precision"]["value"] == 1.0
+    assert detection["recall"]["value"] == pytest.approx(2 / 3, abs=1e-5)
+    assert (pairs["precision"]["value"], pairs["recall"]["value"]) == (1.0, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (["--within", "2"], "--within belongs to --by place"),
+        (["--ignore", "cellar"], "there is no area 'cellar'"),
+        (["--ignore", "none.csv"], "cannot read none.csv"),
+        (["--size", "640x480"], "--size belongs to a data set"),
+    ],
+)
+def test_options_of_places_and_areas_that_do_not_fit_are_refused(
+    words: list[str], says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    vsd = shop(tmp_path, capsys)
+    (tmp_path / "frames.jsonl").write_text(message(0, {"a": (0, 0)}, None))
+    (tmp_path / "truth.csv").write_text(TRUTH)
+    code, _, err = vsd("evaluate", str(tmp_path / "frames.jsonl"), "--truth", str(tmp_path / "truth.csv"), *words)
+    assert code == 2
+    assert says in err

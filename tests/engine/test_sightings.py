@@ -9,7 +9,17 @@ import numpy as np
 from engine.simulated_people import SIZE, Scene, SimulatedCamera, boxes_only, simulate
 
 from vsd_analytics.engine.people import N_JOINTS, People
-from vsd_analytics.engine.sightings import BOX, JOINTS, PARTS_OF_TRACK, sightings, steps, thinned, tracklets
+from vsd_analytics.engine.sightings import (
+    BOX,
+    JOINTS,
+    PARTS_OF_TRACK,
+    n_at_once,
+    n_persons,
+    sightings,
+    steps,
+    thinned,
+    tracklets,
+)
 
 
 @cache
@@ -83,3 +93,23 @@ def test_stretches_are_of_one_person_of_equal_time_and_do_not_overlap() -> None:
     for who in np.unique(walks.who):
         begin = np.sort(seen.frame[walks.begin[walks.who == who]])
         assert (np.diff(begin) >= 5).all()
+
+
+def test_pieces_of_a_broken_track_are_one_person_and_people_at_once_are_many() -> None:
+    """Three people of whom a tracker lost one every ten frames: 3 persons, and not 12."""
+    rows, frames, ids = [], [], []
+    for frame in range(100):
+        for person, left in enumerate((300, 700, 1100)):
+            rows.append((left + 2 * frame, 300, left + 60 + 2 * frame, 500))
+            frames.append(frame)
+            ids.append(f"{person}-{frame // 10 if person == 0 else 0}")
+    track = np.array(ids, dtype=object)
+    joints = np.full((300, N_JOINTS, 2), np.nan)
+    seen = sightings(People(np.array(frames), track, np.array(rows, float), joints, np.arange(100)), size_px=SIZE)
+    assert len(np.unique(seen.who)) == 12
+    assert (n_persons(seen), n_at_once(seen)) == (3, 3)
+
+
+def test_people_with_true_ids_are_as_many_as_their_ids() -> None:
+    seen = sightings(boxes_only(walk()), size_px=SIZE)
+    assert n_persons(seen) == len(np.unique(seen.who))

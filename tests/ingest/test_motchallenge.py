@@ -122,7 +122,7 @@ def test_without_rate_or_start_it_says_what_to_give(tmp_path: Path, options: Ing
     with pytest.raises(InputError, match="does not say") as caught:
         read(sequence(tmp_path, "hall"), options)
     assert caught.value.code == "E207"
-    assert "--fps" in (caught.value.fix or "")
+    assert "--hz" in (caught.value.fix or "")
 
 
 def test_the_user_overrules_rate_and_first_frame(tmp_path: Path) -> None:

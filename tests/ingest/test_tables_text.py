@@ -225,7 +225,7 @@ def test_frame_numbers_become_times(tmp_path: Path) -> None:
     assert [r["ts_ms"] - NINE_MS for r in later.people] == [-800, 0, 1200]
     lacking = read_table(tmp_path / "a.csv", text)
     assert lacking.error is not None
-    assert (lacking.error.code, lacking.error.fix) == ("E207", "add --fps 25 --start 2026-11-09T08:00:00+01:00")
+    assert (lacking.error.code, lacking.error.fix) == ("E207", "add --hz 25 --start 2026-11-09T08:00:00+01:00")
 
 
 def test_periods_floor_times(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from vsd_analytics.config.calibrate import Calibrated
+    from vsd_analytics.engine.people import People
     from vsd_analytics.engine.people_calibration import FromPeople
     from vsd_analytics.site.model import Camera
 
@@ -177,22 +178,36 @@ def _from_people(
 ) -> int:
     """Calibrate a camera from the people it sees while the result will be in force, and put it into force."""
     from vsd_analytics.config import calibrate as calibration
-    from vsd_analytics.engine.people_calibration import calibrate_from_people
-    from vsd_analytics.engine.people_calibration_file import write_stated_error
     from vsd_analytics.engine.people_files import read_each_once
+    from vsd_analytics.engine.pictures import is_picture_source
     from vsd_analytics.engine.plane_method import off_planes
-    from vsd_analytics.geometry.stated_errors import beside
 
+    if people.exists() and is_picture_source(people):
+        raise UsageError(
+            f"{people.name} has pictures, and nothing has found people in them yet",
+            fix=f"vsd engine run {people} --camera {camera_id} --detector MODEL.onnx --from-people",
+        )
     camera = calibration.camera_called(project.site, camera_id)
     picture_px = _picture_px(camera, size)
     seen = off_planes(read_each_once(people, size_px=picture_px), camera.planes)
     if since is not None and seen.ts_ms is not None:
         seen = seen.between(round(since.timestamp() * 1000), None)
-    found = calibrate_from_people(seen, size_px=picture_px)
-    done = _put_into_force(project, camera_id, found.homography, since=since)
-    stated = beside(project.site.root / done.file, "people")
-    write_stated_error(stated, found, calibration_id=done.calibration_id)
+    done, found = put_into_force_from_people(project, camera_id, seen, size_px=picture_px, since=since)
     return _shown(project, done, _people_lines(done, found), _people_dict(found), as_json=as_json)
+
+
+def put_into_force_from_people(
+    project: Project, camera_id: str, seen: People, *, size_px: tuple[int, int], since: datetime | None = None
+) -> tuple[Calibrated, FromPeople]:
+    """Calibrate a camera from people, write the result with its stated error, and put it into force."""
+    from vsd_analytics.engine.people_calibration import calibrate_from_people
+    from vsd_analytics.engine.people_calibration_file import write_stated_error
+    from vsd_analytics.geometry.stated_errors import beside
+
+    found = calibrate_from_people(seen, size_px=size_px)
+    done = _put_into_force(project, camera_id, found.homography, since=since)
+    write_stated_error(beside(project.site.root / done.file, "people"), found, calibration_id=done.calibration_id)
+    return done, found
 
 
 def _from_lines(

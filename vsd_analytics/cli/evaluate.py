@@ -12,8 +12,12 @@ import click
 from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import count, emit_json, rounded
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.errors import UsageError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from vsd_analytics.engine.evaluation import Evaluation
     from vsd_analytics.engine.scores import Score, Scores
 
@@ -29,16 +33,45 @@ if TYPE_CHECKING:
     metavar="METRES",
     help="Pairs closer than this violate (default: 2).",
 )
+@click.option(
+    "--by",
+    type=click.Choice(["id", "place"]),
+    help="How persons are brought together: by track id (default), or by where they are.",
+)
+@click.option(
+    "--within",
+    "within_m",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="METRES",
+    help="With --by place: persons farther apart are not the same (default: 1).",
+)
+@click.option(
+    "--ignore",
+    "uncounted",
+    multiple=True,
+    metavar="AREA|FILE",
+    help="Area of vsd.toml in which nobody counts, or CSV of area,x_m,y_m; repeat it for several.",
+)
 @click.option("--size", metavar="WxH", help="Picture size of a data set without images.")
 @json_option
 @pass_project
 def evaluate(
-    project: Project, messages: Path, truth: Path | None, distance_m: float, size: str | None, as_json: bool
+    project: Project,
+    messages: Path,
+    truth: Path | None,
+    distance_m: float,
+    by: str | None,
+    within_m: float | None,
+    uncounted: tuple[str, ...],
+    size: str | None,
+    as_json: bool,
 ) -> None:
     """Compare an engine's frame messages with true positions: precision, recall and F1 of pairs and persons.
 
     Scores are pooled over all frames, and averaged over frames. Their 95 % intervals come from blocks of time. Persons
-    are compared by their track id. Only frames that both files have are scored.
+    are compared by their track id, or with --by place by where they are: as many as possible within a metre, then the
+    nearest. Only frames that both files have are scored. Where a truth leaves real people out, name that area with
+    --ignore.
 
     A folder with Images, HumanJoints and Annotations, as the paper's authors published, needs no --truth: the ratios
     are searched for each part of the body, and the calibration from people is scored beside them.
@@ -47,25 +80,57 @@ def evaluate(
     Example:
       vsd evaluate frames.jsonl --truth positions.csv
       vsd evaluate frames.jsonl --truth positions.csv --distance 1.5 --json
+      vsd evaluate frames.jsonl --truth positions.csv --by place --ignore far-end
     """
     from vsd_analytics.engine.evaluation import evaluate as compare
+    from vsd_analytics.engine.place_matching import WITHIN_M, matched_by_place, without_uncounted
     from vsd_analytics.engine.truth import read_messages, read_positions
-    from vsd_analytics.errors import UsageError
 
+    if within_m is not None and by != "place":
+        raise UsageError("--within belongs to --by place", fix="--by place")
     if messages.is_dir():
+        if spare := [name for name, value in (("--by", by), ("--ignore", uncounted), ("--truth", truth)) if value]:
+            raise UsageError(f"a data set has its own truth and ids; {spare[0]} is for messages", fix="leave it out")
         _data_set(project, messages, distance_m=distance_m, size=size, as_json=as_json)
         return
     if truth is None:
         raise UsageError("nothing to compare the messages with", fix=f"vsd evaluate {messages} --truth positions.csv")
+    if size is not None:
+        raise UsageError("--size belongs to a data set without images", fix="leave out --size")
     positions = read_positions(truth)
-    done = compare(read_messages(messages, clock=positions.clock), positions, distance_m=distance_m)
+    found = read_messages(messages, clock=positions.clock, keeps_unnamed=by == "place")
+    if by == "place":
+        found = matched_by_place(found, positions, within_m=WITHIN_M if within_m is None else within_m)
+    counted, left_out = positions, [0, 0]
+    if uncounted:
+        areas = [corners for name in uncounted for corners in _areas(project, name)]
+        found, counted, *left_out = without_uncounted(found, positions, areas)
+    done = compare(found, counted, distance_m=distance_m)
     if positions.n_bad:
         project.say(f"warning: {positions.n_bad:,} rows of {truth.name} have no usable position")
     if as_json:
-        emit_json(rounded(_as_dict(done)))
+        more = {"n_uncounted": dict(zip(("found", "true"), left_out, strict=True))} if uncounted else {}
+        emit_json(rounded({**_as_dict(done), **more}))
         return
     for line in _lines(done):
         click.echo(line)
+    if uncounted:
+        click.echo(f"{left_out[0]:,} found and {left_out[1]:,} true persons in areas that do not count")
+
+
+def _areas(project: Project, name: str) -> list[NDArray[np.float64]]:
+    """Return the corners of an area of vsd.toml, or of all areas of a CSV file."""
+    import numpy as np
+
+    from vsd_analytics.engine.truth import read_areas_csv
+
+    if Path(name).suffix.lower() == ".csv":
+        return read_areas_csv(Path(name))
+    area = next((area for area in project.site.areas if area.area_id == name), None)
+    if area is None:
+        known = ", ".join(area.area_id for area in project.site.areas) or "it has none"
+        raise UsageError(f"--ignore: there is no area {name!r} in vsd.toml", why=known, fix="--ignore areas.csv")
+    return [np.array(area.polygon, dtype=np.float64)]
 
 
 def _data_set(project: Project, folder: Path, *, distance_m: float, size: str | None, as_json: bool) -> None:
@@ -96,7 +161,7 @@ def _data_set(project: Project, folder: Path, *, distance_m: float, size: str | 
 
 def _as_dict(done: Evaluation) -> dict[str, Any]:
     values = asdict(done)
-    for what in ("pairs", "persons"):
+    for what in ("pairs", "persons", "detection"):
         values[what] = dict(zip(("pooled", "frame_mean"), values[what], strict=True))
     return values
 
@@ -107,7 +172,11 @@ def _lines(done: Evaluation) -> list[str]:
         f"{scored} (closer than {done.distance_m:g} m)",
         f"{'':<20}{'precision':<20}{'recall':<20}{'F1':<20}",
     ]
-    for what, (of_all, of_frames) in (("pairs", done.pairs), ("persons", done.persons)):
+    for what, (of_all, of_frames) in (
+        ("pairs", done.pairs),
+        ("persons", done.persons),
+        ("all people", done.detection),
+    ):
         lines += [_row(f"{what}, pooled", of_all), _row(f"{what}, frame mean", of_frames)]
     if done.n_distances:
         lines.append(

@@ -47,7 +47,9 @@ def file_options(command: F) -> F:
             metavar="SECONDS",
             help="Sampling period: records of one period are one frame.",
         ),
-        click.option("--fps", type=float, metavar="N", help="Frames per second, for files with frame numbers."),
+        click.option(
+            "--hz", "--fps", "fps", type=float, metavar="N", help="Frames per second, for files with frame numbers."
+        ),
         click.option("--start", metavar="INSTANT", help="Time of the first frame, for files with frame numbers."),
         click.option(
             "--first-frame",
@@ -129,7 +131,8 @@ def ingest_options(project: Project, given: dict[str, Any]) -> IngestOptions:
         checked_format(given["time_format"])
     for name in ("period_s", "fps", "threshold_m"):
         if given[name] is not None and not 0 < given[name] < 1e6:
-            raise UsageError(f"--{name.removesuffix('_s').removesuffix('_m')} must be greater than 0")
+            option = "hz" if name == "fps" else name.removesuffix("_s").removesuffix("_m")
+            raise UsageError(f"--{option} must be greater than 0")
     if given["first_frame"] is not None and not abs(given["first_frame"]) < 1e15:
         raise UsageError("--first-frame must be a number of a frame")
     if given["per_camera"] and given["camera"] is not None:

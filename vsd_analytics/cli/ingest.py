@@ -79,8 +79,10 @@ def read_files(
 
     The formats of files that could be read, and are not almost surely understood wrongly, are added to `read_as`.
     """
+    from vsd_analytics.ingest.formats.recognise import refuse_streams
     from vsd_analytics.ingest.intake.pipeline import ingest as ingest_files
 
+    refuse_streams(files)
     options = ingest_options(project, given)
     is_quiet = project.quiet or as_json
 

@@ -21,12 +21,13 @@ EPOCH_MS_FROM = 1e11
 """Numbers of `ts` from here on are milliseconds since 1970, smaller ones are seconds."""
 
 
-def read_table(path: Path, *, needed: tuple[str, ...]) -> pd.DataFrame:
+def read_table(path: Path, *, needed: tuple[str, ...], is_timed: bool = True) -> pd.DataFrame:
     """Read a CSV table as text, plain or compressed.
 
     Args:
         path: The file.
-        needed: Columns it must have besides `frame` or `ts`.
+        needed: Columns it must have.
+        is_timed: It must have `frame` or `ts` as well.
 
     Raises:
         InputError: It cannot be read (E205) or lacks a column (E203).
@@ -41,14 +42,16 @@ def read_table(path: Path, *, needed: tuple[str, ...]) -> pd.DataFrame:
         ) from None
     table.columns = [str(name).strip().lower() for name in table.columns]
     missing = [name for name in needed if name not in table]
-    if "frame" not in table and "ts" not in table:
+    if is_timed and "frame" not in table and "ts" not in table:
         missing.insert(0, "frame (or ts)")
     if missing:
         raise InputError(
             f"{path.name} has no column {', '.join(missing)}",
             code="E203",
             where=Where(str(path), 1, ",".join(table.columns)[:200]),
-            fix=f"the first line must be frame,{','.join(needed)}, or ts in place of frame",
+            fix=f"the first line must be frame,{','.join(needed)}, or ts in place of frame"
+            if is_timed
+            else f"the first line must be {','.join(needed)}",
         )
     return table
 

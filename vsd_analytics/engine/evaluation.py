@@ -33,6 +33,7 @@ class Evaluation:
         n_found_pairs: Violations found.
         pairs: Scores of pairs, pooled and as mean of frames.
         persons: The same for persons: in any violation or not.
+        detection: The same for all persons: found or not.
         distance_error: Median |found / true - 1| over pairs up to `ERROR_WITHIN_M`; NaN without a common pair.
         distance_bias: Median of found / true - 1.
         n_distances: Pairs these are over.
@@ -47,6 +48,7 @@ class Evaluation:
     n_found_pairs: int
     pairs: tuple[Scores, Scores]
     persons: tuple[Scores, Scores]
+    detection: tuple[Scores, Scores]
     distance_error: float
     distance_bias: float
     n_distances: int
@@ -68,7 +70,8 @@ def evaluate(found: FoundPairs, truth: Positions, *, distance_m: float) -> Evalu
     index = _Persons(frames, truth, found)
     if not index.n_common:
         unnamed = f"; {found.n_unnamed:,} persons have no id" if found.n_unnamed else ""
-        raise _nothing("track id", f"the truth has such as {truth.track[0]!r}{unnamed}")
+        example = f"the truth has such as {truth.track[0]!r}" if len(truth.track) else "the truth has nobody"
+        raise _nothing("track id", f"{example}{unnamed}", more="; or compare by place: --by place")
     true = index.true_pairs(truth)
     said = index.found_pairs(found, beyond_m=distance_m)
     n = index.size
@@ -79,6 +82,9 @@ def evaluate(found: FoundPairs, truth: Positions, *, distance_m: float) -> Evalu
     in_true, in_found = (np.unique(np.concatenate([part // n, part % n])) for part in (there, got))
     both = np.intersect1d(in_true, in_found, assume_unique=True)
     person_hits = _hits(*(index.frame_of[part] for part in (both, in_found, in_true)), n_frames=len(frames))
+    seen, known = index.seen, np.arange(index.n_true)
+    common = np.intersect1d(seen, known, assume_unique=True)
+    all_hits = _hits(*(index.frame_of[part] for part in (common, seen, known)), n_frames=len(frames))
     _, i, j = np.intersect1d(true.code, said.code, return_indices=True)
     measured = (true.distance_m[i] >= ERROR_FROM_M) & (true.distance_m[i] < ERROR_WITHIN_M)
     off = said.distance_m[j][measured] / true.distance_m[i][measured] - 1
@@ -92,6 +98,7 @@ def evaluate(found: FoundPairs, truth: Positions, *, distance_m: float) -> Evalu
         n_found_pairs=len(got),
         pairs=(pooled(pair_hits), frame_mean(pair_hits)),
         persons=(pooled(person_hits), frame_mean(person_hits)),
+        detection=(pooled(all_hits), frame_mean(all_hits)),
         distance_error=float(np.median(np.abs(off))) if len(off) else np.nan,
         distance_bias=float(np.median(off)) if len(off) else np.nan,
         n_distances=len(off),
@@ -114,12 +121,13 @@ class _Persons:
         self._frames = frames
         self._number: dict[tuple[int, object], int] = {}
         self._add(truth.instant, truth.track)
-        of_truth = len(self._number)
+        self.n_true = len(self._number)
         sides = [(found.positions.instant, found.positions.track), (found.instant, found.a), (found.instant, found.b)]
         for instant, track in sides:
             self._add(instant, track)
         seen = {self._number[key] for instant, track in sides for key in self._keys(instant, track)}
-        self.n_common = sum(number < of_truth for number in seen)
+        self.seen = np.array(sorted(seen), dtype=np.int64)
+        self.n_common = int((self.seen < self.n_true).sum())
         self.size = len(self._number)
         self.frame_of = np.searchsorted(frames, np.array([at for at, _ in self._number], dtype=np.int64))
 
@@ -174,10 +182,10 @@ def _span(instants: NDArray[np.int64]) -> str:
     return f"{instants[0]} to {instants[-1]}" if len(instants) else "none"
 
 
-def _nothing(what: str, why: str) -> InputError:
+def _nothing(what: str, why: str, *, more: str = "") -> InputError:
     return InputError(
         f"messages and truth have no {what} in common",
         code="E412",
         why=why,
-        fix="compare the same recording: frame is the frame number of the file given to vsd engine run",
+        fix="compare the same recording: frame is the frame number of the file given to vsd engine run" + more,
     )

@@ -10,7 +10,7 @@ from vsd_analytics.engine.floor_points import floor_points
 from vsd_analytics.engine.joint_places import has_feet
 from vsd_analytics.engine.people import People
 from vsd_analytics.engine.safe_space import SafeSpaces, pairs_of_frames
-from vsd_analytics.engine.seen import Seen
+from vsd_analytics.engine.seen import ABOVE_HORIZON, NO_FOOT, Seen
 from vsd_analytics.geometry.homography import as_matrix, to_floor
 
 
@@ -48,7 +48,7 @@ def locate(
         by_feet = has_feet(people) | np.isfinite(people.box).all(axis=1)
         sd_m = np.where(by_feet[a[near]] & by_feet[b[near]], sd_m, np.nan)
     no_foot, above = ~np.isfinite(uv).all(axis=1), np.isfinite(uv).all(axis=1) & ~np.isfinite(xy).all(axis=1)
-    reasons = {"no foot, or no body above it": int(no_foot.sum()), "at or above the horizon": int(above.sum())}
+    reasons = {NO_FOOT: int(no_foot.sum()), ABOVE_HORIZON: int(above.sum())}
     return Seen(
         people=people,
         uv=uv,

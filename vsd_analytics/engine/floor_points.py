@@ -38,16 +38,16 @@ def floor_points(people: People, *, homography: ArrayLike, picture_px: tuple[int
         picture_px: Width and height of the picture.
     """
     marks = feet(people)
-    camera = None if picture_px is None else _photographer(homography, picture_px)
+    camera = None if picture_px is None else photographer(homography, picture_px)
     if camera is None or not len(people):
         return marks
     with np.errstate(invalid="ignore", divide="ignore"):
         has_joints = np.isfinite(people.joints).reshape(len(people), -1).any(axis=1, keepdims=True)
-        found = np.where(has_joints, below_joints(people, camera), _below_boxes(people, camera))
+        found = np.where(has_joints, below_joints(people, camera), below_boxes(people.outline, camera))
     return np.where(has_joints | np.isfinite(found).all(axis=1, keepdims=True), found, marks)
 
 
-def _photographer(homography: ArrayLike, picture_px: tuple[int, int]) -> CameraModel | None:
+def photographer(homography: ArrayLike, picture_px: tuple[int, int]) -> CameraModel | None:
     """Return the camera behind a homography; None where that is no likely one, as for points clicked badly."""
     pose, camera = camera_pose(homography, picture_px=picture_px), camera_of_homography(homography, picture_px)
     if pose is None or camera is None:
@@ -58,12 +58,12 @@ def _photographer(homography: ArrayLike, picture_px: tuple[int, int]) -> CameraM
     return camera if is_lens and _HEIGHT_M[0] < camera.height_m < _HEIGHT_M[1] and skew < _SKEW else None
 
 
-def _below_boxes(people: People, camera: CameraModel) -> Array:
-    """Return where the axis of an upright body in a box meets the bottom edge.
+def below_boxes(box: Array, camera: CameraModel) -> Array:
+    """Return where the axis of an upright body in a box meets the bottom edge, pixels, shape (n, 2).
 
     The row stays: annotated boxes of known cameras end at the axis, not on its near side (docs/engine.md).
     """
-    box, down = people.outline, camera.down()
+    down = camera.down()
     left, top, right, bottom = ((box - np.tile(camera.centre_px, 2)) / camera.focal_px).T
     middle = (left + right) / 2
     # the foot is at x with middle = x + half (down_x - x down_z), as verticals run there

@@ -44,7 +44,7 @@ class PictureFolder:
     """Picture files, of which one at a time is in memory.
 
     Args:
-        folder: The folder; files that are no pictures are passed over.
+        folder: The folder, of which files that are no pictures are passed over; or one picture.
         people: Whose frames they are.
 
     Raises:
@@ -52,7 +52,8 @@ class PictureFolder:
     """
 
     def __init__(self, folder: Path, people: People) -> None:
-        files = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)
+        inside = [folder] if folder.is_file() else folder.iterdir()
+        files = sorted(p for p in inside if p.suffix.lower() in SUFFIXES)
         frame_of = _frames_by_number(people)
         self._files: dict[int, Path] = {}
         for index, path in enumerate(files):
@@ -136,7 +137,8 @@ def frame_pictures(source: Path | None, people: People) -> FramePictures:
         raise InputError(
             f"there is no file {source}", code="E201", where=Where(str(source)), fix="check the path of --pictures"
         )
-    return PictureFolder(source, people) if source.is_dir() else VideoPictures(source, people)
+    has_files = source.is_dir() or source.suffix.lower() in SUFFIXES
+    return PictureFolder(source, people) if has_files else VideoPictures(source, people)
 
 
 def fitted(picture: Picture, size_px: tuple[int, int], *, source: Path) -> Picture:

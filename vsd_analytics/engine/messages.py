@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -25,19 +25,24 @@ def instants_ms(people: People, *, start: datetime, hz: float) -> NDArray[np.int
     return np.asarray(first_ms + np.round(people.frames * (1000 / hz)), dtype=np.int64)
 
 
-def frame_messages(seen: Seen, *, camera: str, ts_ms: NDArray[np.int64]) -> Iterator[bytes]:
+def frame_messages(
+    seen: Seen, *, camera: str, ts_ms: NDArray[np.int64], seq: Mapping[int, int] | None = None
+) -> Iterator[bytes]:
     """Yield one message per frame, as a line without its end.
 
-    `seq` is the frame number where the file has one. Persons have the detector's track ids. Where pairs are sent and
-    there is no track id, the id is `frame-index`: it names the person within its frame and never joins two frames.
-    Methods without metres send pairs in every frame; with metres, pairs are sent where all persons of the file have
-    ids, and derived by the reader otherwise. With several planes, pairs are always sent and pixels never: a reader
-    would map them by the camera's one homography, and would take places one above the other as near.
+    `seq` is the frame number where the file has one, or as given: a reader takes a gap in it for lost messages. Persons
+    have the detector's track ids. Where pairs are sent and there is no track id, the id is `frame-index`: it names the
+    person within its frame and never joins two frames. Methods without metres send pairs in every frame; with metres,
+    pairs are sent where all persons of the file have ids, and derived by the reader otherwise. With several planes,
+    pairs are always sent and pixels never: a reader would map them by the camera's one homography, and would take
+    places one above the other as near. Persons without a place are a number, `unplaced`: a store has nothing to put
+    them at.
 
     Args:
         seen: What was found.
         camera: Camera id.
         ts_ms: UTC milliseconds of each of `seen.people.frames`.
+        seq: Running number of each frame; None = its frame number, unless frames have times of their own.
     """
     people = seen.people
     has_ids = all(track is not None for track in people.track)
@@ -50,13 +55,21 @@ def frame_messages(seen: Seen, *, camera: str, ts_ms: NDArray[np.int64]) -> Iter
         track if track is not None else f"{frame}-{row}" if sends_pairs else None
         for row, (frame, track) in enumerate(zip(people.frame.tolist(), people.track, strict=True))
     ]
+    has_place = np.asarray(np.isfinite(seen.uv).all(axis=1), dtype=np.bool_) & (not seen.has_planes)
+    if seen.xy is not None:
+        has_place |= np.isfinite(seen.xy).all(axis=1)
+    in_pairs = {*seen.a.tolist(), *seen.b.tolist()}
     is_numbered = people.ts_ms is None and (not len(people.frames) or people.frames[0] >= 0)
     for i, number in enumerate(people.frames.tolist()):
         message: dict[str, Any] = {"v": 1, "camera": camera, "ts": _iso(int(ts_ms[i]))}
-        if is_numbered:
-            message["seq"] = number
+        if seq is not None or is_numbered:
+            message["seq"] = number if seq is None else seq[number]
         message |= {"engine": seen.engine, "quality": seen.quality}
-        message["persons"] = [_person(seen, row, ids[row]) for row in range(of_person[i], person_end[i])]
+        rows = range(of_person[i], person_end[i])
+        persons = [(row, _person(seen, row, ids[row])) for row in rows if has_place[row] or row in in_pairs]
+        message["persons"] = [person for _, person in persons]
+        if len(persons) < len(rows):
+            message["unplaced"] = len(rows) - len(persons)
         if sends_pairs:
             message["pairs"] = [_pair(seen, row, ids) for row in range(of_pair[i], pair_end[i])]
         yield msgspec.json.encode(message)

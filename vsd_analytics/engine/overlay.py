@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vsd_analytics.engine.detections import Detections
 from vsd_analytics.engine.frame_pictures import FramePictures, Picture, fitted
 from vsd_analytics.engine.people import MID_HIP, NECK, NOSE, Array
 from vsd_analytics.engine.seen import Seen
@@ -101,9 +102,7 @@ def write_overlay(
             canvas = draw_frame(canvas, seen, np.arange(begins[i], ends[i]), pairs, look=look)
             when = datetime.fromtimestamp(int(ts_ms[i]) / 1000, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
             _caption(canvas, seen, number, when, n_people=int(ends[i] - begins[i]), n_pairs=len(pairs), look=look)
-            is_written, data = cv2.imencode(".jpg", canvas, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-            assert is_written
-            (folder / next(names)).write_bytes(bytes(data))
+            (folder / next(names)).write_bytes(jpeg(canvas))
     return n_pictured
 
 
@@ -147,6 +146,26 @@ def draw_frame(
     return canvas
 
 
+def draw_detections(picture: Picture, people: Detections) -> bytes:
+    """Return a picture as JPEG with boxes, joints and scores of what a detector found in it."""
+    canvas = picture.copy()
+    scale = max(1.0, picture.shape[0] / 1080)
+    for box, joints, score in zip(people.box, people.joints, people.score.tolist(), strict=True):
+        _figure(canvas, np.full_like(joints, np.nan), box, _APART, scale=scale)
+        if np.isfinite(joints).any():
+            _figure(canvas, joints, box, _CLOSE, scale=scale)
+        size = round(16 * scale)
+        _plate(canvas, f"{score:.2f}", (float(box[0]), float(box[1]) - size), _APART, size=size, is_left=True)
+    return jpeg(canvas)
+
+
+def jpeg(canvas: Picture) -> bytes:
+    """Return a picture as the bytes of a JPEG file."""
+    is_written, data = cv2.imencode(".jpg", canvas, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
+    assert is_written
+    return bytes(data)
+
+
 def _ground(size_px: tuple[int, int]) -> Picture:
     return np.full((size_px[1], size_px[0], 3), _GROUND, dtype=np.uint8)
 
@@ -180,8 +199,16 @@ def _dashes(ring: Array) -> list[Array]:
 
 
 def _person(canvas: Picture, seen: Seen, row: int, colour: tuple[int, int, int], *, scale: float) -> None:
-    joints = seen.people.joints[row]
-    is_known = np.isfinite(joints).all(axis=1)
+    _figure(canvas, seen.people.joints[row], seen.people.box[row], colour, scale=scale)
+    if np.isfinite(seen.uv[row]).all():
+        at = _fixed(seen.uv[row]).tolist()
+        for shade, radius in ((_WHITE, 6), (colour, 4)):
+            cv2.circle(canvas, at, round(radius * scale * 16), shade, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL)
+
+
+def _figure(canvas: Picture, joints: Array, box: Array, colour: tuple[int, int, int], *, scale: float) -> None:
+    """Draw the bones of somebody, or the box where no joint is known."""
+    is_known = np.asarray(np.isfinite(joints).all(axis=1), dtype=np.bool_)
     if is_known.any():
         bones = [_fixed(joints[list(bone)]) for bone in BONES if is_known[list(bone)].all()]
         for shade, width in ((_WHITE, 5), (colour, 2)):
@@ -189,13 +216,9 @@ def _person(canvas: Picture, seen: Seen, row: int, colour: tuple[int, int, int],
         for at in _fixed(joints[is_known]).tolist():
             cv2.circle(canvas, at, round(3 * scale * 16), colour, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL)
     else:
-        low, high = _fixed(seen.people.box[row].reshape(2, 2)).tolist()
+        low, high = _fixed(box.reshape(2, 2)).tolist()
         for shade, width in ((_WHITE, 4), (colour, 2)):
             cv2.rectangle(canvas, low, high, shade, round(width * scale), cv2.LINE_AA, _SUBPIXEL)
-    if np.isfinite(seen.uv[row]).all():
-        at = _fixed(seen.uv[row]).tolist()
-        for shade, radius in ((_WHITE, 6), (colour, 4)):
-            cv2.circle(canvas, at, round(radius * scale * 16), shade, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL)
 
 
 def _line(canvas: Picture, seen: Seen, pair: int, *, look: OverlayLook, scale: float) -> None:

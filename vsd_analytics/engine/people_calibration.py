@@ -13,7 +13,7 @@ from vsd_analytics.engine.calibration_fit import DEPTH, Fitted, camera_of, fit_c
 from vsd_analytics.engine.camera_model import CameraModel
 from vsd_analytics.engine.camera_moves import Turn, usual_turn
 from vsd_analytics.engine.people import Array, People
-from vsd_analytics.engine.sightings import sightings
+from vsd_analytics.engine.sightings import n_at_once, n_persons, sightings
 from vsd_analytics.errors import CalibrationError
 from vsd_analytics.geometry.homography import to_floor
 
@@ -21,7 +21,8 @@ MIN_ROWS: Final = 40
 MIN_PEOPLE: Final = 8
 """Fewer persons may all be short or tall."""
 MIN_ROWS_UNTRACKED, MIN_PARTS = 80, 30
-"""Without track ids the same few people may come back in all frames: so many walks, or parts of walks, are enough."""
+"""Without track ids the same few people may come back in all frames: so many walks, or parts of walks, are enough, or
+`MIN_PEOPLE` at once."""
 MAX_SCATTER: Final = 0.20
 """Heights that differ more than this are not those of upright people."""
 TALL, MAX_TALL = 1.3, 0.1
@@ -75,10 +76,11 @@ def calibrate_from_people(people: People, *, size_px: tuple[int, int]) -> FromPe
         CalibrationError: The people cannot carry a calibration (E411); the message says why.
     """
     seen = sightings(people, size_px=size_px)
-    n_walks = len(np.unique(seen.who))
+    n_walks = n_persons(seen) if seen.has_tracks else len(np.unique(seen.who))
     n_people = n_walks if seen.has_tracks else None
     least, least_walks = (MIN_ROWS, MIN_PEOPLE) if seen.has_tracks else (MIN_ROWS_UNTRACKED, MIN_PARTS)
-    if len(seen.low) < least or n_walks < least_walks:
+    is_few = n_walks < least_walks and (seen.has_tracks or n_at_once(seen) < MIN_PEOPLE)
+    if len(seen.low) < least or is_few:
         whose = f"{n_walks} persons" if seen.has_tracks else f"about {n_walks} persons (without track ids)"
         many = f"{len(seen.low)} whole people in {len(people.frames):,} frames, of {whose}"
         raise _refused(many, f"give at least {least}, of {least_walks} persons; {_whole(seen.has_lean)}")

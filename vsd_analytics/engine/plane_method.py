@@ -19,7 +19,7 @@ from vsd_analytics.engine.calibration_error import LikelyCameras
 from vsd_analytics.engine.floor_points import floor_points
 from vsd_analytics.engine.people import Array, People
 from vsd_analytics.engine.safe_space import SafeSpaces, pairs_of_frames
-from vsd_analytics.engine.seen import Seen
+from vsd_analytics.engine.seen import ABOVE_HORIZON, NO_FOOT, OFF_PLANES, Seen
 from vsd_analytics.geometry.homography import as_matrix, to_floor
 from vsd_analytics.site.model import Calibration, Plane
 
@@ -146,9 +146,9 @@ def locate_on_planes(
     no_foot = ~np.isfinite(on.uv).all(axis=1)
     outside = (on.plane == NO_PLANE) & ~no_foot
     reasons = {
-        "no foot, or no body above it": int(no_foot.sum()),
-        "outside all planes": int(outside.sum()),
-        "at or above the horizon": int((~np.isfinite(on.xy).all(axis=1) & ~no_foot & ~outside).sum()),
+        NO_FOOT: int(no_foot.sum()),
+        OFF_PLANES: int(outside.sum()),
+        ABOVE_HORIZON: int((~np.isfinite(on.xy).all(axis=1) & ~no_foot & ~outside).sum()),
     }
     used = [*(plane.calibration for plane in planes), *([] if calibration is None else [calibration])]
     sd_m = np.full(len(a), np.nan)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.engine.people import Array, People
 from vsd_analytics.engine.safe_space import SafeSpaces
+
+NO_FOOT: Final = "no foot, or no body above it"
+ABOVE_HORIZON: Final = "at or above the horizon"
+OFF_PLANES: Final = "outside all planes"
+"""Why a person has no place."""
 
 Quality = Literal["metric", "body", "relative"]
 

@@ -16,6 +16,7 @@ PARTS_OF_TRACK: Final = 12
 MAX_ROWS: Final = 3000
 LINK_LENGTHS, LINK_CHANGE = 0.5, 0.2
 """Half a body length is what somebody walks in .6 s; a body's length in the picture changes by less than a fifth."""
+LARGEST: Final = np.iinfo(np.int64).max
 MAX_GAP, STAY_LENGTHS = 6, 0.15
 """Somebody who was missed for some frames is linked if the feet have hardly moved."""
 
@@ -158,6 +159,27 @@ def tracklets(uv: Array, length_px: Array, frame: NDArray[np.int64]) -> NDArray[
     for row in np.flatnonzero(~is_first).tolist():  # in order of frames, so the one before has its number already
         who[row] = who[who[row]]
     return np.unique(who, return_inverse=True)[1].astype(np.intp)
+
+
+def n_persons(seen: Sightings) -> int:
+    """Return how many different persons there are, where a broken track counts once.
+
+    Two track ids are one person where the second begins as the first ends, at the place that `tracklets` links.
+    """
+    walk = tracklets(seen.low, seen.length_px, seen.frame)
+    order = np.lexsort((seen.frame, walk))
+    who, frame = seen.who[order], seen.frame[order]
+    first, last = (np.full(int(seen.who.max(initial=-1)) + 1, limit) for limit in (LARGEST, -1))
+    np.minimum.at(first, who, frame)
+    np.maximum.at(last, who, frame)
+    joins = (walk[order][1:] == walk[order][:-1]) & (who[1:] != who[:-1])
+    joins &= (frame[:-1] == last[who[:-1]]) & (frame[1:] == first[who[1:]])
+    return len(first) - len({*who[1:][joins].tolist()})
+
+
+def n_at_once(seen: Sightings) -> int:
+    """Return how many people are in the frame with most of them: so many are certainly different."""
+    return int(np.unique(seen.frame, return_counts=True)[1].max(initial=0))
 
 
 def thinned(seen: Sightings) -> Sightings:

@@ -18,6 +18,7 @@ from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.formats.frames import FrameMessage
 
 Clock = Literal["frame", "ts"]
+LEAST_CORNERS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,12 +84,13 @@ def read_positions(path: Path) -> Positions:
     return Positions(instant, track[order], xy[order], np.unique(instant), clock, int((~usable).sum()))
 
 
-def read_messages(path: Path, *, clock: Clock) -> FoundPairs:
+def read_messages(path: Path, *, clock: Clock, keeps_unnamed: bool = False) -> FoundPairs:
     """Read frame messages as they are compared with the truth.
 
     Args:
         path: JSON Lines, plain or gzip.
         clock: `frame` takes the running number `seq` as frame number, `ts` the instant.
+        keeps_unnamed: Persons without an id get one that names their place in the file; else they are only counted.
 
     Raises:
         InputError: A line is no frame message (E204), or has no `seq` where frames are asked for (E203).
@@ -121,11 +123,12 @@ def read_messages(path: Path, *, clock: Clock) -> FoundPairs:
             )
         instants.append(at)
         for person in message.persons or ():
-            if person.id is None:
+            if person.id is None and not keeps_unnamed:
                 n_unnamed += 1
                 continue
             x, y = (np.nan if v is None else v for v in (person.x_m, person.y_m))
-            persons.append((at, str(person.id), x, y))
+            name = f"unnamed {len(persons)}" if person.id is None else str(person.id)
+            persons.append((at, name, x, y))
         if message.pairs is not None:
             has_pairs.append(at)
             pairs += [(at, str(p.a), str(p.b), np.nan if p.distance_m is None else p.distance_m) for p in message.pairs]
@@ -146,6 +149,21 @@ def read_messages(path: Path, *, clock: Clock) -> FoundPairs:
         has_pairs=np.unique(np.array(has_pairs, dtype=np.int64)),
         n_unnamed=n_unnamed,
     )
+
+
+def read_areas_csv(path: Path) -> list[Array]:
+    """Read areas: CSV with `area`, `x_m`, `y_m`, the corners of each in order; returns shapes (k, 2).
+
+    Raises:
+        InputError: It cannot be read (E205), lacks a column (E203), or an area has fewer than three corners (E202).
+    """
+    table = read_table(path, needed=("area", "x_m", "y_m"), is_timed=False)
+    xy = np.column_stack([numbers(table["x_m"]), numbers(table["y_m"])])
+    names = texts(table["area"])
+    corners = [xy[names == name] for name in dict.fromkeys(names)]
+    if not corners or any(len(area) < LEAST_CORNERS or not np.isfinite(area).all() for area in corners):
+        raise unusable(path, f"{path.name} has an area that is none", fix="write three corners or more, in metres")
+    return corners
 
 
 def _lines(path: Path) -> list[bytes]:

@@ -108,7 +108,7 @@ def _too_fast(sample: Sample, speeds: Floats) -> Iterator[SourceWarning]:
         )
     elif len(walked := sample.walked_m_s) >= ROWS_MIN and (median := float(np.median(walked))) > WALK_MAX_M_S:
         what = f"people would walk at {median:.1f} m/s: half of the steps of a second or longer are faster"
-        fix = "--unit ft (or yd, dm) if they are; check --fps where times come from frame numbers"
+        fix = "--unit ft (or yd, dm) if they are; check --hz where times come from frame numbers"
         why = "most people walk at 0.5 to 1.6 m/s; feet read as metres look like this"
         yield SourceWarning(what, why, fix, is_sure=median > SPEED_MAX_M_S)
     elif len(walked) >= 5 * ROWS_MIN and (fast := float(np.quantile(walked, 1 - HURRY_SHARE))) > HURRY_MAX_M_S:

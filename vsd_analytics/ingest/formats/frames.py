@@ -24,7 +24,7 @@ from vsd_analytics.ingest.reading.envelopes import bare, text_before
 from vsd_analytics.ingest.reading.helper_processes import in_order, n_helpers
 from vsd_analytics.ingest.reading.instants import ambiguous_note, local_to_utc
 from vsd_analytics.ingest.reading.raw import raw_table, rejected
-from vsd_analytics.ingest.reading.reasons import TOO_MANY, UNKNOWN_FIELD
+from vsd_analytics.ingest.reading.reasons import NO_PLACE, TOO_MANY, UNKNOWN_FIELD
 from vsd_analytics.ingest.reading.text_lines import lines_of, text_blocks
 from vsd_analytics.schema import TableName
 
@@ -83,6 +83,9 @@ class FrameMessage(msgspec.Struct, frozen=True, gc=False):
     ) = None
     engine: Annotated[str, msgspec.Meta(max_length=200)] | None = None
     quality: str = "metric"
+    unplaced: Annotated[
+        int, msgspec.Meta(ge=0, le=2**31, description="People who were seen and whose place nobody knows.")
+    ] = 0
 
 
 class _KnownPerson(PersonMessage, frozen=True, gc=False, forbid_unknown_fields=True): ...
@@ -227,6 +230,8 @@ class MessageRows:
         else:
             self._held.append(message)
             self._numbers.append(number)
+            if message.unplaced:
+                self._dropped[NO_PLACE] += message.unplaced
             self.n_rows += 1 + n_persons + n_pairs
             self._n_held += 1 + n_persons + n_pairs
             if self._n_held >= _HELD_ROWS:

@@ -275,7 +275,7 @@ def _clock(source: Source, sequence: Sequence, options: IngestOptions) -> Callab
             code="E207",
             where=Where(source.name),
             why="MOTChallenge files have frame numbers and no times; only seqinfo.ini may give the frame rate",
-            fix="give both, for example --fps 25 --start 2026-01-05T09:00:00+01:00",
+            fix="give both, for example --hz 25 --start 2026-01-05T09:00:00+01:00",
         )
     first = 1.0 if options.first_frame is None else options.first_frame
     return partial(frame_ms, first=first, fps=fps, start_ms=start)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Sequence
 from typing import Final
 
@@ -50,6 +51,7 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
 _CSV: Final = "export the table as CSV or Parquet"
 _UNPACK: Final = "unpack it, and name the files inside; gzip, bzip2, zstd, zip and tar are read as they are"
 _UTF_8: Final = "save it as CSV UTF-8, or: iconv -f UTF-16 -t UTF-8 FILE > utf8.csv"
+_PICTURE: Final = "vsd engine run finds people in pictures with --detector MODEL.onnx (docs/detectors.md)"
 _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"\xd0\xcf\x11\xe0", "an Excel workbook of before 2007 (xls)", "save it as xlsx or CSV UTF-8"),
     (
@@ -85,11 +87,12 @@ _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"\xff\xfe", "text in UTF-16", _UTF_8),
     (b"\xfe\xff", "text in UTF-16", _UTF_8),
     (b"#ROSBAG", "a ROS bag", "export the topic of positions as CSV, or as JSON lines"),
-    (b"\x89PNG", "a picture", "name the file with the positions"),
-    (b"\xff\xd8\xff", "a picture", "name the file with the positions"),
+    (b"\x89PNG", "a picture", _PICTURE),
+    (b"\xff\xd8\xff", "a picture", _PICTURE),
     (b"{\\rtf", "a text document (RTF)", "save it as plain text, or as CSV UTF-8"),
 )
 """First bytes, what such a file is, and what to do."""
+_STREAMS: Final = {"rtsp", "rtsps", "rtmp", "rtmps", "http", "https", "rtp", "udp", "srt"}
 _TRACKED: Final = re.compile(rb"\d+(?:\.0+)?,-?\d+(?:\.0+)?(?:,-?\d+(?:\.\d+)?(?:e[+-]\d+)?){5,8}")
 _SQL: Final = re.compile(rb"(?m)^(?:INSERT INTO|COPY|CREATE TABLE)\s+[\w.`\"\[]")
 _SPREADSHEET: Final = b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet"
@@ -98,8 +101,9 @@ _SPREADSHEET: Final = b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet"
 def kind_of_no_table(source: Source) -> tuple[str, str] | None:
     """Return what a file is that nothing here reads, and what to do about it; None when its first bytes do not say."""
     head = source.head(128) if source.path.is_file() else b""
-    if head[4:8] == b"ftyp":
-        return "a film", "name the file that the engine wrote about it"
+    if _is_video(head):
+        file = shlex.quote(source.name)
+        return "a video", f"vsd engine run {file} --camera ID --detector MODEL.onnx --start INSTANT (docs/detectors.md)"
     if head.lstrip().lower().startswith((b"<!doctype html", b"<html", b"<table")):
         return "a web page (HTML)", "open it in a spreadsheet, and save it as xlsx or CSV UTF-8"
     if head[:1] == b"\0" and head[2:3] == b"\0" and head[1:2].isalnum():
@@ -109,6 +113,29 @@ def kind_of_no_table(source: Source) -> tuple[str, str] | None:
     if _SPREADSHEET in head:
         return "an OpenDocument spreadsheet (ods)", "save it as xlsx or CSV UTF-8"
     return next(((what, fix) for start, what, fix in _KINDS if head.startswith(start)), None)
+
+
+def _is_video(head: bytes) -> bool:
+    """Return whether a file begins as MP4, QuickTime, AVI, Matroska, WebM, MPEG or Flash video do."""
+    is_avi = head.startswith(b"RIFF") and head[8:12] == b"AVI "
+    return head[4:8] == b"ftyp" or is_avi or head.startswith((b"\x1aE\xdf\xa3", b"\0\0\1\xba", b"FLV\1"))
+
+
+def refuse_streams(names: Sequence[str]) -> None:
+    """Refuse addresses of cameras in place of files; the message does not repeat a password.
+
+    Raises:
+        InputError: E204.
+    """
+    for name in names:
+        scheme, mark, rest = name.partition("://")
+        if mark and scheme.lower() in _STREAMS:
+            host = re.split(r"[/?#]", rest.rpartition("@")[2], maxsplit=1)[0]
+            raise InputError(
+                f"{scheme}://{host} is the stream of a camera, no file",
+                code="E204",
+                fix="write it as source of its [[camera]] in vsd.toml, then: vsd engine live (docs/detectors.md)",
+            )
 
 
 def _likely_kind(source: Source) -> tuple[str, str] | None:
@@ -153,7 +180,7 @@ def _numbers_fix(source: Source) -> str | None:
     if _TRACKED.fullmatch(first) is None:
         return None
     return (
-        "frame, id, left, top, width, height, as trackers write them: --format motchallenge --camera ID --fps 25 "
+        "frame, id, left, top, width, height, as trackers write them: --format motchallenge --camera ID --hz 25 "
         "--start INSTANT; other numbers: --columns with our names in their order"
     )
 

@@ -2,7 +2,7 @@
 
 The sinks write `x_min y_min x_max y_max class_id confidence tracker_id`, then what the user added. They write no time
 by themselves: a column `timestamp`, `ts` or `time` is the time, else `frame_index`, `frame_number`, `frame_id` or
-`frame` is the frame number, with `--fps` and `--start`. Unless `--where` says otherwise, only persons are read:
+`frame` is the frame number, with `--hz` and `--start`. Unless `--where` says otherwise, only persons are read:
 `class_name = 'person'`, or class 0 where there are no names.
 """
 

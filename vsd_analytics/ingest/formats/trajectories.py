@@ -137,7 +137,7 @@ def _clock(source: Source, options: IngestOptions, head: bytes) -> Callable[[int
             code="E207",
             where=Where(source.name),
             why="trajectories have frame numbers and no times; their header may give the frame rate",
-            fix="give it, for example --start 2026-01-05T09:00:00+01:00, and --fps 25 if the header has none",
+            fix="give it, for example --start 2026-01-05T09:00:00+01:00, and --hz 25 if the header has none",
         )
     first = 0.0 if options.first_frame is None else options.first_frame
     return partial(frame_ms, first=first, fps=fps, start_ms=options.start)

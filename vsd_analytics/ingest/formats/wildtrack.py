@@ -115,7 +115,7 @@ class Wildtrack:
                 code="E207",
                 where=Where(source.name),
                 why="WILDTRACK files are named by the number of the video frame and carry no times",
-                fix="give the start, for example --start 2026-01-05T09:00:00+01:00 (and --fps if it is not 10)",
+                fix="give the start, for example --start 2026-01-05T09:00:00+01:00 (and --hz if it is not 10)",
             )
         camera, n_files, damage = options.camera or "wildtrack", 0, None
         rows = _WildtrackRows(options.per_camera)

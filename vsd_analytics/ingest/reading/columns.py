@@ -120,14 +120,14 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         place = ("track_id", *place, *(_PIXELS if place == _FLOOR else ()))
     if "ts" not in positions and (options.fps is None or options.start is None):
         if (time := time_like(header.names)) is not None:
-            why = "frame numbers need --fps and --start, and the file seems to have times"
+            why = "frame numbers need --hz and --start, and the file seems to have times"
             raise _missing(source, "ts", header, why, {"ts": time, **proposed})
         raise InputError(
             f"{source.file_name} has frame numbers but no times",
             code="E207",
             where=Where(source.name),
             why="a frame number becomes a time only with the frame rate and the time of the first frame",
-            fix="add --fps 25 --start 2026-11-09T08:00:00+01:00",
+            fix="add --hz 25 --start 2026-11-09T08:00:00+01:00",
         )
     if "camera_id" not in positions and options.camera is None:
         why = "the site has several cameras, and nothing says which one saw this"

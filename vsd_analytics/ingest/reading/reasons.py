@@ -14,6 +14,9 @@ TOO_MANY: Final = "too-many"
 UNKNOWN_FIELD: Final = "unknown field"
 """What a frame message has beside the fields of its format; it is left out and counted."""
 
+NO_PLACE: Final = "person without a place"
+"""Somebody whom an engine saw and could not place on the floor, as it says itself; left out and counted."""
+
 NOT_A_PERSON: Final = "not a person"
 """An object of another class, left out and counted."""
 
