@@ -136,7 +136,7 @@ def test_the_size_is_bounded_by_the_floor(usual: PlannerData, n_violations: int)
     assert len(page.encode()) <= 800_000
 
 
-def test_five_areas_that_ask_how_they_are_used_leave_the_file_within_800_kb(usual: PlannerData) -> None:
+def test_five_areas_that_ask_how_they_are_used_leave_the_file_within_820_kb(usual: PlannerData) -> None:
     floor, area, *others = usual.places
     areas = [replace(area, place_id=f"area:{key}", name=name) for key, name in AREAS.items()]
     assert usual.shown is not None
@@ -154,4 +154,4 @@ def test_five_areas_that_ask_how_they_are_used_leave_the_file_within_800_kb(usua
     page = render_planner(dense.planner(data, n_violations=2_000_000))
     assert page.count("data-from=") >= 3
     assert "How the space is used" in page
-    assert 700_000 < len(page.encode()) <= 800_000
+    assert 700_000 < len(page.encode()) <= 820_000
