@@ -49,7 +49,7 @@ def shared_days(project: Project, *, week: str | None, days: str | None) -> tupl
     """Return first and last day of what the user asked for and may hand on; by default the last week that is over.
 
     Raises:
-        UsageError: E105, they are no week that is over, and the command was not told `--exact`.
+        UsageError: E105, they are no week that is over, and `--exact` was not given.
         StoreError: E301, nothing is stored and no range was given.
     """
     from vsd_analytics.figures.share.periods import check_days, hides

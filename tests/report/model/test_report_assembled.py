@@ -166,7 +166,7 @@ def test_the_command_and_the_service_know_what_is_over(begun_week: Site, capsys:
     now, from_ = "2026-11-12T11:20:00+01:00", "2026-11-12T11:00:00+01:00"
     command = ["--now", now, "--quiet", "report", "--week", "2026-W46", "--format", "json", "--out", "-"]
     assert run(cli, ["-C", str(begun_week.root), *command]) == 2
-    assert "E105" in capsys.readouterr().out
+    assert "E105" in capsys.readouterr().err
     assert run(cli, ["-C", str(begun_week.root), *command, "--exact"]) == 0
     assert json.loads(capsys.readouterr().out)["coverage"]["not_over_from"] == from_
     seconds, present = [0.0], [w.rome(3, 11, 20)]

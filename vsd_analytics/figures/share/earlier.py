@@ -118,7 +118,7 @@ def _week(line: bytes, number: int) -> SharedWeek:
             code="E110",
             where=Where(FILE, number, line.decode(errors="replace")[:200]),
             why="what left before decides what may leave now",
-            fix="put the file back as it was; a deleted line allows its week to be shared anew",
+            fix="put the file back as it was; a deleted line allows its week to be shared again",
         ) from None
 
 

@@ -30,7 +30,7 @@ def check_operator(site: Site, what: str) -> None:
         what: What is made, at the beginning of a sentence.
 
     Raises:
-        UsageError: E105, the command was not told `--exact`.
+        UsageError: E105, `--exact` was not given.
     """
     if hides(site):
         raise UsageError(

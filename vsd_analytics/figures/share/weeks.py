@@ -176,9 +176,10 @@ def _held_places(
 def hidden_times(data: WeekData, period: Period) -> Mapping[str | None, Reason]:
     """Return why the person-time of areas is held back, by area; None is the rest of the floor.
 
-    Fewer than `mask_below` people made it, as far as is known: the lower bound of the different tracks in the busiest
-    cell of 0.25 m (mart `footsteps`). Another place goes with them, since the floor's time less that of all others is
-    theirs: the rest of the floor, or the last area with enough people.
+    Fewer than `mask_below` people made it, as far as is known: the lower bound of the different tracks of one day in
+    the busiest cell of 0.25 m (mart `footsteps`); who comes every day has another track each day. Another place goes
+    with them, since the floor's time less that of all others is theirs: the rest of the floor, or the last area with
+    enough people.
 
     Args:
         data: The floor.
@@ -188,8 +189,8 @@ def hidden_times(data: WeekData, period: Period) -> Mapping[str | None, Reason]:
     if below <= 1 or not data.areas:
         return {}
     rows = data.warehouse.table(
-        "select cx, cy, sum(n_tracks) as n from footsteps where floor_id = $floor "
-        "and local_date between $first and $last group by cx, cy having sum(n_tracks) >= $below",
+        "select cx, cy from footsteps where floor_id = $floor "
+        "and local_date between $first and $last group by cx, cy having max(n_tracks) >= $below",
         {"floor": data.floor.floor_id, "first": period.first, "last": period.last, "below": below},
     )
     x, y = ((rows[name].to_numpy() + 0.5) * FLOOR_CELL_M for name in ("cx", "cy"))
