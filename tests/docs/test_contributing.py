@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import ast
+import importlib
 import re
 import sys
 import textwrap
@@ -149,16 +149,17 @@ def test_the_figure_example_defines_and_computes_a_figure(tmp_path: Path) -> Non
 
 def test_the_output_column_example_is_one_line_of_one_file() -> None:
     """The line takes the place of the list that begins alike, and text shows the column."""
-    from vsd_analytics.cli.visits import SHOWN
+    visits = importlib.import_module("vsd_analytics.cli.visits")
+    LAYOUTS = visits.LAYOUTS
 
     path = REPOSITORY / "vsd_analytics/cli/visits.py"
-    names = ast.literal_eval(example("output-column").strip().rstrip(","))
-    (position,) = [k for k, shown in enumerate(SHOWN) if shown[:2] == names[:2]]
-    assert set(names) - set(SHOWN[position]) == {"n_followed"}
-    assert set(SHOWN[position]) < set(names)
-    assert example("output-column").splitlines()[0].split(", ")[0] in path.read_text(encoding="utf-8")
-    printed = text(visits_answer(), [names])
-    assert "n followed" in printed[0]
+    layout = eval(example("output-column").strip().rstrip(","), vars(visits))
+    (shown,) = [s.columns for s in LAYOUTS["visits"] if s.columns[:2] == layout.columns[:2]]
+    assert set(layout.columns) - set(shown) == {"n_followed"}
+    assert set(shown) < set(layout.columns)
+    assert 'TableLayout(("name", "n_visits", ' in path.read_text(encoding="utf-8")
+    printed = text(visits_answer(), (layout,))
+    assert "followed" in printed[0]
     assert printed[1].split()[:3] == ["Door", "12", "9"]
 
 
@@ -166,7 +167,7 @@ def test_the_renderer_example_renders_an_answer_it_never_saw() -> None:
     module = types.ModuleType("vsd_analytics.render.markdown")
     exec(compile(example("renderer"), "markdown.py", "exec"), module.__dict__)
     lines = module.markdown(visits_answer()).splitlines()
-    assert lines[0] == "| area | area | visits seen | n followed | share |"
+    assert lines[0] == "| area | area | visits seen | followed | share |"
     assert lines[1] == "| --- | --- | --- | --- | --- |"
     assert lines[2] == "| door | Door | 12 | 9 | \u2013 |"
 

@@ -60,10 +60,15 @@ def test_examples_in_help_are_commands_that_exist() -> None:
             parse(split(line))
 
 
+REMOVED = {"bench"}
+"""Commands of earlier versions, which the changelog names."""
+
+
 @pytest.mark.parametrize("page", PAGES, ids=page_id)
 def test_commands_on_a_page_exist_with_their_options(page: Path) -> None:
     for words in commands(page):
-        parse(words)
+        if page.name != "CHANGELOG.md" or words[1] not in REMOVED:
+            parse(words)
 
 
 def test_pages_are_searched_for_commands() -> None:

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from vsd_analytics.engine.decoders import FAMILIES
 from vsd_analytics.engine.decoders.cells import cells_of
+from vsd_analytics.engine.decoders.families import FAMILIES
 from vsd_analytics.engine.detector import Detector
 from vsd_analytics.engine.people import COCO_17
 from vsd_analytics.errors import InputError

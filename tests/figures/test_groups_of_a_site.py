@@ -377,7 +377,8 @@ def test_the_command_prints_both_readings_and_names_tracks_in_json_only(
     assert together["between_share"]["value"] == pytest.approx(1 / 3, rel=1e-5)
     assert (together["between_share"]["lo"], together["n_violations"]["value"]) == (None, 3)
     between = next(r for r in told["answers"]["readings"]["rows"] if r["reading"] == "between_groups")
-    assert between["violation_rate"]["state"] == "not_enough_data"
+    assert between["violation_rate"]["lo"] is None
+    assert between["violation_rate"]["reason"]
     assert [(r["n_people"], r["n_groups"]["value"]) for r in told["answers"]["groups_by_size"]["rows"]] == [(2, 2)]
 
 

@@ -115,9 +115,9 @@ def outputs(root: Path, monday: date, folder: Path) -> Outputs:
 def _page(page: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
     level = page["level"]
     yield ("counted", "floor"), level["violations"]
-    yield ("M0", "floor"), level["often"]["value"]
-    yield ("M7", "floor"), level["risky"]["value"]
-    yield ("M6", "floor"), level["close_share"]["value"] if level["close_share"] else None
+    yield ("M0", "floor"), level["violation_rate"]["value"]
+    yield ("M7", "floor"), level["encounter_rate"]["value"]
+    yield ("M6", "floor"), level["close_time_share"]["value"] if level["close_time_share"] else None
     yield ("recorded share",), page["coverage"]["share"]
     by_day: dict[str, list[int | None]] = defaultdict(list)
     for cell in page["when"]["cells"]:
@@ -130,8 +130,11 @@ def _page(page: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
         if None not in counts and any(counts):
             yield ("day", day), sum(n for n in counts if n is not None)
     for area in page["areas"]:
-        yield from _area(area["area_id"] or "rest", area["counted"], area["often"]["value"], area["risky"]["value"])
-        yield ("M6", area["area_id"] or "rest"), area["close_share"]["value"] if area["close_share"] else None
+        yield from _area(
+            area["area_id"] or "rest", area["counted"], area["violation_rate"]["value"], area["encounter_rate"]["value"]
+        )
+        close = area["close_time_share"]
+        yield ("M6", area["area_id"] or "rest"), close["value"] if close else None
     figures = page["figures"]
     if figures["M9"]["value"] is not None:
         yield ("M9",), figures["M9"]["value"]
@@ -176,13 +179,15 @@ def _python_hours(rows: Any, page: Mapping[str, Any]) -> Iterator[tuple[Key, Any
 
 
 def _coverage(told: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
-    yield ("recorded share",), told["share"]
+    [whole] = [row for row in told["answers"]["recorded"]["rows"] if row["camera_id"] is None]
+    yield ("recorded share",), whole["recorded_share"]["value"]
 
 
 def _groups(told: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
-    if told["between"]["value"] is not None:
-        yield ("M9",), told["between"]["value"]
-        yield ("M9 of",), told["between"]["of"]
+    [together] = told["answers"]["together"]["rows"]
+    if together["between_share"]["value"] is not None:
+        yield ("M9",), together["between_share"]["value"]
+        yield ("M9 of",), together["n_violations"]["value"]
 
 
 def _today(told: Mapping[str, Any], day: date) -> Iterator[tuple[Key, Any]]:
@@ -199,7 +204,7 @@ def _today(told: Mapping[str, Any], day: date) -> Iterator[tuple[Key, Any]]:
 def _duckdb(path: Path) -> Iterator[tuple[Key, Any]]:
     with duckdb.connect(str(path), read_only=True) as connection:
         for counted, often, close, recorded in connection.execute(
-            "select violations, violations_per_open_h, close_share, recorded_share from weeks"
+            "select violations, violations_per_open_h, close_time_share, recorded_share from weeks"
         ).fetchall():
             yield ("counted", "floor"), counted
             yield ("M0", "floor"), often
@@ -248,10 +253,10 @@ def _hotspots_csv(rows: list[dict[str, str]]) -> Iterator[tuple[Key, Any]]:
 def _compare(told: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
     for place in told["places"]:
         name = "floor" if place["kind"] == "floor" else place["area_id"] or "rest"
-        yield ("counted", name), round(place["often_b"]["n_events"])
-        for metric, kind in (("M0", "often"), ("M7", "risky"), ("M6", "close_share")):
+        yield ("counted", name), round(place["violation_rate_b"]["n_events"])
+        for metric, kind in (("M0", "violation_rate"), ("M7", "encounter_rate"), ("M6", "close_time_share")):
             if place[f"{kind}_b"] is not None:
-                yield (metric, name), place[f"{kind}_b"]["rate"]
+                yield (metric, name), place[f"{kind}_b"]["value"]
 
 
 def _hours_by_area(told: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
@@ -272,9 +277,9 @@ def _place(place_id: str) -> str:
 
 def _planner(planner: PlannerData) -> Iterator[tuple[Key, Any]]:
     for row in planner.places:
-        yield ("M0", _place(row.place_id)), row.often.value
-        yield ("M7", _place(row.place_id)), row.risky.value
-        yield ("M6", _place(row.place_id)), row.close_share.value
+        yield ("M0", _place(row.place_id)), row.violation_rate.value
+        yield ("M7", _place(row.place_id)), row.encounter_rate.value
+        yield ("M6", _place(row.place_id)), row.close_time_share.value
 
 
 def _planner_sums(planner: PlannerData) -> Iterator[tuple[Key, Any]]:

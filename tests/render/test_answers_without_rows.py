@@ -11,20 +11,22 @@ from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Value
 from vsd_analytics.figures.share.answers import share
 from vsd_analytics.render.frame import arrow
 from vsd_analytics.render.json_form import as_json, from_json
-from vsd_analytics.render.text import number_text, text
+from vsd_analytics.render.text import TableLayout, number_text, remarks, text
 from vsd_analytics.wording.reasons import reason_text
 
 HOLDS = HoldsFor("shop", "ground", date(2026, 11, 9), date(2026, 11, 15))
 COLUMNS = (Column("area_id", "key"), Column("n_violations", "count", "violations"), Column("lost_messages", "number"))
 WHY = Reason("engine.no_positions")
+SHOWN = (TableLayout(("area_id", "n_violations")),)
 
 
 def test_text_says_why_there_is_nothing_and_is_silent_where_there_is_truly_nothing_to_list() -> None:
     lacking = Answer("areas", COLUMNS, (), HOLDS, nothing=WHY, state="not_measurable")
-    assert text(lacking, [("area_id", "n_violations")]) == [reason_text(WHY)]
+    assert remarks(lacking, SHOWN) == [reason_text(WHY)]
     noted = Answer("areas", COLUMNS, (), HOLDS, notes=((None, WHY),))
-    assert text(noted, [("area_id", "n_violations")]) == [reason_text(WHY)]
-    assert text(Answer("areas", COLUMNS, (), HOLDS), [("area_id",)]) == []
+    assert remarks(noted, SHOWN) == [reason_text(WHY)]
+    assert remarks(Answer("areas", COLUMNS, (), HOLDS), SHOWN) == []
+    assert text(lacking, SHOWN) == []
 
 
 def test_json_and_the_mask_keep_which_lack_it_is() -> None:

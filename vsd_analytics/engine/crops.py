@@ -10,7 +10,7 @@ from typing import Final
 import cv2
 import numpy as np
 
-from vsd_analytics.engine.decoders import crop_decoder_for
+from vsd_analytics.engine.decoders.families import crop_decoder_for
 from vsd_analytics.engine.detections import Detections, body_joints
 from vsd_analytics.engine.frame_pictures import Picture
 from vsd_analytics.engine.model_input import Placed

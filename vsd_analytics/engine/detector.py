@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.engine.crops import JointFinder
-from vsd_analytics.engine.decoders import decoder_for
 from vsd_analytics.engine.decoders.decoder import Decoder
+from vsd_analytics.engine.decoders.families import decoder_for
 from vsd_analytics.engine.detections import Detections, joined
 from vsd_analytics.engine.frame_pictures import Picture
 from vsd_analytics.engine.model_input import other_inputs

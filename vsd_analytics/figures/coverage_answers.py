@@ -10,7 +10,7 @@ from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, Value
 from vsd_analytics.figures.operator_counts import coverage
 from vsd_analytics.warehouse.warehouse import Warehouse
 
-CLOSED: Final = Reason("site.closed")
+CLOSED: Final = Reason("recorded.closed_then")
 _HOURS: Final = (
     Column("recorded_share", "share", "share", "M1", per="scheduled_h"),
     Column("recorded_h", "fact", "h"),

@@ -184,6 +184,8 @@ def _plain(cell: Scalar, column: Column) -> str:
             return fmt.MISSING
         case bool():
             return "yes" if cell else "no"
+        case int() if not column.unit:
+            return str(cell)  # a year or the number of a message has no separators
         case int() | float():
             return number_text(cell, column)
         case _:

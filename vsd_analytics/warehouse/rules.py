@@ -1,4 +1,4 @@
-"""The rules of facts that are no settings: each number stands here once, for queries and for numpy alike.
+"""The rules of facts that are no settings: each number is written here once, for queries and for numpy alike.
 
 Queries read them from `params`, next to the settings.
 """
@@ -12,7 +12,7 @@ RULES: Final[Mapping[str, int]] = {
     # A gap of up to 2.5 frame intervals is bridged whatever the settings say: one frame may be lost.
     # Proven over frame rates: docs/statistics.md.
     "gap_half_intervals": 5,
-    # The next frame is at most 2 frame intervals off; beyond, a frame stands for one interval.
+    # The next frame is at most 2 frame intervals off; beyond, a frame counts as one interval.
     "next_half_intervals": 4,
     # An hour depends on its neighbours alone, so a longer frame interval than 20 minutes counts as 20 minutes.
     "longest_interval_ms": 1_200_000,

@@ -18,8 +18,8 @@ from report.send.test_sending import Inbox, Scripted, free_port, server
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.report.model import assemble
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages import story
 from vsd_analytics.report.send import mail_server
 from vsd_analytics.site.model import Site
 
@@ -49,7 +49,7 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Site:
 @pytest.fixture(scope="module")
 def known(shop: Site) -> Callable[..., WeekReport]:
     """Compute each week once: these tests are about what becomes of it."""
-    real = assemble.week_report
+    real = story.week_report
     made: dict[Any, WeekReport] = {}
 
     def week_report(site: Site, monday: date, *, floor_id: str, now: datetime | None, **more: Any) -> WeekReport:
@@ -67,7 +67,7 @@ def project(shop: Site, known: Callable[..., WeekReport], monkeypatch: pytest.Mo
     monkeypatch.setenv("PATH", "/nonexistent")
     monkeypatch.delenv("VSD_CHROMIUM", raising=False)
     monkeypatch.setattr("vsd_analytics.report.pages.pdf.MAC_APPS", ())
-    monkeypatch.setattr(assemble, "week_report", known)
+    monkeypatch.setattr(story, "week_report", known)
     monkeypatch.setattr("vsd_analytics.report.pages.mail.map_picture", lambda report: None)
     monkeypatch.setattr(mail_server.send, "__kwdefaults__", {**(mail_server.send.__kwdefaults__ or {}), "waits_s": ()})
     for path in shop.root.glob("mail/*"):
@@ -90,8 +90,8 @@ def steps(root: Path) -> list[tuple[str, str]]:
 
 def test_all_formats_come_from_one_model(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Any] = []
-    real = assemble.week_report
-    monkeypatch.setattr(assemble, "week_report", lambda *a, **k: made.append(1) or real(*a, **k))
+    real = story.week_report
+    monkeypatch.setattr(story, "week_report", lambda *a, **k: made.append(1) or real(*a, **k))
     assert vsd(project, *WEEK, "--format", "html,json,csv", "--mail", "--out", str(tmp_path)) == 0
     names = {p.name for p in tmp_path.iterdir()}
     assert {"2026-W46.html", "2026-W46.json", "2026-W46-hours.csv", "2026-W46-areas.csv", "2026-W46.eml"} <= names

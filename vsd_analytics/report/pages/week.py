@@ -110,7 +110,7 @@ class Page:
         log: What happened at the site.
         log_section: Position of that list: "trend" below charts that mark it, else "changed".
         messages: How many messages are missing, in words.
-        more_figures: Rows of the table of further figures.
+        further_figures: Rows of the table of further figures.
         asked: What earlier weeks asked, and what came of it.
         privacy: What is stored about people, until when, and what was deleted.
     """
