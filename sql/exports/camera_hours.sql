@@ -1,18 +1,18 @@
 -- name: exports/camera_hours
--- One row per camera and local hour; small counts hidden as by vsd hours --by camera --share.
+-- One row per camera and local hour; in the file of vsd export --exact alone.
 -- grain: camera_id, start_utc
--- reads: shared_camera_hours
+-- reads: exact_camera_hours
 -- columns:
 --   camera_id
 --   start_utc        start of the hour in UTC
 --   start_local      the same on the clocks of the site
 --   open_s           opening time in it, seconds
 --   recorded_s       recorded time, seconds
---   person_records   person records; null where hidden or unknown
+--   person_records   person records; null where unknown
 --   violations       violations that began in it; likewise
 --   exposure_s       person-seconds in view; likewise
 --   violation_s      person-seconds too close; likewise
---   state            ok; no_data = nothing recorded; masked = a small count is hidden; held_back = hidden because it would reveal one
+--   state            ok; no_data = nothing recorded
 -- assumes: a count of an hour without data is null, never 0
 select
     camera_id,
@@ -25,10 +25,8 @@ select
     cast(exposure_s as double) as exposure_s,
     cast(violation_s as double) as violation_s,
     case
-        when masked then 'masked'
-        when held_back then 'held_back'
         when coalesce(recorded_s, 0) = 0 then 'no_data'
         else 'ok'
     end as state
-from shared_camera_hours
+from exact_camera_hours
 order by camera_id, start_utc

@@ -263,7 +263,7 @@ def _report(root: Path, ack: Ack) -> str:
 
 
 def _planner(root: Path, ack: Ack) -> str:
-    return vsd(root, "planner", "--week", WEEK, ack=ack)
+    return vsd(root, "planner", "--exact", "--week", WEEK, ack=ack)
 
 
 def add_to_log(root: Path, ack: Ack, *, text: str = "moved the exhibit") -> None:

@@ -316,7 +316,7 @@ def test_a_part_cut_off_after_its_facts_were_computed_is_named_by_every_command_
     hour = ("--range", "2026-11-09T08:00..2026-11-09T11:00")
     commands = (
         ("report", *week),
-        ("planner", *week),
+        ("planner", "--exact", *week),
         ("purge", "--older-than", "2026-11-12", "--dry-run", "--force"),
         ("purge", "--camera", "cam", *hour, "--dry-run", "--force"),
         ("export", "--out", tmp_path / "all.jsonl"),

@@ -12,6 +12,7 @@ import pytest
 from planted_changes import AREAS, planted, site_of
 
 from vsd_analytics.figures.before_after import BeforeAfterFigure, before_after
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.week.change_effects import change_effects, moved_people
 
 FIRST = date(2026, 8, 31)
@@ -30,6 +31,7 @@ def week(root: Path, *, days_after: int = 25, is_held_back: bool = False) -> Any
     return SimpleNamespace(
         areas=AREAS,
         site=site_of(root),
+        mask=Mask(5),
         sunday=FIRST + timedelta(days=CHANGE + days_after),
         is_held_back=lambda *_: is_held_back,
     )

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsd_analytics.answer import Answer, Answers, Column, HoldsFor, Reason, Row, Sum, Value, value_of
-from vsd_analytics.figures.share import share
-from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.share.answers import share
+from vsd_analytics.figures.share.counts import is_small
 
 HOLDS = HoldsFor("shop", "ground", date(2026, 11, 9), date(2026, 11, 15))
 BELOW = 5

@@ -7,7 +7,7 @@ from itertools import product
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from vsd_analytics.figures.suppression import held_back, is_small
+from vsd_analytics.figures.share.counts import held_back, is_small
 
 counts = st.dictionaries(st.integers(0, 5), st.integers(0, 14), min_size=1, max_size=5)
 

@@ -14,7 +14,7 @@ import vsd_analytics
 from vsd_analytics.answer import VALUES, Answer, Cell, HoldsFor, Value, value_of
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.figures.share import share
+from vsd_analytics.figures.share.answers import share
 from vsd_analytics.figures.visits import COLUMNS, SUMS
 from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.report.pages.week import render_html

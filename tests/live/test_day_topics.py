@@ -134,19 +134,11 @@ def test_what_is_unknown_is_null_and_shown_as_unknown_never_as_zero(site: Site) 
     assert day_figures(card(so_far=None, hours=()), site, site.floors[0])["state"] == "closed"
 
 
-def test_counts_are_rounded_and_small_ones_hidden_whatever_the_hours(site: Site) -> None:
-    """Nobody who collects all hours of a day learns a count exactly."""
-    below = site.settings.mask_below
-    assert below == 5
-    for n in (0, 1, 4, 5, 14, 15, 27, 120):
+def test_counts_are_those_of_the_card_for_the_operator_s_own_tools(site: Site) -> None:
+    for n in (0, 1, 4, 27):
         made = card(so_far=level(SATURDAY, float(n)), hours=(hour(SATURDAY, 9, float(n)),))
         message = day_figures(made, site, site.floors[0])
-        for count in (message["violations"], message["last_hour"]["violations"]):
-            assert count is None if 0 < n < below else count % 10 == 0 and abs(count - n) <= below
-    few = card(hours=(hour(SATURDAY, 9, 0.0, seen=0.05),))
-    assert day_figures(few, site, site.floors[0])["last_hour"]["people_in_view"] is None, "somebody for three minutes"
-    exact = site.with_settings(mask_below=1)
-    assert day_figures(card(so_far=level(SATURDAY, 27.0)), exact, site.floors[0])["violations"] == 27
+        assert (message["violations"], message["last_hour"]["violations"]) == (n, n)
 
 
 def test_home_assistant_without_a_topic_for_figures_is_a_mistake(tmp_path: Path) -> None:
@@ -169,7 +161,7 @@ def test_published_figures_stay_at_the_broker_for_whoever_comes_later(
         (root / "frames.jsonl").write_bytes(b"\n".join(lines))
         clock = ("-C", str(root), "--now", "2026-11-09T10:05+01:00")
         assert run(cli, [*clock, "ingest", str(root / "frames.jsonl")]) == 0
-        assert run(cli, [*clock, "today", "--publish", "--out", str(tmp_path)]) == 0
+        assert run(cli, [*clock, "today", "--exact", "--publish", "--out", str(tmp_path)]) == 0
         assert "6 messages published below vsd/shop/today" in "".join(capsys.readouterr())
         found: dict[str, Any] = {}
         reader = paho.Client(CallbackAPIVersion.VERSION2, protocol=paho.MQTTv5)
@@ -185,11 +177,11 @@ def test_published_figures_stay_at_the_broker_for_whoever_comes_later(
     assert sum(bool(CONFIG_TOPIC.fullmatch(topic)) for topic in found) == 5
     assert all(is_retained for is_retained, _ in found.values())
     _, message = found["vsd/shop/today/ground"]
-    assert (message["last_hour"]["hour"], message["last_hour"]["people_in_view"]) == (9, None)
-    assert (message["violations"], message["state"]) == (None, "masked"), "one violation is not published"
+    assert message["last_hour"]["hour"] == 9
+    assert message["violations"] == message["last_hour"]["violations"] == 1
 
 
 def test_publishing_without_a_topic_says_what_to_add(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     root = write_project(tmp_path / "shop", port=1883)
-    assert run(cli, ["-C", str(root), "today", "--publish"]) == 2
+    assert run(cli, ["-C", str(root), "today", "--exact", "--publish"]) == 2
     assert "figures_topic" in capsys.readouterr().err

@@ -86,7 +86,7 @@ def outputs(root: Path, monday: date, folder: Path) -> Outputs:
     note("vsd groups", _groups(command(root, "groups", "--week", week)))
     for day in (monday + timedelta(days=k) for k in range(7)):
         now = datetime(day.year, day.month, day.day, 23, 59, tzinfo=site.zone)
-        note("vsd today", _today(command(root, "today", now=now), day))
+        note("vsd today", _today(command(root, "today", "--exact", now=now), day))
     note("duckdb", _duckdb(folder / "week.duckdb"))
     note(
         "hotspots.csv",

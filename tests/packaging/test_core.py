@@ -105,7 +105,7 @@ TAKE_IN = (
     "hours",
     "heatmap --format csv",
 )
-MAKE_FIGURES = ("report --week 2026-W46", "hotspots", "today", "forecast")
+MAKE_FIGURES = ("report --week 2026-W46", "hotspots", "today --exact", "forecast")
 LISTEN = "listen --once --connect-timeout 1"
 
 

@@ -1,7 +1,7 @@
 """A reader who collects every number of two weeks and solves for the counts that were held back.
 
-The unknowns are violations by week, point of the floor, day and hour. Every number of the JSON file, the CSV tables and
-the planner's page becomes a row `low <= sum of some unknowns <= high`: counts as they are, rates times recorded hours,
+The unknowns are violations by week, point of the floor, day and hour. Every number of the JSON file and the CSV tables
+becomes a row `low <= sum of some unknowns <= high`: counts as they are, rates times recorded hours,
 numbers of six digits as the interval they were rounded from, "<5" as 1 to 4. The least and the greatest value of a sum
 of unknowns under all rows is what the reader can know of it (`scipy.optimize.milp`).
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date, timedelta
 from itertools import product
@@ -20,14 +20,12 @@ from typing import Any
 
 import numpy as np
 import shapely
-from planner import planted_shop as planted
 from report import ingested_worlds as worlds
 from scipy import sparse
 from scipy.optimize import Bounds, LinearConstraint, milp
 
+from vsd_analytics.errors import ReportError
 from vsd_analytics.figures import hotspots as analysis
-from vsd_analytics.planner.page import render_planner
-from vsd_analytics.planner.planner_data import PlannerData, planner_pages
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
@@ -60,11 +58,13 @@ class World:
         site: The project.
         n: Violations by key.
         lost: Week, camera and day of which nothing was recorded.
+        cut_h: Time of a week, camera, day and hour that was erased.
     """
 
     site: Site
     n: dict[Key, int]
     lost: set[tuple[int, int, int]]
+    cut_h: Mapping[Key, float] = field(default_factory=dict)
 
     @property
     def n_weeks(self) -> int:
@@ -73,9 +73,10 @@ class World:
     def sum(self, keys: Iterable[Key]) -> int:
         return sum(self.n[key] for key in keys)
 
-    def x_h(self, week: int, camera: int, days: Iterable[int] = range(N_DAYS)) -> int:
+    def x_h(self, week: int, camera: int, days: Iterable[int] = range(N_DAYS)) -> float:
         """Return the recorded open hours of a camera."""
-        return sum(HOURS[1] - HOURS[0] for d in days if (week, camera, d) not in self.lost)
+        hours = product((d for d in days if (week, camera, d) not in self.lost), range(*HOURS))
+        return sum(1 - self.cut_h.get((week, camera, d, h), 0.0) for d, h in hours)
 
     def both(self, week: int, camera: int) -> list[int]:
         """Return the days on which a camera recorded both this week and the one before."""
@@ -84,9 +85,16 @@ class World:
 
 @dataclass
 class Known:
-    """What a reader knows: rows of weights with their limits, and where each came from."""
+    """What a reader knows: rows of weights with their limits, and where each came from.
+
+    Attributes:
+        rows: Weights, limits, source.
+        held_least: What a count is at least that is held back beside a small one; 0 in a week that was shared before,
+            as a count may be held back for its change.
+    """
 
     rows: list[tuple[Weights, float, float, str]] = field(default_factory=list)
+    held_least: int = BELOW
 
     def exact(self, keys: Iterable[Key], n: float, source: str) -> None:
         self.rows.append((dict.fromkeys(keys, 1.0), n, n, source))
@@ -144,41 +152,49 @@ def build(folder: Path, seed: int, *, n_weeks: int, busy: Mapping[tuple[int, int
     return write(folder, n, lost)
 
 
-def write(folder: Path, n: dict[Key, int], lost: set[tuple[int, int, int]]) -> World:
-    """Write and ingest a world."""
+def write(folder: Path, n: dict[Key, int], lost: set[tuple[int, int, int]], *, weeks: int | None = None) -> World:
+    """Write and ingest a world, or its first weeks."""
     config = worlds.toml(cameras=("cam-1", "cam-2"), opening='{ mon-wed = "09:00-11:00" }', more=SETTINGS)
-
-    def counts(week: int, camera: int) -> worlds.Counts:
-        return lambda day, hour: {
-            at: n[week, p, day, hour] for p, (at, (_, of)) in enumerate(POINTS.items()) if of == camera
-        }
-
-    streams = [
-        worlds.messages(
-            counts(w, c),
-            monday=monday(w),
-            hours=HOURS,
-            camera=f"cam-{c + 1}",
-            days=[d for d in range(N_DAYS) if (w, c, d) not in lost],
-            is_alone=c == 0,
-        )
-        for w in range(1 + max(key[0] for key in n))
-        for c in range(2)
-    ]
-    return World(worlds.world(folder, config, *streams), n, lost)
+    world = World(worlds.world(folder, config), n, lost)
+    for week in range(world.n_weeks if weeks is None else weeks):
+        add_week(world, week)
+    return world
 
 
-def published(world: World, weeks: Sequence[int], *, with_planner: bool = True) -> Known:
-    """Return everything that leaves the operator's hands about some weeks."""
-    known = Known()
+def add_week(world: World, week: int) -> None:
+    """Ingest a week."""
+    days = range(N_DAYS)
+    parts = [(c, [d for d in days if (week, c, d) not in world.lost]) for c in range(2)]
+    worlds.add(world.site, *(stream(world, week, c, of) for c, of in parts), name=f"week-{week}")
+
+
+def stream(world: World, week: int, camera: int, days: Sequence[int]) -> Iterator[dict[str, Any]]:
+    """Return a camera's frames of some days of a week."""
+
+    def counts(day: int, hour: int) -> Mapping[worlds.Place, int]:
+        return {at: world.n[week, p, day, hour] for p, (at, (_, of)) in enumerate(POINTS.items()) if of == camera}
+
+    return worlds.messages(
+        counts, monday=monday(week), hours=HOURS, camera=f"cam-{camera + 1}", days=days, is_alone=camera == 0
+    )
+
+
+def published(world: World, weeks: Sequence[int], *, held_least: int = BELOW) -> Known:
+    """Return everything that leaves the operator's hands about some weeks; nothing of those that are refused.
+
+    Args:
+        world: What was counted.
+        weeks: The weeks.
+        held_least: As for `Known`.
+    """
+    known = Known(held_least=held_least)
     for week in weeks:
-        report = week_report(world.site, monday(week))
-        told = json.loads(to_json(report))
-        read_json(known, world, week, told)
+        try:
+            report = week_report(world.site, monday(week))
+        except ReportError:
+            continue
+        read_json(known, world, week, json.loads(to_json(report)))
         read_csv(known, world, week, to_csv(report))
-        if with_planner:
-            [page] = planner_pages(world.site, monday(week))
-            read_planner(known, week, page, render_planner(page))
     return known
 
 
@@ -204,13 +220,14 @@ def _rate(known: Known, world: World, week: int, place: str | bool | None, e: Ma
 def _time_close_before(known: Known, world: World, week: int, share: float | None, source: str) -> None:
     """Add the share of time too close on the rest of the floor in the week before, over the hours compared.
 
-    One person stands there alone, in view of the first camera, for as long as that camera recorded.
+    One person stands there alone, in view of the first camera, for as long as that camera recorded. Of weeks with a
+    day that a camera lost, a reader does not know which days of which camera are compared.
     """
-    if share is None or not share < 1:
+    if share is None or not share < 1 or any(w in (week - 1, week) for w, _, _ in world.lost):
         return
     days = {camera: world.both(week, camera) for camera in range(2)}
     keys = [k for c in days for k in keys_of(week - 1, place=None, camera=c) if k[2] in days[c]]
-    alone_h = len(days[0]) * (HOURS[1] - HOURS[0])
+    alone_h = world.x_h(week - 1, 0, days[0])
     known.rounded(dict.fromkeys(keys, 2 * CLOSE_H), alone_h * share / (1 - share), source, digits=5)
 
 
@@ -221,7 +238,7 @@ def _label(known: Known, keys: list[Key], n: float | None, row: Mapping[str, Any
     elif row["is_masked"]:
         known.between(dict.fromkeys(keys, 1.0), 1, BELOW - 1, f"{source} <{BELOW}")
     elif row["is_held_back"]:
-        known.between(dict.fromkeys(keys, 1.0), BELOW, np.inf, f"{source} held back")
+        known.between(dict.fromkeys(keys, 1.0), known.held_least, np.inf, f"{source} held back")
 
 
 def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) -> None:
@@ -253,7 +270,8 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
             share = cell["close_time_share"]
             if share is not None and share < 1 and (week, 0, day) not in world.lost:  # one person stands alone: 1 h
                 hours = dict.fromkeys(keys, 2 * CLOSE_H)
-                known.rounded(hours, share / (1 - share), f"{source} when close_share", digits=5)
+                alone_h = 1 - world.cut_h.get((week, 0, day, cell["hour"]), 0.0)
+                known.rounded(hours, alone_h * share / (1 - share), f"{source} when close_share", digits=5)
     for row in told["trend"]["weeks"] if told["trend"] else []:
         of = (date.fromisoformat(row["monday"]) - FIRST).days // 7
         if row["violation_rate"] is not None:
@@ -331,31 +349,6 @@ def read_csv(known: Known, world: World, week: int, files: Mapping[str, str]) ->
             known.exact(keys_of(week, place=place), int(row["counted"]), "areas.csv counted")
         if row["per_open_hour"]:
             _rate(known, world, week, place, {"value": float(row["per_open_hour"])}, "areas.csv per_open_hour")
-
-
-def read_planner(known: Known, week: int, page: PlannerData, text: str) -> None:
-    """Add the numbers of the planner's page: sums of places over the week, the weeks before, and of cells."""
-    [meta] = [json.loads(part.split("</script>")[0]) for part in text.split('id="meta">')[1:]]
-    for back, told in enumerate(planted.unpacked(text, page)):
-        n = np.array(told["n"]).reshape(len(page.places), 2, -1)
-        for k, place in enumerate(meta["places"]):
-            if not place["hidden"][back]:
-                known.exact(
-                    keys_of(week - back, place=_place(place["id"])), n[k].sum(), f"planner {week} {place['id']}"
-                )
-        of = page.week if back == 0 else page.before
-        if of is not None and of.cells is not None and not meta["places"][0]["hidden"][back]:
-            known.exact(keys_of(week - back), int(of.cells.violations.values.sum()), f"planner {week} cells")
-            known.exact(keys_of(week - back), int(of.cells.fine[2].sum()), f"planner {week} fine cells")
-    past = range(max(0, week - 5), week)
-    for k, place in enumerate(meta["places"]):
-        if page.history.n.size and place.get("past", 1):
-            keys = [key for w in past for key in keys_of(w, place=_place(place["id"]))]
-            known.exact(keys, page.history.n[k].sum(), f"planner {week} history {place['id']}")
-
-
-def _place(place_id: str) -> str | bool | None:
-    return True if place_id == "floor" else None if place_id == "rest" else place_id.removeprefix("area:")
 
 
 def small_counts(world: World) -> dict[str, list[Key]]:

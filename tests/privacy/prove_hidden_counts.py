@@ -1,12 +1,14 @@
-"""Solve for every count held back from all that is published of many weeks; the table is in docs/privacy.md.
+"""Solve for every count held back from all that leaves of many weeks, in sequence; the table is in docs/privacy.md.
 
-Worlds of few violations, each with `--weeks` weeks in a row. A reader has every number of every week's JSON file, CSV
-tables and planner (`hidden_counts`).
+Worlds of few violations, each with `--weeks` weeks in a row. A page is asked for in every hour of each week, and made
+when the week is over. Then minutes are erased twice, a day arrives late, and the legal distance changes, and all pages
+are made again. A reader has every number of every version (`sequences`).
 """
 
 from __future__ import annotations
 
 import argparse
+import random
 import sys
 import tempfile
 from collections import Counter
@@ -16,33 +18,55 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from privacy import hidden_counts as hidden
+from privacy import sequences
 
 
 def main() -> None:
     """Print the table, and end with 1 where a count could be worked out."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=10, help="worlds")
+    parser.add_argument("--seeds", type=int, default=11, help="worlds")
     parser.add_argument("--first", type=int, default=1, help="first seed")
-    parser.add_argument("--weeks", type=int, default=11, help="weeks of each world")
+    parser.add_argument("--weeks", type=int, default=10, help="weeks of each world")
     asked = parser.parse_args()
-    found: Counter[str] = Counter()
-    hid: Counter[str] = Counter()
-    n_numbers = n_broken = 0
+    told: Counter[str] = Counter()
+    held: Counter[str] = Counter()
+    n_numbers = n_broken = n_refused = 0
     for seed in range(asked.first, asked.first + asked.seeds):
         with tempfile.TemporaryDirectory() as folder:
-            world = hidden.build(Path(folder) / "site", seed, n_weeks=asked.weeks)
-            known = hidden.published(world, range(asked.weeks))
-        wrong = hidden.broken(known, world)
-        told = hidden.worked_out(known, world)
-        hid.update(map(hidden.kind, hidden.small_counts(world)))
-        found.update(map(hidden.kind, told))
-        n_numbers, n_broken = n_numbers + len(known.rows), n_broken + len(wrong)
-        print(f"seed {seed}: {len(known.rows):,} numbers, worked out: {told}", *wrong, sep="\n  ", flush=True)
-    print(f"\n{asked.seeds} worlds of {asked.weeks} weeks, {n_numbers:,} numbers, {n_broken} that do not fit\n")
-    print("| count of 1 to 4 | held back | worked out |\n|---|--:|--:|")
-    for kind, n in sorted(hid.items()):
-        print(f"| {kind} | {n:,} | {found[kind]:,} |")
-    sys.exit(1 if found or n_broken else 0)
+            versions = history(Path(folder), seed, n_weeks=asked.weeks)
+        wrong, found = sequences.broken(versions), sequences.worked_out(versions)
+        for name in sequences.protected(versions):
+            held[kind(name)] += 1
+        told.update(map(kind, found))
+        n_numbers, n_broken = n_numbers + len(versions.rows), n_broken + len(wrong)
+        n_refused += versions.n_refused
+        print(f"seed {seed}: {len(versions.rows):,} numbers, worked out: {found}", *wrong, sep="\n  ", flush=True)
+    print(f"\n{asked.seeds} worlds of {asked.weeks} weeks, {n_numbers:,} numbers, {n_broken} that do not fit")
+    print(f"{n_refused:,} pages of a running week asked for and refused\n")
+    print("| small count | held back | worked out |\n|---|--:|--:|")
+    for of_kind, n in sorted(held.items()):
+        print(f"| {of_kind} | {n:,} | {told[of_kind]:,} |")
+    sys.exit(1 if told or n_broken else 0)
+
+
+def history(folder: Path, seed: int, *, n_weeks: int) -> sequences.Versions:
+    """Return what a reader has of a world that goes on and changes."""
+    rng = random.Random(seed)
+    versions = sequences.lived(folder, seed, n_weeks=n_weeks)
+    for slots in (rng.choice((1, 3)), rng.choice((7, 12))):
+        at = rng.randrange(n_weeks), rng.randrange(2), rng.randrange(hidden.N_DAYS)
+        if at not in versions.worlds[-1].lost:
+            sequences.erased(versions, *at, hidden.HOURS[0] + 1, slots=slots)
+    for at in sorted(versions.worlds[-1].lost)[:1]:
+        sequences.late(versions, *at, lambda _: rng.choice((0, 2, 6, 20)))
+    sequences.nearer(versions)
+    return versions
+
+
+def kind(name: str) -> str:
+    """Return what sort of count a name is of."""
+    version, _, of = name.partition(", ")
+    return f"{'change' if version.startswith('change') else 'count'}, {hidden.kind(of)}"
 
 
 if __name__ == "__main__":

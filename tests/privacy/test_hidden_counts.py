@@ -12,14 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import shapely
 from planner import planted_shop as planted
 from privacy import hidden_counts as hidden
 
-from vsd_analytics.figures.suppression import GIVES_AWAY
-from vsd_analytics.planner.cell_counts import CELL_M, grid_of
-from vsd_analytics.planner.page import render_planner
-from vsd_analytics.planner.planner_data import PlannerData, planner_pages
+from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.story import week_report
@@ -48,18 +44,11 @@ def reports(world: hidden.World) -> dict[int, WeekReport]:
     return {w: week_report(world.site, hidden.monday(w)) for w in TWO_WEEKS}
 
 
-@pytest.fixture(scope="module")
-def pages(world: hidden.World) -> dict[int, PlannerData]:
-    return {w: planner_pages(world.site, hidden.monday(w))[0] for w in TWO_WEEKS}
-
-
 def spots(report: WeekReport) -> list[dict[str, Any]]:
     return json.loads(to_json(report))["answers"]["hotspots"]["rows"]
 
 
-def test_hotspots_of_two_weeks_do_not_tell_the_small_count_of_the_later(
-    reports: dict[int, WeekReport], pages: dict[int, PlannerData]
-) -> None:
+def test_hotspots_of_two_weeks_do_not_tell_the_small_count_of_the_later(reports: dict[int, WeekReport]) -> None:
     before, now = ({s["spot_id"]: s for s in spots(reports[w])} for w in TWO_WEEKS)
     assert next(iter(before.values()))["n_violations"]["value"] > hidden.BELOW
     at_door = [s for s in now.values() if s["area_id"] == "door"]
@@ -67,7 +56,6 @@ def test_hotspots_of_two_weeks_do_not_tell_the_small_count_of_the_later(
     for spot in at_door:
         for name in ("n_violations", "excess_ratio", "violation_h", "excess_min_per_week", "q"):
             assert spot[name]["value"] is spot[name]["lo"] is None, f"{name} of {spot['spot_id']}"
-    assert "door" not in {spot.place.area_id for spot in pages[3].hotspots.spots}
 
 
 def test_a_hotspot_with_a_small_week_is_shown_without_figures(tmp_path: Path) -> None:
@@ -86,9 +74,7 @@ def test_a_hotspot_with_a_small_week_is_shown_without_figures(tmp_path: Path) ->
     assert reason_text(GIVES_AWAY) in render_html(report)
 
 
-def test_time_too_close_is_hidden_with_the_count_of_its_place_and_hour(
-    reports: dict[int, WeekReport], pages: dict[int, PlannerData]
-) -> None:
+def test_time_too_close_is_hidden_with_the_count_of_its_place_and_hour(reports: dict[int, WeekReport]) -> None:
     told = json.loads(to_json(reports[3]))
     hidden_areas = {a["area_id"]: a for a in told["areas"] if a["is_masked"] or a["is_held_back"]}
     assert "door" in hidden_areas
@@ -99,45 +85,15 @@ def test_time_too_close_is_hidden_with_the_count_of_its_place_and_hour(
     assert all(a["close_time_share"]["value"] is not None for a in json.loads(to_json(reports[2]))["areas"])
     for cell in told["when"]["cells"]:
         assert cell["close_time_share"] is None or not (cell["is_masked"] or cell["is_held_back"])
-    [door] = [p for p in pages[3].places if p.place_id == "area:door"]
-    assert door.close_time_share.value is None
-
-
-def test_the_planner_s_cells_sum_to_their_area_and_never_to_more(
-    world: hidden.World, pages: dict[int, PlannerData]
-) -> None:
-    for week, page in pages.items():
-        assert page.shown is not None
-        assert page.week.cells is not None
-        grid = grid_of(page.shown.extent)
-        assert grid is not None
-        rows = page.week.cells.violations
-        across = grid.n_x * 2
-        x, y = (grid.x0 + (rows.cell % across + 0.5) * CELL_M, grid.y0 + (rows.cell // across + 0.5) * CELL_M)
-        for k, place in enumerate(page.places):
-            if place.area is None or k in page.week.hidden:
-                continue
-            inside = shapely.contains_xy(shapely.Polygon(place.area.polygon), x, y)
-            counted = world.sum(hidden.keys_of(week, place=place.area.area_id))
-            assert int(rows.values[0][inside].sum()) == counted == int(page.week.panel.n[k].sum())
-
-
-def test_a_place_held_back_in_an_earlier_week_has_no_history_in_the_planner(world: hidden.World) -> None:
-    [page] = planner_pages(world.site, hidden.monday(4))
-    [door] = [k for k, place in enumerate(page.places) if place.place_id == "area:door"]
-    assert not page.places[door].has_history
-    assert not page.history.n[door].any()
-    assert page.places[0].has_history
 
 
 def test_no_count_held_back_can_be_worked_out_from_all_numbers_of_two_weeks(
-    world: hidden.World, reports: dict[int, WeekReport], pages: dict[int, PlannerData]
+    world: hidden.World, reports: dict[int, WeekReport]
 ) -> None:
     known = hidden.Known()
     for week in TWO_WEEKS:
         hidden.read_json(known, world, week, json.loads(to_json(reports[week])))
         hidden.read_csv(known, world, week, to_csv(reports[week]))
-        hidden.read_planner(known, week, pages[week], render_planner(pages[week]))
     assert hidden.broken(known, world) == []
     assert hidden.small_counts(world)
     assert hidden.worked_out(known, world) == {}

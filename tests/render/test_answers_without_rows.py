@@ -8,7 +8,7 @@ from datetime import date
 import pytest
 
 from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Value
-from vsd_analytics.figures.share import share
+from vsd_analytics.figures.share.answers import share
 from vsd_analytics.render.frame import arrow
 from vsd_analytics.render.json_form import as_json, from_json
 from vsd_analytics.render.text import TableLayout, number_text, remarks, text

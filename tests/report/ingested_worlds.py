@@ -25,6 +25,7 @@ from vsd_analytics.site.model import Site
 
 MONDAY = date(2026, 11, 9)
 BEFORE = MONDAY - timedelta(days=7)
+DAY = timedelta(days=1)
 STEP_MS = 20_000
 CLOSE_S = 40
 """Each of the two people of a violation is too close for two frames."""
@@ -136,16 +137,21 @@ def world(folder: Path, config: str, *streams: Iterable[Mapping[str, Any]], log:
     if log:
         (folder / "log.jsonl").write_text("".join(json.dumps(e) + "\n" for e in log), encoding="utf-8")
     site = load_site(folder)
+    add(site, *streams)
+    return site
+
+
+def add(site: Site, *streams: Iterable[Mapping[str, Any]], name: str = "engine") -> None:
+    """Read streams into the store of a project."""
     paths = []
     for k, stream in enumerate(streams):
-        paths.append(folder / f"engine-{k}.jsonl")
+        paths.append(site.root / f"{name}-{k}.jsonl")
         paths[-1].write_bytes(msgspec.json.Encoder().encode_lines(stream))
     options = IngestOptions(format="frames", is_sure=True)
     with mock.patch.object(pipeline._Ingest, "understand", return_value=None):
         result = pipeline.ingest(site, paths, options, now=datetime(2027, 1, 1, tzinfo=UTC))
     assert [s.error for s in result.sources] == [None] * len(paths)
     assert result.n_rejected == 0
-    return site
 
 
 def report(site: Site, monday: date = MONDAY, **options: Any) -> WeekReport:

@@ -157,7 +157,7 @@ def answers(folder: Path) -> dict[str, Any]:
     compared = vsd(folder, "compare", "--change", "1")
     vsd(folder, "report", "--week", last, "--format", "json", "--out", str(folder / "out"))
     report = json.loads(next((folder / "out").glob("*.json")).read_text())
-    vsd(folder, "planner", "--week", last, "--out", str(folder / "out"))
+    vsd(folder, "planner", "--exact", "--week", last, "--out", str(folder / "out"))
     page = next((folder / "out").glob("*planner.html")).read_text()
     card = page.partition('data-card="1"')[2].partition("</table>")[0]  # what one click on the change shows
     return {

@@ -151,7 +151,7 @@ def test_facts_behind_a_mart_are_those_whose_files_are_read() -> None:
 
 COMMANDS = {
     "heatmap": ["heatmap"],
-    "heatmap --at person --share": ["heatmap"],
+    "heatmap --at person": ["heatmap"],
     "hours": ["hours"],
     "hours --by camera": ["camera_hours"],
     "hours --by area": ["camera_hours", "area_hours"],

@@ -13,7 +13,7 @@ from vsd_analytics.api.table import Table
 from vsd_analytics.figures.compare import days_needed
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.share import share
+from vsd_analytics.figures.share.answers import audience_answers
 from vsd_analytics.render.frame import arrow
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -43,7 +43,7 @@ def answer_table(
     with opened(*days_needed(site, days)) as warehouse:
         for floor in site.floors:
             period = Period(FloorHours(warehouse, floor=floor), *days)
-            answer = share(answers(period), below=int(site.settings.mask_below))[name]
+            answer = audience_answers(answers(period), site)[name]
             tables.append(arrow(answer))
             if answer.nothing is not None:
                 why.append(reason_text(answer.nothing))

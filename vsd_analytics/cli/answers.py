@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import date
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,15 +13,6 @@ from vsd_analytics.cli.output import emit_json, plain
 if TYPE_CHECKING:
     from vsd_analytics.answer import Answers
     from vsd_analytics.render.text import Layout
-
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-def exact_option(command: F) -> F:
-    """Add `--exact` to a command that prints answers."""
-    return click.option(
-        "--exact", "is_exact", is_flag=True, help="Print small counts too: not to be handed on (docs/privacy.md)."
-    )(command)
 
 
 def print_answers(

@@ -6,8 +6,8 @@ from typing import Final
 
 import click
 
-from vsd_analytics.cli.answers import exact_option, has_value, print_answers
-from vsd_analytics.cli.options import floor_option, json_option, range_options
+from vsd_analytics.cli.answers import has_value, print_answers
+from vsd_analytics.cli.options import exact_option, floor_option, json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.render.text import Layout, TableLayout
 
@@ -26,9 +26,7 @@ LAYOUTS: Final[dict[str, Layout]] = {
 @exact_option
 @json_option
 @pass_project
-def capacity(
-    project: Project, week: str | None, days: str | None, floor_id: str | None, is_exact: bool, as_json: bool
-) -> int:
+def capacity(project: Project, week: str | None, days: str | None, floor_id: str | None, as_json: bool) -> int:
     """Print for how much of the open time areas and floors with a capacity are full, and by how many people too full.
 
     Time counts where all cameras that see the place recorded: without one of them, people are too few. On a floor only
@@ -44,7 +42,7 @@ def capacity(
     from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import capacities as figures
-    from vsd_analytics.figures.share import audience_answers
+    from vsd_analytics.figures.share.answers import audience_answers
     from vsd_analytics.site.places import known_floor
 
     floor = known_floor(project.site, floor_id)
@@ -56,7 +54,7 @@ def capacity(
             fix="add capacity = 40 (people at once) to an [[area]] or a [[floor]] of vsd.toml",
         )
     with period_with_history(project, floor, week=week, days=days) as period:
-        answers = audience_answers([figures.capacity(period)], period.data.site, is_exact=is_exact)
+        answers = audience_answers([figures.capacity(period)], period.data.site)
         notes = purged_hours_notes(period.data.warehouse)
     print_answers(answers, days=(period.first, period.last), layouts=LAYOUTS, as_json=as_json, notes=notes)
     return 0 if has_value(answers, "capacity", ["full_share"]) else 1

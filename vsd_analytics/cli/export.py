@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import exact_option, json_option
 from vsd_analytics.cli.output import count, emit_json
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import RECORD_NAMES, camera_id_of, parse_span, resolve
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 @click.option(
     "--duckdb", "duckdb_out", metavar="FILE", help="Write the figures of whole weeks, without records, for other tools."
 )
+@exact_option
 @json_option
 @pass_project
 def export(

@@ -6,8 +6,8 @@ from typing import Final, Literal
 
 import click
 
-from vsd_analytics.cli.answers import exact_option, has_value, print_answers
-from vsd_analytics.cli.options import choice_option, floor_option, range_options
+from vsd_analytics.cli.answers import has_value, print_answers
+from vsd_analytics.cli.options import choice_option, exact_option, floor_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.render.text import Layout, TableLayout
 
@@ -32,7 +32,6 @@ def flow(
     week: str | None,
     days: str | None,
     floor_id: str | None,
-    is_exact: bool,
     kind: Literal["text", "json", "csv"],
 ) -> int:
     """Print where people go next from each area (origin-destination matrix), and their routes from door to door.
@@ -55,7 +54,7 @@ def flow(
     from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures.flow_answers import flow_answers
-    from vsd_analytics.figures.share import audience_answers
+    from vsd_analytics.figures.share.answers import audience_answers
     from vsd_analytics.render.frame import csv_text
     from vsd_analytics.site.places import known_floor
 
@@ -67,7 +66,7 @@ def flow(
             fix="add visits = true to two [[area]] of vsd.toml or more; door = true where people come and go",
         )
     with period_with_history(project, floor, week=week, days=days) as period:
-        answers = audience_answers(flow_answers(period), period.data.site, is_exact=is_exact)
+        answers = audience_answers(flow_answers(period), period.data.site)
         notes = purged_hours_notes(period.data.warehouse)
     if kind == "csv":
         click.echo(csv_text(answers["flow"]), nl=False)

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 @floor_option
 @choice_option("--format", "kind", choices=["csv", "json", "png", "svg"], default="csv", help="Table or picture.")
 @click.option("--out", metavar="FILE", help="Write here (pictures need it); default: standard output.")
-@click.option("--share", is_flag=True, help="Hide small counts: for a table that you give to others.")
 @json_option
 @pass_project
 def heatmap(
@@ -42,10 +41,11 @@ def heatmap(
     floor_id: str | None,
     kind: str,
     out: str | None,
-    share: bool,
     as_json: bool,
 ) -> None:
     """Print or draw violation records per floor cell.
+
+    The counts are exact, for the operator: the maps to hand on are those of vsd report.
 
     Columns cx and cy are floor(x / cell) and floor(y / cell) in floor metres.
 
@@ -62,8 +62,6 @@ def heatmap(
         raise UsageError(f"--cell {cell_m:g} is not a multiple of {FLOOR_CELL_M:g} m", fix="--cell 0.5")
     if kind in ("png", "svg") and out is None:
         raise UsageError("a picture needs a file", fix=f"--out where.{kind}")
-    if kind in ("png", "svg") and share:
-        raise UsageError("--share is for tables", fix="the map of vsd report hides small counts")
     with warehouse_of(project, week=week, days=days, heat_cell_m=cell_m, relations=("heatmap",)) as warehouse:
         frame = operator_counts.heatmap(warehouse, floor_id=floor_id, at=at)
         if kind in ("png", "svg"):
@@ -80,19 +78,11 @@ def heatmap(
             project.say(f"wrote {out}")
             return
         notes = purged_hours_notes(warehouse)
-    below = int(project.site.settings.mask_below)
-    if share:
-        from vsd_analytics.figures.masked_tables import shared_cells
-
-        frame = shared_cells(frame, below=below)
     if kind == "json" or as_json:
         emit_json(noted({"cell_m": cell_m, "at": at, "cells": rows_of(frame)}, notes))
         return
     warn(notes)
-    if share:
-        table = frame.drop(columns="masked").astype({"records": object}).fillna({"records": f"<{below}"})
-    else:
-        table = frame[frame["records"] > 0].drop(columns="exposure_s")
+    table = frame[frame["records"] > 0].drop(columns="exposure_s")
     text = table.to_csv(index=False, lineterminator="\n")
     if out is None:
         click.echo(text, nl=False)

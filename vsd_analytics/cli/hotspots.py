@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
 )
 @click.option("--out", metavar="FILE", help="Write here; default: standard output.")
 @click.option("--cells", "with_cells", is_flag=True, help="JSON: add every tested cell.")
-@click.option("--share", is_flag=True, help="Hide small counts: for a table that you give to others.")
 @json_option
 @pass_project
 def hotspots(
@@ -45,7 +43,6 @@ def hotspots(
     kind: str,
     out: str | None,
     with_cells: bool,
-    share: bool,
     as_json: bool,
 ) -> None:
     """Print the places where people spend clearly more time too close than the crowd explains, and since when.
@@ -54,7 +51,8 @@ def hotspots(
     busy: the map of burden shows those. The test allows for chance and for differences between days and weeks. Places
     are ranked by the time above what crowding explains: what could be saved. Compared with the 28 days a week earlier,
     a hotspot is new or persisting; past hotspots are listed below. After a change of the log in or near a hotspot, it
-    is watched until enough days have passed.
+    is watched until enough days have passed. The counts are exact, for the operator: the table to hand on is
+    hotspots.csv of vsd report.
 
     \b
     Example:
@@ -63,8 +61,6 @@ def hotspots(
     """
     from vsd_analytics.figures import hotspot_export
     from vsd_analytics.figures import hotspots as analysis
-    from vsd_analytics.figures.week.data import WeekData
-    from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
 
     floor = known_floor(project.site, floor_id)
     _, until = resolve(project, week=week, days=days)
@@ -72,11 +68,7 @@ def hotspots(
     with warehouse_of(project, week=None, days=f"{first}..{until}") as warehouse:
         warehouse.materialise("violations")
         found = analysis.hotspots(warehouse, floor_id=floor.floor_id, until=until)
-        monday = until - timedelta(days=until.weekday())
-        revealing = revealing_spots(WeekData(warehouse, floor=floor, monday=monday), found) if share else frozenset()
         rules = purged_hours_notes(warehouse)
-    if share:
-        found = hotspot_export.without_small(found, below=int(project.site.settings.mask_below), revealing=revealing)
     kind = "json" if as_json else kind
     if kind == "json":
         printed = hotspot_export.as_dict(found, with_cells=with_cells)

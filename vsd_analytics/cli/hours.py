@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import timedelta
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import click
 
@@ -11,10 +10,6 @@ from vsd_analytics.cli.options import json_option, range_options
 from vsd_analytics.cli.output import emit_json, rows_of
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import not_over_note, noted, purged_hours_notes, warehouse_of, warn
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 _HOUR_COLUMNS = (
     *("start", "camera_id", "area_id", "person_records", "violation_records", "n_violations"),
@@ -25,7 +20,6 @@ _HOUR_COLUMNS = (
 @click.command()
 @range_options
 @click.option("--by", type=click.Choice(["camera", "area"]), help="One row per camera or area as well.")
-@click.option("--share", is_flag=True, help="Hide small counts: for a table that you give to others.")
 @json_option
 @pass_project
 def hours(
@@ -33,14 +27,13 @@ def hours(
     week: str | None,
     days: str | None,
     by: Literal["camera", "area"] | None,
-    share: bool,
     as_json: bool,
 ) -> None:
     """Print hourly counts: people, violations, recorded time, state of the hour.
 
     An hour without data has state no_data: what happened is unknown, which does not mean that nothing happened. Over
     several cameras, recorded_s is their mean, and cameras_down says how many recorded less than half of the hour. Hours
-    to come are left out.
+    to come are left out. The counts are exact, for the operator: the table to hand on is hours.csv of vsd report.
 
     \b
     Example:
@@ -57,14 +50,6 @@ def hours(
         if by is None and (silent := operator_counts.silent_cameras(warehouse)):
             of_all = f"{len(silent)} of {len(project.site.cameras)}"
             said.append(f"{', '.join(silent)} recorded nothing; recorded_s is the mean over cameras, {of_all} with 0 s")
-        first, last = warehouse.first, warehouse.last
-    below = int(project.site.settings.mask_below)
-    if share:
-        from vsd_analytics.figures.masked_tables import reports_hold, shared_hours
-
-        monday, sunday = first - timedelta(days=first.weekday()), last + timedelta(days=6 - last.weekday())
-        with warehouse_of(project, week=None, days=f"{monday}..{sunday}") as whole_weeks:
-            frame = shared_hours(frame, below=below, reports=reports_hold(whole_weeks))
     if as_json:
         emit_json(noted({"hours": rows_of(frame)}, notes + said))
         return
@@ -75,16 +60,5 @@ def hours(
         frame = frame[(frame["recorded_s"] > 0) | (frame["open_s"] > 0)]
     is_mean = len(project.site.cameras) > 1 and "cameras_down" in frame and bool(frame["cameras_down"].any())
     columns = [c for c in _HOUR_COLUMNS if c in frame and (c != "cameras_down" or is_mean)]
-    click.echo(_text(frame[columns], held_back=frame["masked"] if share else None, below=below))
-
-
-def _text(frame: pd.DataFrame, *, held_back: pd.Series | None = None, below: int = 0) -> str:
-    counts = frame.select_dtypes("Int64").columns
-    shown = frame.astype(dict.fromkeys(counts, "float64"))
-    if held_back is not None:
-        for column in counts:
-            known = [f"{v:,.0f}" for v in shown[column].fillna(0)]
-            missing = [f"<{below}" if held else "–" for held in held_back]
-            is_missing = frame[column].isna()
-            shown[column] = [m if gone else k for k, m, gone in zip(known, missing, is_missing, strict=True)]
-    return shown.to_string(index=False, na_rep="–", float_format=lambda v: f"{v:,.0f}")
+    shown = frame[columns].astype(dict.fromkeys(frame[columns].select_dtypes("Int64").columns, "float64"))
+    click.echo(shown.to_string(index=False, na_rep="–", float_format=lambda v: f"{v:,.0f}"))

@@ -40,6 +40,21 @@ language_option = click.option(
 """The command writes in this language; see `Project.speak` for that of the site."""
 
 
+def _show_exact(context: click.Context, parameter: click.Parameter, value: bool) -> None:
+    from vsd_analytics.cli.project import Project
+
+    context.ensure_object(Project).is_exact |= value
+
+
+exact_option = click.option(
+    "--exact",
+    is_flag=True,
+    expose_value=False,
+    callback=_show_exact,
+    help="Hide nothing, of any days: for the operator, not to be handed on (docs/privacy.md).",
+)
+"""The command hides no small count; see `Project.is_exact`."""
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 

@@ -28,6 +28,7 @@ class Project:
         quiet: Print nothing but results and errors.
         verbose: Show tracebacks.
         is_own_process: The process ends with the command.
+        is_exact: `--exact`: what the command makes is for the operator and hides nothing.
     """
 
     folder: str
@@ -35,6 +36,7 @@ class Project:
     quiet: bool = False
     verbose: bool = False
     is_own_process: bool = False
+    is_exact: bool = False
 
     def inside(self, folder: Path) -> Project:
         """Return the project of another folder, with the same clock and the same words."""
@@ -60,10 +62,11 @@ class Project:
 
     @cached_property
     def site(self) -> Site:
-        """Return the site that vsd.toml describes."""
+        """Return the site that vsd.toml describes; with `--exact`, it hides nothing."""
         from vsd_analytics.config.project import load_site
 
-        return load_site(self.root, environ=os.environ)
+        site = load_site(self.root, environ=os.environ)
+        return site.with_settings(mask_below=0) if self.is_exact else site
 
     def say(self, text: str) -> None:
         """Print a message for the user on standard error, unless `--quiet`."""

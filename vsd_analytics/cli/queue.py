@@ -6,8 +6,8 @@ from typing import Final
 
 import click
 
-from vsd_analytics.cli.answers import exact_option, has_value, print_answers
-from vsd_analytics.cli.options import floor_option, json_option, range_options
+from vsd_analytics.cli.answers import has_value, print_answers
+from vsd_analytics.cli.options import exact_option, floor_option, json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.render.text import GridLayout, Layout, TableLayout
 
@@ -42,7 +42,6 @@ def queue(
     days: str | None,
     floor_id: str | None,
     has_forecast: bool,
-    is_exact: bool,
     as_json: bool,
 ) -> int:
     """Print how many people wait in an area, how long, and how many leave before the end, of areas with queue = true.
@@ -68,7 +67,7 @@ def queue(
     from vsd_analytics.figures.forecast import HISTORY_WEEKS
     from vsd_analytics.figures.queue_forecast import queue_forecast
     from vsd_analytics.figures.queues import queues
-    from vsd_analytics.figures.share import audience_answers
+    from vsd_analytics.figures.share.answers import audience_answers
     from vsd_analytics.site.places import known_floor
 
     floor = known_floor(project.site, floor_id)
@@ -83,7 +82,7 @@ def queue(
         every = [*queues(period)]
         if has_forecast:
             every += queue_forecast(period.data, whole_week(period.last))
-        answers = audience_answers(every, period.data.site, is_exact=is_exact)
+        answers = audience_answers(every, period.data.site)
         notes = purged_hours_notes(period.data.warehouse)
     print_answers(answers, days=(period.first, period.last), layouts=LAYOUTS, as_json=as_json, notes=notes)
     has_end = any(a.served_in is not None for a in period.data.areas if a.is_queue)

@@ -45,6 +45,22 @@ def resolve(project: Project, *, week: str | None, days: str | None) -> tuple[da
     return extent.first_day, extent.last_day
 
 
+def shared_days(project: Project, *, week: str | None, days: str | None) -> tuple[date, date]:
+    """Return first and last day of what the user asked for and may hand on; by default the last week that is over.
+
+    Raises:
+        UsageError: E105, they are no week that is over, and `--exact` was not given.
+        StoreError: E301, nothing is stored and no range was given.
+    """
+    from vsd_analytics.figures.share.periods import check_days, hides
+
+    if week is None and days is None and hides(project.site):
+        week = "last"
+    first, last = resolve(project, week=week, days=days)
+    check_days(project.site, first, last, clock=project.now)
+    return first, last
+
+
 def last_monday(project: Project) -> date:
     """Return the Monday that `--week last` means: of the last whole week before the clock, but not after the data."""
     from vsd_analytics.warehouse.stored_days import stored_extent
@@ -129,7 +145,7 @@ def period_with_history(
     from vsd_analytics.figures.periods import Period
     from vsd_analytics.stats.rates import HISTORY_WEEKS
 
-    first, last = resolve(project, week=week, days=days)
+    first, last = shared_days(project, week=week, days=days)
     with warehouse_of(project, week=None, days=f"{first - (n_weeks or HISTORY_WEEKS) * WEEK}..{last}") as warehouse:
         yield Period(FloorHours(warehouse, floor=floor), first, last)
 

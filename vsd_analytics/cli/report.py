@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vsd_analytics.cli.options import choice_option, json_option, language_option
+from vsd_analytics.cli.options import choice_option, exact_option, json_option, language_option
 from vsd_analytics.cli.output import facts_progress, render_error
 from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
 from vsd_analytics.cli.ranges import last_monday
@@ -53,6 +53,7 @@ PAGES: Final = frozenset({"html", "pdf", "json"})
 @click.option("--subject", metavar="TEXT", help="Its subject (default: site, week and headline).")
 @click.option("--zip", "is_zipped", is_flag=True, help="Attach the page as well, in a zip archive.")
 @click.option("--again", "is_again", is_flag=True, help="Send it even to those who have this week.")
+@exact_option
 @language_option
 @json_option
 @pass_project
@@ -86,7 +87,7 @@ def report(
       vsd report --week 2026-W46 --format html,pdf,json,csv
       vsd report --week 2026-W46 --format png --figure where
       vsd report --week 2026-W46 --format json --out -
-      vsd report --range 2026-11-09..2026-11-22
+      vsd report --range 2026-11-09..2026-11-22 --exact
       vsd report --week last --mail --send
     """
     from vsd_analytics.cli import report_mail

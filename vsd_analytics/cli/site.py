@@ -10,7 +10,7 @@ import click
 from vsd_analytics.cli.options import json_option, language_option, path_option
 from vsd_analytics.cli.output import count, emit_json, render_error
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.errors import UsageError, VsdError
+from vsd_analytics.errors import ReportError, UsageError, VsdError
 
 
 @click.group()
@@ -213,7 +213,11 @@ def write_week(project: Project, week: str) -> list[Path]:
         page, json_file = folder / f"{stem}.html", folder / f"{stem}.json"
         if json_file.exists():
             continue
-        (report,) = make_reports(project, week=week, floor_id=floor_id)
+        try:
+            (report,) = make_reports(project, week=week, floor_id=floor_id)
+        except ReportError as error:  # shared before, and changed by too little since
+            project.say(render_error(error, word="warning"))
+            continue
         if page.exists() and report.state == "no_data":
             continue
         files = ReportFiles(report, project.site, is_only=len(floors) == 1)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.options import json_option, language_option
+from vsd_analytics.cli.options import exact_option, json_option, language_option
 from vsd_analytics.cli.output import emit_json, rounded
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import nothing_stored, warehouse_of
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 @click.option("--from", "sender", metavar="ADDRESS", help="Who it comes from (default: [mail] from).")
 @click.option("--again", "is_again", is_flag=True, help="Send it even to those who have today's card.")
 @click.option("--publish", "is_published", is_flag=True, help="Publish the figures at [mqtt] figures_topic.")
+@exact_option
 @language_option
 @json_option
 @pass_project
@@ -49,6 +50,8 @@ def today(
 ) -> int:
     """Write the card of the day: yesterday and today so far, silent cameras, what to expect until tomorrow.
 
+    The card is the operator's, with exact counts of single hours: it needs --exact, and is not to be handed on.
+
     A day is compared with the same hours of the same weekday in the twelve weeks before. Hours count when they are
     over. The exit code is 1 when a camera sends no data. With --now before the command, the card is that of an earlier
     instant.
@@ -58,12 +61,13 @@ def today(
 
     \b
     Example:
-      vsd today --open
-      vsd today --send
-      vsd today --publish
-      vsd --now 2026-11-14T14:20+01:00 today
+      vsd today --exact --open
+      vsd today --exact --send
+      vsd today --exact --publish
+      vsd --now 2026-11-14T14:20+01:00 today --exact
     """
     from vsd_analytics.cli import report_mail
+    from vsd_analytics.figures.share.periods import check_operator
 
     project.speak()
     is_mailed = is_mailed or is_sent
@@ -75,6 +79,7 @@ def today(
         raise UsageError("--to, --from and --again go with a mail", fix="--mail, or --mail --send")
     options = report_mail.MailOptions(sender=sender, to=to, is_sent=is_sent, is_again=is_again)
     mail = report_mail.checked(project, options) if is_mailed else None
+    check_operator(project.site, "the card of the day")
     found = _today(project, floor_id)
     if is_published:
         _publish(project, found)

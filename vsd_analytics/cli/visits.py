@@ -6,8 +6,8 @@ from typing import Final
 
 import click
 
-from vsd_analytics.cli.answers import exact_option, has_value, print_answers
-from vsd_analytics.cli.options import floor_option, json_option, range_options
+from vsd_analytics.cli.answers import has_value, print_answers
+from vsd_analytics.cli.options import exact_option, floor_option, json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.render.text import Layout, TableLayout
 
@@ -27,9 +27,7 @@ LAYOUTS: Final[dict[str, Layout]] = {
 @exact_option
 @json_option
 @pass_project
-def visits(
-    project: Project, week: str | None, days: str | None, floor_id: str | None, is_exact: bool, as_json: bool
-) -> int:
+def visits(project: Project, week: str | None, days: str | None, floor_id: str | None, as_json: bool) -> int:
     """Print how many people visit an area and how long they stay (dwell time), of areas with visits = true.
 
     A visit counts where its entry was seen. A track that is lost inside shows that the person stayed at least that
@@ -46,7 +44,7 @@ def visits(
     from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import visits as figures
-    from vsd_analytics.figures.share import audience_answers
+    from vsd_analytics.figures.share.answers import audience_answers
     from vsd_analytics.site.places import known_floor
 
     floor = known_floor(project.site, floor_id)
@@ -57,7 +55,7 @@ def visits(
             fix="add visits = true to an [[area]] of vsd.toml; door = true where people come and go",
         )
     with period_with_history(project, floor, week=week, days=days) as period:
-        answers = audience_answers([figures.visits(period)], period.data.site, is_exact=is_exact)
+        answers = audience_answers([figures.visits(period)], period.data.site)
         notes = purged_hours_notes(period.data.warehouse)
     print_answers(answers, days=(period.first, period.last), layouts=LAYOUTS, as_json=as_json, notes=notes)
     return 0 if has_value(answers, "visits", ["dwell_median_s"]) else 1

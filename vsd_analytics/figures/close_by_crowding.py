@@ -25,8 +25,8 @@ from vsd_analytics.figures.close_time import close_time
 from vsd_analytics.figures.mixing import pair_time
 from vsd_analytics.figures.panels import Array, Ints
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.slots import NOTHING_OPEN
-from vsd_analytics.figures.suppression import is_small, too_few
 from vsd_analytics.figures.week.results import CloseByCrowding, CloseInClasses, CloseInDays
 from vsd_analytics.geometry.camera_views import plan_bounds, view_polygon
 from vsd_analytics.settings import OWNER_CELL_M
@@ -37,7 +37,7 @@ EDGES: Final = tuple(float(f"{0.5 * 2 ** (k / 2):.4g}") for k in range(15))
 VIEW_UNKNOWN: Final = Reason("crowding.view_unknown")
 
 
-def close_by_crowding(period: Period, *, why_hidden: Reason | None) -> CloseByCrowding:
+def close_by_crowding(period: Period, *, why_hidden: Reason | None, is_by_day: bool = True) -> CloseByCrowding:
     """Return person-hours and those too close by class of crowding, for each day and for all days.
 
     Of the camera-hours that enter rates. No part has a count of violations from 1 to under `mask_below`: days, and
@@ -46,6 +46,7 @@ def close_by_crowding(period: Period, *, why_hidden: Reason | None) -> CloseByCr
     Args:
         period: The days.
         why_hidden: Why no count of the floor is shown; None where they are.
+        is_by_day: False: all days are one, as that of a day would tell an hour that is hidden.
     """
     data = period.data
     if (why := period.why_no_exposure or period.why_no_violations or period.why_no_places) is not None:
@@ -71,9 +72,8 @@ def close_by_crowding(period: Period, *, why_hidden: Reason | None) -> CloseByCr
         _sums(shape, (at[0] - first, at[1]), values[camera, hour])
         for values in (data.everyone.n, data.violation_h, place.exposure_h)
     )
-    below = int(data.site.settings.mask_below)
-    if is_small(float(n.sum()), below=below):
-        return _missing("not_enough_data", too_few(below))
+    if data.mask.hides(float(n.sum())):
+        return _missing("not_enough_data", data.mask.why)
     seen = np.flatnonzero(np.bincount(at[0] - first, minlength=shape[0]))
     return CloseByCrowding(
         edges=EDGES,
@@ -84,11 +84,11 @@ def close_by_crowding(period: Period, *, why_hidden: Reason | None) -> CloseByCr
                 close_h=float(close_h[run].sum()),
                 person_h=tuple(person_h[run].sum(axis=0).tolist()),
             )
-            for run in runs(seen, n.sum(axis=1), below=below)
+            for run in (runs(seen, n.sum(axis=1), mask=data.mask) if is_by_day else [seen])
         ),
         classes=tuple(
             CloseInClasses(first=int(run[0]), last=int(run[-1]), close_h=float(close_h[:, run].sum()))
-            for run in runs(np.flatnonzero(person_h.any(axis=0)), n.sum(axis=0), below=below)
+            for run in runs(np.flatnonzero(person_h.any(axis=0)), n.sum(axis=0), mask=data.mask)
         ),
     )
 
@@ -121,13 +121,13 @@ def counted_floor_m2(period: Period) -> Array:
     return np.array(found, dtype=np.float64)
 
 
-def runs(positions: Ints, counts: Array, *, below: int) -> list[Ints]:
+def runs(positions: Ints, counts: Array, *, mask: Mask) -> list[Ints]:
     """Return positions put together, in order, so that no run has a count that is too small to print.
 
     Args:
         positions: What there is, rising.
         counts: The count at each position there could be.
-        below: Counts from 1 to `below` - 1 are too small.
+        mask: Tells which counts are too small.
 
     Returns:
         The runs; one run of all positions where their count is itself too small.
@@ -135,11 +135,11 @@ def runs(positions: Ints, counts: Array, *, below: int) -> list[Ints]:
     ends, total = [0], 0.0
     for k, position in enumerate(positions.tolist(), start=1):
         total += counts[position]
-        if not is_small(total, below=below):
+        if not mask.hides(total):
             ends.append(k)
             total = 0.0
     if ends[-1] < len(positions):
-        while len(ends) > 1 and is_small(float(counts[positions[ends[-1] :]].sum()), below=below):
+        while len(ends) > 1 and mask.hides(float(counts[positions[ends[-1] :]].sum())):
             ends.pop()
         ends.append(len(positions))
     return [positions[a:b] for a, b in pairwise(ends)]

@@ -19,6 +19,7 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.links import Links, links
 from vsd_analytics.figures.panels import Array, Flags, Ints, Place, positions
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.visits import people_counted, per_open_hour, sends_ids
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.estimates import RateEstimate
@@ -259,7 +260,7 @@ def _areas(period: Period, moves: _Moves, asked: Sequence[Area]) -> tuple[AreaFl
     for k, area in enumerate(asked):
         place = period.area(area.area_id)
         at = moves.is_departure & (moves.area == k)
-        pooled = pooled_kinds(leaving[k].kind, n_kinds=len(asked), below=int(settings.mask_below))
+        pooled = pooled_kinds(leaving[k].kind, n_kinds=len(asked), mask=Mask(int(settings.mask_below)))
         kinds = [tuple(np.flatnonzero(pooled == j).tolist()) for j in range(int(pooled.max(initial=-1)) + 1)]
         people = replace(leaving[k], kind=_renamed(leaving[k].kind, pooled))
         following = next_areas(people, n_kinds=len(kinds), confidence=confidence, min_days=min_days)
@@ -285,8 +286,8 @@ def _often(period: Period, moves: _Moves, at: Flags, place: Place, able: Flags) 
     return per_open_hour(period, counted, what="flow", why_none=why_none)
 
 
-def pooled_kinds(kind: Ints, *, n_kinds: int, below: int, most: int | None = None) -> Ints:
-    """Return a number for each kind, most frequent first, so that none but the last is of fewer than `below`.
+def pooled_kinds(kind: Ints, *, n_kinds: int, mask: Mask, most: int | None = None) -> Ints:
+    """Return a number for each kind, most frequent first, so that the mask hides none but the last.
 
     Rare kinds, and those beyond `most`, share the last number; where their sum is small, the next kind shares it, too,
     so that it does not tell. Kinds that nobody has get -1.
@@ -294,14 +295,15 @@ def pooled_kinds(kind: Ints, *, n_kinds: int, below: int, most: int | None = Non
     Args:
         kind: Kind of each person; negative ones are none.
         n_kinds: How many kinds there are.
-        below: Smallest count with a number of its own.
+        mask: Tells which counts are small.
         most: How many numbers of their own at most; None = all.
     """
     n = np.bincount(kind[kind >= 0], minlength=n_kinds)
     order = np.argsort(-n, kind="stable")
     order = order[n[order] > 0]
-    own = int((n[order] >= below).sum()) if most is None else min(most, int((n[order] >= below).sum()))
-    while own and 0 < n[order[own:]].sum() < below:
+    n_large = sum(not mask.hides(int(of_kind)) for of_kind in n[order])
+    own = n_large if most is None else min(most, n_large)
+    while own and mask.hides(int(n[order[own:]].sum())):
         own -= 1
     found = np.full(n_kinds, -1, dtype=np.int64)
     found[order] = np.minimum(np.arange(len(order)), own)
@@ -337,7 +339,7 @@ def _routes(period: Period, moves: _Moves, asked: Sequence[Area]) -> DoorRoutes:
     names = sorted(often, key=lambda way: (-often[way] if way else 1, way))
     number = {way: k for k, way in enumerate(names)}
     kind = np.array([-1 if way is None else number[way] for way in ways], dtype=np.int64)
-    pooled = pooled_kinds(kind, n_kinds=len(names), below=int(settings.mask_below), most=MAX_ROUTES)
+    pooled = pooled_kinds(kind, n_kinds=len(names), mask=Mask(int(settings.mask_below)), most=MAX_ROUTES)
     starts = np.array([a for a, _ in chosen], dtype=np.int64)
     following = next_areas(
         Leaving(moves.since_began_s[starts], _renamed(kind, pooled), moves.day[starts]),

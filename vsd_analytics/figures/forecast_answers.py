@@ -8,7 +8,7 @@ from typing import Final
 
 from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, Value
 from vsd_analytics.figures.forecast import FloorForecast, HourForecast, SeriesForecast
-from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.unusual import UnusualWeek
 from vsd_analytics.figures.values import known, lack
 from vsd_analytics.site.model import Site

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from datetime import date
 from typing import Any, Final
@@ -21,27 +21,6 @@ COLUMNS: Final = (
     *("ratio", "lo", "hi", "n", "violation_h", "expected_h", "exposure_h"),
     *("excess_min_per_week", "excess_min_lo", "excess_min_hi", "q"),
 )
-
-
-def without_small(found: FloorHotspots, *, below: int, revealing: Collection[str]) -> FloorHotspots:
-    """Return hotspots for a table that leaves your hands: those of fewer than `below` violations are left out.
-
-    So are those that would tell a small count of one week, the cells, whose counts would tell them, and the total.
-
-    Args:
-        found: The hotspots.
-        below: Counts from 1 to just under this are small.
-        revealing: Ids of hotspots that would tell a small count (`report.hidden.revealing_spots`).
-    """
-    spots = tuple(s for s in found.spots if s.n >= below and s.spot_id not in revealing)
-    resolved, watching = (
-        tuple(r for r in of if (not r.n or r.n >= below) and r.spot_id not in revealing)
-        for of in (found.resolved, found.watching)
-    )
-    n_held = sum(len(of) for of in (found.spots, found.resolved, found.watching))
-    n_held -= len(spots) + len(resolved) + len(watching)
-    notes = (*found.notes, Reason("hidden.hotspots", n=n_held, least=below)) if n_held else found.notes
-    return replace(found, spots=spots, resolved=resolved, watching=watching, notes=notes, n=None, grid=None, cells=None)
 
 
 def as_dict(found: FloorHotspots, *, with_cells: bool = False) -> dict[str, Any]:

@@ -122,7 +122,7 @@ def links(period: Period) -> Links:
                 counts, a, b, left[a],
                 **settings.for_intervals,
             )  # fmt: skip
-            is_enough = share.n_links - share.n_chance >= int(settings.mask_below)
+            is_enough = share.n_links - share.n_chance >= period.data.mask.least(0)
             is_in_waves = share.reason is not None and share.reason.code == IN_WAVES
             if a != b and is_enough and (is_in_waves or (share.value and (share.lo is None or share.lo > 0))):
                 found.append(AreaLink(origin, to, share))

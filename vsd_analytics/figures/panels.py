@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -101,6 +102,7 @@ class FloorHours:
     def __init__(self, warehouse: Warehouse, *, floor: Floor) -> None:
         self.warehouse, self.floor = warehouse, floor
         self.site: Site = warehouse.site
+        self.mask = Mask(int(self.site.settings.mask_below))
         self.cameras: Sequence[Camera] = [c for c in self.site.cameras if c.floor_id == floor.floor_id]
         self.areas: Sequence[Area] = [a for a in self.site.areas if a.floor_id == floor.floor_id]
         self.ids = [c.camera_id for c in self.cameras]

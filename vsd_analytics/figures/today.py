@@ -5,7 +5,6 @@ Days are compared over the same hours: 150 violations by noon are compared with 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import date, datetime, timedelta
 from typing import Final
@@ -16,7 +15,6 @@ from numpy.typing import NDArray
 from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
 from vsd_analytics.figures.slots import Floats, Slots, known, load_slots, open_hours
-from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.unusual import unusual_in_last_week
 from vsd_analytics.stats.forecast import WeekForecast, forecast_week
 from vsd_analytics.stats.hour_of_week import SLOTS, Weeks
@@ -145,35 +143,6 @@ class Today:
     def ahead(self) -> tuple[TodayHour, ...]:
         """Return the hours of today and tomorrow that are not over and have a forecast."""
         return tuple(h for h in self.hours if not h.is_over and h.people is not None)
-
-
-def publishable(hours: Sequence[TodayHour], *, below: int) -> tuple[TodayHour, ...]:
-    """Return hours as a page may draw them: on a day with a count of 1 to `below` - 1, all counts are round ones.
-
-    The weekly page gives the other hours of such a day exactly; with exact bars or an exact total of the day, what it
-    holds back would be known. So the whole day is given in steps of twice `below`.
-    """
-    coarse = coarse_days(hours, below=below)
-    return tuple(
-        replace(h, violations=_drawn(h.violations, below=below), estimate=_drawn(h.estimate, below=below))
-        if h.day in coarse
-        else h
-        for h in hours
-    )
-
-
-def coarse_days(hours: Sequence[TodayHour], *, below: int) -> frozenset[date]:
-    """Return the days with an hour whose count is too small to print."""
-    return frozenset(h.day for h in hours if h.violations is not None and is_small(h.violations, below=below))
-
-
-def coarse(n: float, *, below: int) -> float:
-    """Return a count rounded to steps of twice `below`."""
-    return 2.0 * below * round(n / (2 * below))
-
-
-def _drawn(n: float | None, *, below: int) -> float | None:
-    return n if not n else below / 2 if is_small(n, below=below) else coarse(n, below=below)
 
 
 def first_day(at: datetime) -> date:

@@ -85,7 +85,7 @@ def walking_directions(period: Period) -> WalkField:
     people = np.zeros(len(places))
     np.maximum.at(people, at.ravel(), n_people)
     total, *vectors = (np.bincount(at.ravel(), weights=v) for v in (n, *sums))
-    least = max(MIN_PEOPLE, int(period.data.site.settings.mask_below))
+    least = period.data.mask.least(MIN_PEOPLE)
     means = np.column_stack(vectors) / total[:, None]
     return WalkField(
         float(side),

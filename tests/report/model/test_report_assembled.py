@@ -15,7 +15,6 @@ import pytest
 from report import ingested_worlds as w
 
 from vsd_analytics.config.project import load_site
-from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, PlannerWeek, planner_pages
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import from_json, to_csv, to_json
@@ -103,7 +102,7 @@ def begun_week(tmp_path_factory: pytest.TempPathFactory) -> Site:
     """Return a site with a whole week and the days of the next one up to Thursday, 11:00. Tests leave it as it is."""
     lost = [(w.rome(1, 10), w.rome(1, 11)), (w.rome(3, 11), w.rome(3, 12))]
     streams = w.messages(busy, monday=w.BEFORE), w.messages(busy, days=range(4), lost=lost)
-    return w.world(tmp_path_factory.mktemp("begun"), w.toml(), *streams)
+    return w.world(tmp_path_factory.mktemp("begun"), w.toml(), *streams).with_settings(mask_below=0)
 
 
 def test_hours_to_come_are_neither_recorded_nor_missing(begun_week: Site) -> None:
@@ -162,24 +161,25 @@ def test_the_planner_has_no_hours_to_come_of_the_other_week_either(begun_week: S
 def test_the_command_and_the_service_know_what_is_over(begun_week: Site, capsys: pytest.CaptureFixture[str]) -> None:
     from vsd_analytics.cli import cli
     from vsd_analytics.cli.exit_codes import run
-    from vsd_analytics.service.answers import ReportAnswers
+    from vsd_analytics.service.answers import NotFoundError, ReportAnswers
 
     now, from_ = "2026-11-12T11:20:00+01:00", "2026-11-12T11:00:00+01:00"
     command = ["--now", now, "--quiet", "report", "--week", "2026-W46", "--format", "json", "--out", "-"]
-    assert run(cli, ["-C", str(begun_week.root), *command]) == 0
+    assert run(cli, ["-C", str(begun_week.root), *command]) == 2
+    assert "E105" in capsys.readouterr().err
+    assert run(cli, ["-C", str(begun_week.root), *command, "--exact"]) == 0
     assert json.loads(capsys.readouterr().out)["coverage"]["not_over_from"] == from_
     seconds, present = [0.0], [w.rome(3, 11, 20)]
     answers = ReportAnswers(begun_week.root, clock=lambda: seconds[0], present=lambda: present[0])
-    [planned] = planner_pages(begun_week, w.MONDAY, clock=w.rome(3, 11, 20))
-    assert answers.planner("2026-W46", "ground") == render_planner(planned).encode()
-    assert json.loads(answers.report("2026-W46", "ground"))["coverage"]["not_over_from"] == from_
-    seconds[0], present[0] = 10.0, w.rome(3, 12, 1)  # an hour has ended, and no file has changed
-    again = json.loads(answers.report("2026-W46", "ground"))["coverage"]
-    assert again["not_over_from"] == "2026-11-12T12:00:00+01:00"
+    with pytest.raises(NotFoundError, match="not over"):
+        answers.report("2026-W46", "ground")
+    seconds[0], present[0] = 10.0, w.rome(7, 0, 1)  # the week has ended, and no file has changed
+    assert json.loads(answers.report("2026-W46", "ground"))["week"]["iso"] == "2026-W46"
 
 
 def test_a_week_that_is_nearly_over_is_compared_over_the_hours_that_are(tmp_path: Path) -> None:
     site = w.world(tmp_path, toml(), messages(busy, monday=w.BEFORE), messages(busy, days=range(6)))
+    site = site.with_settings(mask_below=0)
     report = w.report(site, clock=w.rome(6, 8))
     assert report.state == "normal"
     assert report.coverage.share == pytest.approx(1.0)

@@ -10,7 +10,7 @@ import pytest
 from report import model_classes as m
 from report import sample_weeks as weeks
 
-from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.geometry.embedded_pictures import has_paper
 from vsd_analytics.geometry.scale_bar import nice_metres

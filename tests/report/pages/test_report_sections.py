@@ -17,6 +17,7 @@ from shapely import Polygon
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.forecast import FloorForecast as FoundOutlook
 from vsd_analytics.figures.forecast import HourForecast, SeriesForecast
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.unusual import UnusualWeek
 from vsd_analytics.figures.week import change_effects, outlook, trend_weeks
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, chart, spark
@@ -175,6 +176,7 @@ class _Data:
     """As much of a week's data as the sections ask for."""
 
     site = _Site()
+    mask = Mask(5)
     monday = weeks.MONDAY
     sunday = weeks.MONDAY + timedelta(days=6)
     areas = (Area("a1", "Main entrance", "ground", ((0, 0), (1, 0), (1, 1))),)

@@ -17,6 +17,7 @@ from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.report.pages.mail import as_bytes
 from vsd_analytics.report.pages.today import TodayWords, make_today_page, today_html, today_mail, today_words
 from vsd_analytics.site.model import LANGUAGES
+from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import speaking
 
 ENGLISH = re.compile(r"\b(the|and|violations|hours?|week|weeks|cameras?|since|between|likely|more|than|people|data)\b")
@@ -72,21 +73,19 @@ def test_hours_that_were_not_recorded_are_a_dash_and_not_zero() -> None:
     assert so_far.notes[0] == "No usual range: nothing or too little was recorded."
 
 
-def test_small_counts_are_not_printed() -> None:
+def test_the_card_is_exact_and_says_that_it_is_the_operator_s() -> None:
     few = cards.card(so_far=cards.level(cards.SATURDAY, 3.0), unusual=cards.unusual(cards.odd_hour(3)))
     said = today_words(few, cards.site())
-    assert said.days[1].value == "<5"
-    assert said.unusual == ("Saturday 10:00: a count too small to print, usually 40 to 110.",)
+    assert said.days[1].value == "3"
+    assert "not to be handed on" not in said.headline
+    assert say("page.exact") in today_html(make_today_page(few, cards.site()))
 
 
-def test_a_day_with_a_small_hour_is_given_in_round_numbers_so_that_the_hour_cannot_be_worked_out() -> None:
-    pages = []
-    for n in (1.0, 4.0):
-        hours = (cards.hour(cards.FRIDAY, 8, n), cards.hour(cards.FRIDAY, 9, 146.0 - n))
-        made = cards.card(hours=hours, yesterday=cards.level(cards.FRIDAY, 146.0))
-        pages.append(make_today_page(made, cards.site()))
-    assert [p.card.days[0].value for p in pages] == ["about 150", "about 150"]
-    assert pages[0].chart == pages[1].chart
+def test_the_card_is_made_for_the_operator_alone(demo_project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for more in ((), ("--json",), ("--mail",)):
+        assert run(cli, ["-C", str(demo_project), "--now", "2026-11-14T14:20+01:00", "today", *more]) == 2
+        printed = capsys.readouterr()
+        assert "E105" in printed.out + printed.err
 
 
 def test_a_number_that_makes_up_for_a_camera_is_called_an_estimate() -> None:
@@ -134,7 +133,7 @@ def test_the_same_day_gives_the_same_bytes() -> None:
 def test_the_command_writes_page_and_mail_and_prints_the_same_words(
     demo_project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = ["-C", str(demo_project), "--now", "2026-11-14T14:20+01:00", "today"]
+    asked = ["-C", str(demo_project), "--now", "2026-11-14T14:20+01:00", "today", "--exact"]
     assert run(cli, [*asked, "--out", str(tmp_path), "--mail"]) == 0
     printed = capsys.readouterr().out
     assert {p.name for p in tmp_path.iterdir()} == {"today.html", "today.eml"}
@@ -146,14 +145,14 @@ def test_the_command_writes_page_and_mail_and_prints_the_same_words(
 
 
 def test_cameras_that_stopped_ask_for_somebody(demo_project: Path, tmp_path: Path) -> None:
-    asked = ["-C", str(demo_project), "--now", "2026-11-16T12:10+01:00", "today", "--out", str(tmp_path)]
+    asked = ["-C", str(demo_project), "--now", "2026-11-16T12:10+01:00", "today", "--exact", "--out", str(tmp_path)]
     assert run(cli, asked) == 1
     assert "No camera is sending data" in (tmp_path / "today.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("arguments", [("--to", "a@example.org"), ("--again",), ("--json", "--mail"), ("--floor", "x")])
 def test_options_that_do_not_go_together_are_refused(demo_project: Path, arguments: tuple[str, ...]) -> None:
-    assert run(cli, ["-C", str(demo_project), "--now", "2026-11-14T14:20+01:00", "today", *arguments]) == 2
+    assert run(cli, ["-C", str(demo_project), "--now", "2026-11-14T14:20+01:00", "today", "--exact", *arguments]) == 2
 
 
 @pytest.mark.browser

@@ -190,7 +190,7 @@ def test_the_card_of_a_day_goes_to_each_once(project: Path) -> None:
     with server(inbox) as port:
         configure(project, MAIL, port)
         for _ in range(2):
-            assert vsd(project, "today", "--send") == 0
+            assert vsd(project, "today", "--exact", "--send") == 0
         assert vsd(project, *WEEK, "--send") == 0
     assert [to for _, to, _ in inbox.mails] == [BOTH, BOTH]
     assert message_from_bytes(inbox.mails[0][2])["Date"] == "Mon, 16 Nov 2026 06:00:00 +0100"

@@ -19,7 +19,7 @@ from typing import Final
 from vsd_analytics.answer import Answers, Reason
 from vsd_analytics.figures.catalogue.form import ANSWER_MAKERS, FigureInputs
 from vsd_analytics.figures.catalogue.view import MAPS, figure_of, map_figure
-from vsd_analytics.figures.share import share
+from vsd_analytics.figures.share.answers import audience_answers
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.results import Figure
 
@@ -62,8 +62,7 @@ def shared_answers(inputs: FigureInputs, *, metrics: AbstractSet[str] | None = N
     left_out = (OF_SPACE - asked) | (frozenset() if inputs.data.is_week else OF_WEEKS)
     wanted = (ANSWER_MAKERS.keys() if metrics is None else metrics) - left_out
     makers = dict.fromkeys(maker for metric, maker in ANSWER_MAKERS.items() if metric in wanted)
-    below = int(inputs.data.site.settings.mask_below)
-    return share((answer for maker in makers for answer in maker(inputs)), below=below)
+    return audience_answers((answer for maker in makers for answer in maker(inputs)), inputs.data.site)
 
 
 def figures(inputs: FigureInputs, shared: Answers) -> Mapping[str, Figure]:

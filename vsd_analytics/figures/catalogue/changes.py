@@ -7,7 +7,6 @@ from typing import Final
 from vsd_analytics.answer import Answer, Column, Reason, Row, Value
 from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
-from vsd_analytics.figures.suppression import too_few
 from vsd_analytics.figures.values import known, lack, measured
 from vsd_analytics.figures.week.change_effects import is_held_back
 
@@ -80,7 +79,7 @@ def _why_not(inputs: FigureInputs, found: BeforeAfterFigure) -> Value | None:
     if found.state != "ok":
         return lack(found.state, found.reason)
     if is_held_back(inputs.data, found):
-        return Value.missing(too_few(int(inputs.data.site.settings.mask_below)))
+        return Value.missing(inputs.data.mask.why)
     if ratio is None or ratio.value is None:
         return lack("not_enough_data", None if ratio is None else ratio.reason)
     return None

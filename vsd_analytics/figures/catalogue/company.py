@@ -9,8 +9,8 @@ from vsd_analytics.figures.catalogue.form import FigureInputs, answers
 from vsd_analytics.figures.gatherings import FloorGatherings
 from vsd_analytics.figures.group_answers import BETWEEN_GROUPS, READINGS, between_groups, reading_rows
 from vsd_analytics.figures.others_met import OthersMet, others_met
+from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.slots import NOTHING_OPEN
-from vsd_analytics.figures.suppression import GIVES_AWAY, is_small
 from vsd_analytics.figures.values import known, lack, measured
 from vsd_analytics.stats.decomposition import MixingChange
 
@@ -239,12 +239,12 @@ def _clusters(inputs: FigureInputs, found: FloorGatherings) -> Answer:
 
 
 def _longest(inputs: FigureInputs, found: FloorGatherings, rate: Value) -> Answer:
-    below = int(inputs.data.site.settings.mask_below)
+    mask = inputs.data.mask
     nothing = None
     if found.n is None or rate.value is None:
         nothing = rate
-    elif is_small(found.n, below=below):
-        nothing = Value.missing(Reason("hidden.gatherings", least=below))
+    elif mask.hides(found.n):
+        nothing = Value.missing(Reason("hidden.gatherings", least=mask.below))
     elif not inputs.is_ranked:
         nothing = Value.missing(inputs.why_not_ranked)
     rows: list[Row] = [
@@ -260,7 +260,10 @@ def _longest(inputs: FigureInputs, found: FloorGatherings, rate: Value) -> Answe
             "diameter_m": g.diameter_m,
         }
         for rank, g in enumerate(found.top if nothing is None else (), 1)
+        if not mask.hides(g.n_people)
     ]
+    if nothing is None and found.top and not rows:
+        nothing = Value.missing(Reason("hidden.few_people", least=mask.below))
     notes = ((None, Reason("note.gatherings", n=found.n)),) if rows and found.n is not None else ()
     return inputs.list_answer("gatherings", GATHERINGS, rows, *notes, nothing=nothing)
 

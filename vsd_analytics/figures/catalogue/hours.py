@@ -11,7 +11,7 @@ from vsd_analytics.figures.catalogue.form import DAYS, FigureInputs, answers
 from vsd_analytics.figures.forecast_answers import UNUSUAL, forecast_answers, unusual_answer
 from vsd_analytics.figures.hour_of_week import PROFILE_WEEKS, HourProfile
 from vsd_analytics.figures.panels import WEEK
-from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.values import known, lack, measured, without
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.hour_of_week import MIN_PROFILE_WEEKS, PeakHours
@@ -115,8 +115,7 @@ def _highest(inputs: FigureInputs, hidden: set[tuple[int, int]]) -> Answer:
 
 def _ranked(inputs: FigureInputs, by: str, peaks: PeakHours, hidden: set[tuple[int, int]]) -> list[Row]:
     """Return the highest hours that may be named, then those that may be as high as the first."""
-    below = int(inputs.data.site.settings.mask_below)
-    top = [p for p in peaks.top if not 0 < p.n < below and (p.weekday, p.hour) not in hidden]
+    top = [p for p in peaks.top if not inputs.data.mask.hides(p.n) and (p.weekday, p.hour) not in hidden]
     if not top:
         return []
     tied = set(peaks.tied)

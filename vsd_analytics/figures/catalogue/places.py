@@ -8,8 +8,8 @@ from typing import Final
 from vsd_analytics.answer import Answer, Column, Reason, Row, Value
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
 from vsd_analytics.figures.hotspots import FloorSpot, ResolvedSpot
+from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.slots import NOTHING_OPEN
-from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.figures.values import known, lack, measured
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.stats.shrinkage import MIN_PLACES, Pulled, pull

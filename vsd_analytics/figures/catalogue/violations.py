@@ -8,7 +8,6 @@ from typing import Final
 from vsd_analytics.answer import Answer, Column, Estimated, Reason, Row, Value
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
 from vsd_analytics.figures.neighbours import room_around, three_or_more
-from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.values import known, lack, measured
 
 VIOLATIONS: Final = (
@@ -148,9 +147,7 @@ def threshold_sensitivity(inputs: FigureInputs) -> tuple[Answer, ...]:
             }
         )
     engine = found.engine
-    is_told = engine is not None and not is_small(
-        engine.violation_records, below=int(inputs.data.site.settings.mask_below)
-    )
+    is_told = engine is not None and not inputs.data.mask.hides(engine.violation_records)
     notes = [(None, engine.note)] if engine is not None and is_told else []
     nothing = None if rows else lack(found.state, found.reason)
     return (inputs.list_answer("threshold_sensitivity", THRESHOLDS, rows, *notes, nothing=nothing),)

@@ -12,11 +12,11 @@ import shapely
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Place
-from vsd_analytics.figures.suppression import GIVES_AWAY, HeldBack, held_back, in_week_before
+from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, in_week_before
+from vsd_analytics.figures.share.weeks import by_camera, hidden_times
 from vsd_analytics.figures.week import estimates, recording
 from vsd_analytics.figures.week.contributions import difference
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.hidden_counts import by_camera
 from vsd_analytics.figures.week.results import AreaRow, BusiestSpot
 from vsd_analytics.site.model import Area
 
@@ -52,10 +52,11 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     found = {key: estimates.measure(data, place, is_compared=is_compared) for key, place in places.items()}
     judged = area_changes(data.pair) if is_compared else {}
     found = {key: _with_verdicts(m, judged[key]) if key in judged else m for key, m in found.items()}
-    below = data.site.settings.mask_below
     now = data.hidden.places
-    before = _before(data, places, below) if is_compared else HeldBack(frozenset(), frozenset(), is_total_safe=True)
+    before = _before(data, places) if is_compared else HeldBack(frozenset(), frozenset(), is_total_safe=True)
     total = sum(m.violation_rate.value or 0.0 for m in found.values())
+    times = hidden_times(data, data.this)
+    times_before = hidden_times(data, data.pair.before) if is_compared else {}
     rows = []
     for key in keys:
         measured, place = found[key], places[key]
@@ -63,7 +64,7 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
         change = judged[key].close if key in judged else None
         is_new = False
         close = estimates.close_time_share(data, drawn.get(key), change)
-        if (why := now.why(key, below=below)) is not None:
+        if (why := data.mask.why_held_back(now, key)) is not None:
             violation_rate, encounter_rate, close = (
                 estimates.without_figures(e, why) for e in (violation_rate, encounter_rate, close)
             )
@@ -71,7 +72,7 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
             violation_rate, encounter_rate, close = (
                 estimates.without_change(e, NEW) for e in (violation_rate, encounter_rate, close)
             )
-        elif (why := before.why(key, below=below)) is not None:
+        elif (why := data.mask.why_held_back(before, key)) is not None:
             why = in_week_before(why) if key in before.small else why
             violation_rate, encounter_rate, close = (
                 estimates.without_change(e, why) for e in (violation_rate, encounter_rate, close)
@@ -80,8 +81,13 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
             violation_rate, encounter_rate, close = (
                 estimates.without_change(e, GIVES_AWAY) for e in (violation_rate, encounter_rate, close)
             )
+        if (why := times.get(key)) is not None:
+            encounter_rate, close = (estimates.without_figures(e, why) for e in (encounter_rate, close))
+        elif (why := times_before.get(key)) is not None:
+            encounter_rate, close = (estimates.without_change(e, why) for e in (encounter_rate, close))
         weights = camera_weights(data, place)
         is_known = bool(data.panel(place, data.week_days).x_h.any()) and data.this.knows(place)
+        has_time = is_known and not data.why_no_exposure
         rows.append(
             AreaRow(
                 area_id=key,
@@ -92,7 +98,7 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
                 violation_rate=violation_rate,
                 encounter_rate=encounter_rate,
                 close_time_share=close,
-                exposure_h=_exposure_h(data, place) if is_known and not data.why_no_exposure else None,
+                exposure_h=_exposure_h(data, place) if has_time and key not in times else None,
                 share=violation_rate.value / total if violation_rate.value is not None and total else None,
                 difference=difference(data, place) if is_new or violation_rate.change is not None else None,
                 recorded_share=_recorded_share(data, weights),
@@ -134,11 +140,11 @@ def _with_verdicts(measured: estimates.Measured, judged: AreaChanges) -> estimat
     return replace(measured, violation_rate=violation_rate, encounter_rate=encounter_rate)
 
 
-def _before(data: WeekData, places: Mapping[str | None, Place], below: int) -> HeldBack[str | None]:
+def _before(data: WeekData, places: Mapping[str | None, Place]) -> HeldBack[str | None]:
     """Return what is held back of the week before: in the hours compared, and what its own report holds back."""
     keys = list(places)
     counts = {key: by_camera(data, place, data.compared(place)[0].n) for key, place in places.items()}
-    held = held_back(counts, below=below, give=[None, *reversed(keys[:-1])])
+    held = data.mask.held_back(counts, give=[None, *reversed(keys[:-1])])
     own = data.hidden_before.places
     small = held.small | own.small
     return HeldBack(small, (held.others | own.others) - small, is_total_safe=held.is_total_safe)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from vsd_analytics.figures.before_after import BeforeAfterFigure
-from vsd_analytics.figures.suppression import GIVES_AWAY, is_small, too_few
+from vsd_analytics.figures.share.counts import GIVES_AWAY, Mask
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate, same_fields
@@ -81,8 +81,7 @@ def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffec
     if found.state == "ok":
         measured |= {"effect": _change(found.effect or found.alone), "people": _change(found.people)}
         if is_held_back(data, found):
-            below = int(data.site.settings.mask_below)
-            why = too_few(below) if _is_few(found, below=below) else GIVES_AWAY
+            why = data.mask.why if _is_few(found, data.mask) else GIVES_AWAY
             hidden = Estimate(value=None, verdict="too_little_data", state="not_enough_data", reason=why)
             measured |= {"effect": hidden}
         else:
@@ -121,13 +120,13 @@ def _over_weeks(found: BeforeAfterFigure) -> dict[str, Any]:
 
 def is_held_back(data: WeekData, found: BeforeAfterFigure) -> bool:
     """Tell whether a change would tell a small count: its own, or one of the area in any of its weeks."""
-    if _is_few(found, below=int(data.site.settings.mask_below)):
+    if _is_few(found, data.mask):
         return True
     spans = () if found.windows is None else (found.windows.before, found.windows.after)
     return any(data.is_held_back(found.area_id, *span) for span in spans)
 
 
-def _is_few(found: BeforeAfterFigure, *, below: int) -> bool:
+def _is_few(found: BeforeAfterFigure, mask: Mask) -> bool:
     counts = [] if found.alone is None else [found.alone.n_a, found.alone.n_b]
     counts += [] if found.effect is None else [found.effect.n_before, found.effect.n_after]
-    return any(is_small(n or 0, below=below) for n in counts)
+    return mask.hides(*counts)

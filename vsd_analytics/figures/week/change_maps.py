@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 from vsd_analytics.figures.panels import Array, Flags
-from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.density import Density, FloorGrid, fixtures_before, floor_fixtures, without_patches
 from vsd_analytics.figures.week.floor_maps import floor_extent, map_fixtures
@@ -40,9 +40,10 @@ def change_maps(data: WeekData, *, areas: Sequence[AreaRow]) -> ChangeMaps | Non
     grid = FloorGrid(data, extent)
     before = grid.density(data.pair.before, used=used[0])
     now = grid.density(data.pair.now, used=used[1])
-    below = data.site.settings.mask_below
     change = now.values - before.values
-    fewer, more = (_without_small(sign * change, before, now, below=below, cell_m=grid.cell_m) for sign in (-1.0, 1.0))
+    fewer, more = (
+        _without_small(sign * change, before, now, mask=data.mask, cell_m=grid.cell_m) for sign in (-1.0, 1.0)
+    )
     steps = data.site.settings.heat_steps
     return ChangeMaps(
         before=grid.bands(before.without_small(), steps=steps),
@@ -56,12 +57,12 @@ def change_maps(data: WeekData, *, areas: Sequence[AreaRow]) -> ChangeMaps | Non
     )
 
 
-def _without_small(rise: Array, before: Density, now: Density, *, below: int, cell_m: float) -> Array:
+def _without_small(rise: Array, before: Density, now: Density, *, mask: Mask, cell_m: float) -> Array:
     """Return a rise without specks and patches behind which either week has too few violations to print."""
 
     def is_left_out(own: Flags) -> bool:
         is_speck = own.sum() * cell_m**2 < SMALLEST_M2
-        return bool(is_speck) or any(is_small(week.near(own), below=below) for week in (before, now))
+        return bool(is_speck) or mask.hides(before.near(own), now.near(own))
 
     return without_patches(rise, least=STEPS[0], is_left_out=is_left_out)
 

@@ -6,7 +6,6 @@ from datetime import date
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import Place
-from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
@@ -31,13 +30,14 @@ def recorded_cameras(data: WeekData, monday: date) -> set[str]:
 def since_instant(data: WeekData, place: Place, ms: int) -> tuple[Estimate | None, float | None]:
     """Return a place since an instant against the same hours of the week before, and the share of its change.
 
-    Nothing is reported where a count before or after the instant, in either week, is too small to print.
+    Nothing is reported where a count before or after the instant, in either week, is too small to print, or would
+    tell an hour that is hidden.
     """
     if data.why_no_violations is not None or data.why_no_places is not None:
         return None, None
     whole, after = (estimates.measure(data, place, is_compared=True, since=at) for at in (None, ms))
     counts = (whole.n, after.n, whole.n - after.n, whole.n_before, after.n_before, whole.n_before - after.n_before)
-    if any(is_small(n, below=data.site.settings.mask_below) for n in counts):
+    if data.hidden.hides_hours or data.hidden_before.hides_hours or data.mask.hides(*counts):
         return None, None
     change, late = (_difference(data, place, since=at) for at in (None, ms))
     return after.violation_rate, None if change == 0 else min(1.0, max(0.0, late / change))

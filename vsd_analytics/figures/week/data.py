@@ -5,7 +5,7 @@ A study of other days in a row is made of the same parts: its "week" is these da
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import date, datetime, timedelta
 from functools import cached_property
 
@@ -15,7 +15,8 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.operator_counts import begun_until_ms
 from vsd_analytics.figures.panels import WEEK, Flags, FloorHours, Panel, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.figures.week.hidden_counts import HiddenWeek, hidden_week
+from vsd_analytics.figures.share import earlier
+from vsd_analytics.figures.share.weeks import CHANGED, HiddenWeek, hidden_week
 from vsd_analytics.site.model import Calibration, Camera, Floor
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -108,8 +109,27 @@ class WeekData(FloorHours):
     def hidden_in(self, monday: date) -> HiddenWeek:
         """Return what is held back of the week that starts on `monday`."""
         if monday not in self._hidden:
-            self._hidden[monday] = hidden_week(self, Period(self, monday, monday + self.span - timedelta(days=1)))
+            period = Period(self, monday, monday + self.span - timedelta(days=1))
+            self._hidden[monday] = hidden_week(self, period, self._shared_before)
         return self._hidden[monday]
+
+    @cached_property
+    def _shared_before(self) -> Sequence[earlier.SharedWeek]:
+        return earlier.read(self.site)
+
+    @property
+    def is_shared_otherwise(self) -> bool:
+        """Tell whether this week was shared before, and what changed since is too little to be shared."""
+        return self.hidden.why_floor == CHANGED
+
+    def remember_shared(self) -> None:
+        """Store what of which weeks leaves with a report of this one, so that later versions do not tell a change.
+
+        Raises:
+            DiskError: E304 to E306, it cannot be stored: then the report may not leave.
+        """
+        weeks = [week for week in self._hidden.values() if week.shared is not None and week.why_floor != CHANGED]
+        earlier.remember(self.site, [week.shared for week in weeks if week.shared is not None])
 
     @cached_property
     def is_revealed_by_comparing(self) -> bool:

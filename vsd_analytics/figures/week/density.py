@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.figures.panels import Array, Flags, positions
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.week import bands as heat
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent, MapBand
@@ -161,12 +161,12 @@ class Density:
 
     def without_small(self) -> Array:
         """Return the values without coloured patches of floor made by fewer violations than may be printed."""
-        settings = self._settings
-        if self.counts.sum() >= settings.mask_below and self.values.max() < settings.heat_steps[0]:
+        settings, mask = self._settings, Mask(int(self._settings.mask_below))
+        if self.counts.sum() >= mask.least(0) and self.values.max() < settings.heat_steps[0]:
             return self.values
 
         def is_left_out(own: Flags) -> bool:
-            return is_small(self.near(own), below=settings.mask_below)
+            return mask.hides(self.near(own))
 
         return without_patches(self.values, least=settings.heat_steps[0], is_left_out=is_left_out)
 

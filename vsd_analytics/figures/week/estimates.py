@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from vsd_analytics.answer import Reason, Verdict
 from vsd_analytics.figures import close_time, rates
 from vsd_analytics.figures.panels import Place
-from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.site.model import Area, Floor
@@ -127,7 +126,7 @@ def _judged(
         return _estimate(level)
     change = change_of(data.pair, place, since=since)
     found = _estimate(level, change, _hours(data, place, since))
-    is_few = any(is_small(n or 0, below=data.site.settings.mask_below) for n in (change.n_a, change.n_b))
+    is_few = data.mask.hides(change.n_a, change.n_b)
     return replace(found, reason=Reason("change.few")) if found.reason is not None and is_few else found
 
 

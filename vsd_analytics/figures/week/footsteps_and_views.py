@@ -38,7 +38,7 @@ def footsteps(data: WeekData, *, extent: Extent) -> Footsteps | None:
         None where no cell has so many: the engine sends no positions, no track ids, or too few people came.
     """
     cell_m = FLOOR_CELL_M
-    least = max(MIN_TRACKS, int(data.site.settings.mask_below))
+    least = data.mask.least(MIN_TRACKS)
     rows = data.warehouse.rows(
         "select cx, cy from footsteps where floor_id = $floor and local_date between $first and $last "
         "and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1 "

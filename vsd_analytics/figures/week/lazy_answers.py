@@ -25,8 +25,8 @@ from vsd_analytics.figures import (
 from vsd_analytics.figures import hour_of_week as week_hours
 from vsd_analytics.figures import unusual as unusual_hours
 from vsd_analytics.figures.panels import WEEK
+from vsd_analytics.figures.share.weeks import revealing_spots
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vsd_analytics.answer import State
-from vsd_analytics.figures.suppression import is_small, too_few
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.stats.before_after import BeforeAfter
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
@@ -11,17 +11,17 @@ from vsd_analytics.stats.net_effect import NetEffect
 from vsd_analytics.stats.running_verdict import RunningVerdict
 
 
-def level(rate: RateEstimate | None, *, below: int) -> Estimate | None:
-    """Return a rate as an estimate; None for none. A count under `below` takes the rate with it.
+def level(rate: RateEstimate | None, *, mask: Mask) -> Estimate | None:
+    """Return a rate as an estimate; None for none. A small count takes the rate with it.
 
     Args:
         rate: A rate of the analysis room.
-        below: `mask_below`.
+        mask: Tells which counts are small.
     """
     if rate is None:
         return None
-    if rate.n_events is not None and is_small(rate.n_events, below=below):
-        return Estimate(value=None, state="not_enough_data", reason=too_few(below))
+    if mask.hides(rate.n_events):
+        return Estimate(value=None, state="not_enough_data", reason=mask.why)
     if rate.value is None:
         return Estimate(value=None, state=_missing(rate.state), reason=rate.reason)
     return Estimate(value=rate.value, lo=rate.lo, hi=rate.hi, reason=rate.reason if rate.lo is None else None)

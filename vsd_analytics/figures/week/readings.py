@@ -6,7 +6,7 @@ from vsd_analytics.figures.group_areas import between_groups_by_area
 from vsd_analytics.figures.groups import GroupReadings as Found
 from vsd_analytics.figures.groups import Groups
 from vsd_analytics.figures.rates import violation_rate_level
-from vsd_analytics.figures.suppression import held_back, is_small, too_few
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
@@ -26,7 +26,7 @@ def readings(data: WeekData, found: Groups, *, level: Level, areas: tuple[AreaRo
         level: The headline numbers, without what must be held back.
         areas: The areas, likewise.
     """
-    below = int(data.site.settings.mask_below)
+    mask = data.mask
     own = next((r for r in found.readings if r.floor_id == data.floor.floor_id), None)
     names = {c.camera_id: c.name for c in data.cameras}
     left_out = tuple(names[c] for c in found.left_out if c in names)
@@ -35,45 +35,45 @@ def readings(data: WeekData, found: Groups, *, level: Level, areas: tuple[AreaRo
         why = here[0].reason if here and found.state == "ok" else found.reason
         is_unknown = any(lives.state == "not_measurable" for lives in here[:1])
         return Readings(state="not_measurable" if is_unknown else "not_enough_data", reason=why, left_out=left_out)
-    if level.violation_rate.value is None or _would_reveal(own, below=below):
-        return Readings(state="not_enough_data", reason=too_few(below), left_out=left_out)
+    if level.violation_rate.value is None or _would_reveal(own, mask=mask):
+        return Readings(state="not_enough_data", reason=mask.why, left_out=left_out)
     share, whole = found.between, Reading(violation_rate=level.violation_rate, encounter_rate=level.encounter_rate)
     is_floor = len(data.site.floors) == 1
     return Readings(
         # the first reading is the headline itself where all cameras take part
-        all=whole if not left_out else _reading(own.violation_rate, own.encounter_rate, below=below),
-        between=_reading(own.violation_rate_between, own.encounter_rate_between, below=below),
+        all=whole if not left_out else _reading(own.violation_rate, own.encounter_rate, mask=mask),
+        between=_reading(own.violation_rate_between, own.encounter_rate_between, mask=mask),
         between_share=share.value if is_floor else None,
         between_lo=share.lo if is_floor else None,
         between_hi=share.hi if is_floor else None,
-        areas=_areas(data, found, areas, below=below),
+        areas=_areas(data, found, areas, mask=mask),
         left_out=left_out,
         precision_lo=found.accuracy.time_precision[0],
         recall_lo=found.accuracy.time_recall[0],
     )
 
 
-def _would_reveal(own: Found, *, below: int) -> bool:
+def _would_reveal(own: Found, *, mask: Mask) -> bool:
     """Tell whether the count between or within groups is too small to print."""
     n, n_between = own.violation_rate.n_events or 0, own.violation_rate_between.n_events or 0
-    return any(is_small(v, below=below) for v in (n, n_between, n - n_between))
+    return mask.hides(n, n_between, n - n_between)
 
 
-def _reading(violation_rate: RateEstimate, encounter_rate: RateEstimate, *, below: int) -> Reading:
+def _reading(violation_rate: RateEstimate, encounter_rate: RateEstimate, *, mask: Mask) -> Reading:
     """Return both headline numbers, without what is too small to print."""
     none = Estimate(value=None, state="not_enough_data")
-    printed = [page_estimates.level(rate, below=below) or none for rate in (violation_rate, encounter_rate)]
+    printed = [page_estimates.level(rate, mask=mask) or none for rate in (violation_rate, encounter_rate)]
     return Reading(violation_rate=printed[0], encounter_rate=printed[1])
 
 
-def _areas(data: WeekData, found: Groups, areas: tuple[AreaRow, ...], *, below: int) -> tuple[AreaReading, ...]:
+def _areas(data: WeekData, found: Groups, areas: tuple[AreaRow, ...], *, mask: Mask) -> tuple[AreaReading, ...]:
     able = {c.camera_id for c in found.cameras if c.lives.state == "ok"}
     places = between_groups_by_area(data.this, able)
     rates = {key: violation_rate_level(data.this, place) for key, place in places.items()}
     between = {key: int(rate.n_events or 0) for key, rate in rates.items()}
     within = {a.area_id: (a.counted or 0) - between[a.area_id] for a in areas if a.area_id in between}
     give = sorted(within, key=lambda key: between[key])
-    held = [held_back({k: n[k] for k in within}, below=below, give=give) for n in (between, within)]
+    held = [mask.held_back({k: n[k] for k in within}, give=give) for n in (between, within)]
     rows = []
     if not all(h.is_total_safe for h in held):
         return ()
@@ -83,7 +83,7 @@ def _areas(data: WeekData, found: Groups, areas: tuple[AreaRow, ...], *, below: 
             continue
         if rate.n_events is None or any(area.area_id in h for h in held):
             continue
-        violation_rate = page_estimates.level(rate, below=below)
+        violation_rate = page_estimates.level(rate, mask=mask)
         if violation_rate is not None and violation_rate.value is not None:
             rows.append(AreaReading(area_id=area.area_id, violation_rate=violation_rate))
     return tuple(rows)

@@ -22,7 +22,7 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.cell_places import CellPlace
 from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot
 from vsd_analytics.figures.panels import WEEK
-from vsd_analytics.figures.suppression import GIVES_AWAY, is_small
+from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import FloorMap, MapSpot
@@ -129,7 +129,7 @@ def _at_the_spot(data: WeekData, spot: FloorSpot, evidence: Evidence | None) -> 
     for n, monday in zip(spot.by_week, (data.monday, data.monday - WEEK), strict=False):
         inside = data.week(monday)
         recorded_h, open_h = data.hours.recorded_s[k, inside].sum() / 3600, data.hours.open_s[inside].sum() / 3600
-        if not open_h or recorded_h < least * open_h or is_small(n, below=int(data.site.settings.mask_below)):
+        if not open_h or recorded_h < least * open_h or data.mask.hides(n):
             return None
         rates.append(float(n / recorded_h))
     return Estimate(value=rates[0], previous=rates[-1]) if rates[1:] else None
@@ -292,7 +292,7 @@ def _error_m(used: Calibration, xy: NDArray[np.float64]) -> float | None:
 def _usual(seen: _Seen, data: WeekData) -> UsualHours | None:
     """Return the shortest run of hours with half of the violations, and the weekday clearly above others."""
     n = len(seen.day)
-    if n < max(USUAL_MIN, int(data.site.settings.mask_below)):
+    if n < data.mask.least(USUAL_MIN):
         return None
     by_hour = np.bincount(seen.hour, minlength=24)
     total = np.concatenate([[0], np.cumsum(by_hour)])

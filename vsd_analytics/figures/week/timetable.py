@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from vsd_analytics.figures.close_time import close_time_share_by_hour
+from vsd_analytics.figures.share.weeks import timetable_hours
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.hidden_counts import timetable_hours
 from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.results import BusiestHour, DayMean, HourCell, HourMean, Timetable
 
@@ -115,7 +115,7 @@ def _cells(data: WeekData) -> tuple[HourCell, ...]:
 
 def _printed(cell: HourCell, data: WeekData) -> float | None:
     """Return the count a reader knows of a cell; the middle of the small counts for a masked one."""
-    return data.site.settings.mask_below / 2 if cell.is_masked else cell.violations
+    return data.mask.middle if cell.is_masked else cell.violations
 
 
 def _mean(values: Sequence[float]) -> tuple[float | None, int]:

@@ -9,6 +9,7 @@ from typing import Final
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures import trend as analysis
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.week import estimates, page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
@@ -34,12 +35,11 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level, same_engi
         level: The headline numbers, without what must be held back.
         same_engine_since: Monday of the first week that the engine of this week counted; None = all weeks.
     """
-    below = int(data.site.settings.mask_below)
     names = {a.area_id: a.name for a in data.areas}
     weeks = tuple(
         _week(
             week,
-            below=below,
+            mask=data.mask,
             cameras=found.cameras,
             own=level if week.monday == data.monday else None,
             why_hidden=data.hidden_in(week.monday).why_floor,
@@ -94,11 +94,11 @@ def _target(value: float | None, now: Estimate | None) -> Target | None:
 
 
 def _week(
-    week: WeekRates, *, below: int, cameras: tuple[str, ...], own: Level | None, why_hidden: Reason | None
+    week: WeekRates, *, mask: Mask, cameras: tuple[str, ...], own: Level | None, why_hidden: Reason | None
 ) -> TrendWeek:
     _, number, _ = week.monday.isocalendar()
     violation_rate, close, encounter_rate = (
-        page_estimates.level(rate, below=below) for rate in (week.violation_rate, week.close, week.encounter_rate)
+        page_estimates.level(rate, mask=mask) for rate in (week.violation_rate, week.close, week.encounter_rate)
     )
     if own is not None and week.violation_rate is not None:
         violation_rate, close = own.violation_rate, own.close_time_share if week.close is not None else None

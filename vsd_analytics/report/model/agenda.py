@@ -12,7 +12,6 @@ from vsd_analytics.config.asked_questions import read_asked
 from vsd_analytics.config.change_log import read_answers, read_log
 from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.panels import WEEK
-from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.density import floor_fixtures
 from vsd_analytics.figures.week.model_estimate import same_fields
@@ -138,6 +137,6 @@ def _busiest_before(data: WeekData) -> tuple[str, ...]:
         inside = data.week(data.monday - k * WEEK)
         counts = [(float(data.area(a.area_id).n[:, inside].sum()), a.area_id) for a in data.areas]
         n, best = max(counts, default=(0.0, ""))
-        if n and not is_small(round(n), below=data.site.settings.mask_below):
+        if n and not data.mask.hides(round(n)):
             found.append(best)
     return tuple(found)

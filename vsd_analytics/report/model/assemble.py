@@ -8,11 +8,14 @@ from datetime import date, datetime, timedelta
 from typing import Any
 
 from vsd_analytics.answer import Reason
+from vsd_analytics.errors import ReportError
 from vsd_analytics.figures.catalogue import figures, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
 from vsd_analytics.figures.panels import WEEK
-from vsd_analytics.figures.suppression import GIVES_AWAY, in_week_before, is_small, too_few
+from vsd_analytics.figures.share.counts import GIVES_AWAY, in_week_before
+from vsd_analytics.figures.share.periods import check_days
+from vsd_analytics.figures.share.weeks import CHANGED
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import estimates, lazy_answers, recording, timetable
 from vsd_analytics.figures.week.data import WeekData
@@ -100,13 +103,27 @@ def _of_days(
     if floor is None:
         raise KeyError(floor_id)
     end = first + WEEK if last is None else last + timedelta(days=1)
+    check_days(site, first, end - timedelta(days=1), clock=clock)
     loaded = min(first - (end - first), _first_day(site, first)), end - timedelta(days=1)
     opened = open_warehouse(site, *loaded, on_plan=on_plan, on_hours=on_hours, threads=THREADS)
     with speaking(chosen() or site.language), opened as warehouse:
         data = WeekData(_made(warehouse), floor=floor, monday=first, last=last, clock=clock)
+        if data.is_shared_otherwise:
+            raise _shared_otherwise(first)
         found = LazyAnswers(data)
         add = add_week_sections if data.is_week else add_days_sections
-        return add_maps(add(_report(data, floor, found, now), data, found), data)
+        report = add_maps(add(_report(data, floor, found, now), data, found), data)
+        data.remember_shared()
+        return report
+
+
+def _shared_otherwise(monday: date) -> ReportError:
+    return ReportError(
+        f"the week {monday:%G-W%V} was shared before, and too little changed since",
+        code="E503",
+        why="who has both versions would have the difference, which tells of a few people",
+        fix="hand on what was made then; or add --exact, for your own eyes",
+    )
 
 
 def _made(warehouse: Warehouse) -> Warehouse:
@@ -133,6 +150,7 @@ def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | No
     coverage = recording.coverage(data)
     is_alike = data.is_week or data.span % WEEK == timedelta()
     has_before = is_alike and bool(data.hours.recorded_s[:, data.week(data.monday - data.span)].any())
+    has_before = has_before and data.hidden_before.why_floor != CHANGED  # people and times of it would tell the change
     sent_before = engines(site, data.monday - data.span, data.monday - timedelta(days=1)) if has_before else ()
     change = site_changes.settings_change(data, sent, sent_before) if has_before else None
     state = _state(data, coverage, change, has_before)
@@ -180,7 +198,9 @@ def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | No
         log=site_changes.log_lines(data, coverage, is_compared=is_compared),
         stored=stored_records(site, at=made_at.date()),
         settings_change=change if state == "settings_changed" else None,
-        close_by_crowding=close_by_crowding(data.this, why_hidden=data.hidden.why_floor),
+        close_by_crowding=close_by_crowding(
+            data.this, why_hidden=data.hidden.why_floor, is_by_day=not data.hidden.hides_hours
+        ),
         answers=shared,
         figures=with_row_texts(figures(inputs, shared)),
     )
@@ -227,7 +247,6 @@ def _state(data: WeekData, coverage: Coverage, change: SettingsChange | None, ha
 
 def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas) -> Level:
     """Return the figures of the whole floor, without those that are too small or would tell a small one."""
-    below = data.site.settings.mask_below
     measured = estimates.measure(data, data.whole, is_compared=is_compared)
     violation_rate, encounter_rate = measured.violation_rate, measured.encounter_rate
     close = estimates.floor_close_time_share(data, is_compared=is_compared)
@@ -238,13 +257,13 @@ def floor_level(data: WeekData, *, is_compared: bool, areas: report_areas.Areas)
         )
         is_printed = False
     elif is_compared and (
-        is_small(measured.n_before, below=below)
+        data.mask.hides(measured.n_before)
         or not areas.is_before_safe
         or data.hidden_before.why_floor
         or data.is_revealed_by_comparing
     ):
-        is_few = is_small(measured.n_before, below=below)
-        why = in_week_before(too_few(below)) if is_few else GIVES_AWAY
+        is_few = data.mask.hides(measured.n_before)
+        why = in_week_before(data.mask.why) if is_few else GIVES_AWAY
         violation_rate, close, encounter_rate = (
             estimates.without_change(e, why) for e in (violation_rate, close, encounter_rate)
         )

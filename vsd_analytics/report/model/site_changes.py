@@ -8,7 +8,6 @@ from typing import Final
 
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures import comparable
-from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.changes import recorded_cameras, since_instant
 from vsd_analytics.figures.week.contributions import share_of_change, verdict_without
@@ -140,9 +139,10 @@ def _with_parts(data: WeekData, change: SettingsChange) -> SettingsChange:
     ms = None if change.at is None else round(change.at.timestamp() * 1000)
     before = estimates.measure(data, data.whole, is_compared=False, until=ms)
     after = estimates.measure(data, data.whole, is_compared=False, since=ms)
-    below = data.site.settings.mask_below
-    if data.hidden.why_floor or any(
-        is_small(m.n, below=below) or m.violation_rate.value is None for m in (before, after)
+    if (
+        data.hidden.why_floor
+        or data.hidden.hides_hours
+        or any(data.mask.hides(m.n) or m.violation_rate.value is None for m in (before, after))
     ):
         return change
     return replace(change, violation_rate_before=before.violation_rate, violation_rate_after=after.violation_rate)

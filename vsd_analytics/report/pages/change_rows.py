@@ -8,7 +8,7 @@ from typing import Final
 from markupsafe import Markup
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.suppression import GIVES_AWAY
+from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.model.week import WeekReport

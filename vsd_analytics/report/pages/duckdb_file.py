@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import pyarrow as pa
 
+from vsd_analytics.errors import ReportError
 from vsd_analytics.figures import operator_counts
-from vsd_analytics.figures.masked_tables import reports_hold, shared_hours
+from vsd_analytics.figures.share.periods import check_days, hides, is_over
 from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 STORAGE_VERSION: Final = "v1.0.0"
 """The oldest DuckDB that opens the file: 1.0 and every later one."""
+OPERATOR_TABLES: Final = frozenset({"camera_hours", "area_hours"})
+"""Tables of a file that hides nothing: who knows them knows what the others hide."""
 _USUAL = {
     "camera_id": "camera of vsd.toml",
     "floor_id": "floor of vsd.toml",
@@ -60,9 +63,10 @@ def export_duckdb(
 ) -> DuckdbExport:
     """Write the weekly reports of all floors into one DuckDB file, whole or not at all.
 
-    The numbers are those of `vsd report --format json` and, by camera and area, of `vsd hours --share`: small counts
-    are hidden. A file that is there already is replaced in one step; who has it open reads the old one until it is
-    opened again. The same input gives the same rows.
+    The numbers are those of `vsd report --format json`: small counts are hidden, and weeks that are not over or may not
+    be shared again are left out. Where the site hides nothing, the file is the operator's and has hours by camera and
+    by area too (`OPERATOR_TABLES`). A file that is there already is replaced in one step; who has it open reads the old
+    one until it is opened again. The same input gives the same rows.
 
     Args:
         site: The project.
@@ -74,28 +78,40 @@ def export_duckdb(
         on_week: Called with the Monday of each week before its reports are made.
 
     Raises:
+        UsageError: E105, no week is over.
+        ReportError: E503, no week may be shared again.
         StoreError: E301, nothing is stored.
         DiskError: E304 to E306, the file cannot be written.
     """
     monday, sunday = first - timedelta(days=first.weekday()), last + timedelta(days=6 - last.weekday())
-    reports = []
-    for k in range(((sunday - monday).days + 1) // 7):
-        start = monday + timedelta(weeks=k)
+    mondays = [monday + timedelta(weeks=k) for k in range(((sunday - monday).days + 1) // 7)]
+    over = [m for m in mondays if not hides(site) or is_over(site, m + timedelta(days=6), clock=clock)]
+    if not over:
+        check_days(site, mondays[0], mondays[0] + timedelta(days=6), clock=clock)
+    reports: list[dict[str, str]] = []
+    refused: ReportError | None = None
+    for start in over:
         if on_week is not None:
             on_week(start)
         for floor in site.floors:
-            made = to_json(week_report(site, start, floor_id=floor.floor_id, now=now, clock=clock)).decode()
-            reports.append({"floor_id": floor.floor_id, "report": made})
+            try:
+                report = week_report(site, start, floor_id=floor.floor_id, now=now, clock=clock)
+            except ReportError as error:  # shared before, and changed by too little since
+                refused = error
+                continue
+            reports.append({"floor_id": floor.floor_id, "report": to_json(report).decode()})
+    if refused is not None and not reports:
+        raise refused
     with open_warehouse(site, monday, sunday) as warehouse:
         inputs = {
             "reports": pa.Table.from_pylist(reports),
-            "shared_camera_hours": _shared(warehouse, "camera"),
-            "shared_area_hours": _shared(warehouse, "area"),
             "site_calendar": warehouse.table(
                 "select * from calendar where local_date between $first and $last",
                 {"first": monday, "last": sunday},
             ),
         }
+        if not hides(site):
+            inputs |= {"exact_camera_hours": _exact(warehouse, "camera"), "exact_area_hours": _exact(warehouse, "area")}
     with tempfile.TemporaryDirectory(prefix="vsd-export-") as folder:
         made_at = Path(folder) / "export.duckdb"
         rows = _fill(made_at, inputs)
@@ -113,10 +129,9 @@ def column_text(relation: Relation, column: str) -> str:
     return relation.columns[column] or _USUAL[column]
 
 
-def _shared(warehouse: Warehouse, by: Literal["camera", "area"]) -> pa.Table:
-    """Return the hourly table by camera or area with small counts hidden."""
-    below = int(warehouse.site.settings.mask_below)
-    frame = shared_hours(operator_counts.hours(warehouse, by=by), below=below, reports=reports_hold(warehouse))
+def _exact(warehouse: Warehouse, by: Literal["camera", "area"]) -> pa.Table:
+    """Return the hourly table by camera or area."""
+    frame = operator_counts.hours(warehouse, by=by)
     return pa.Table.from_pandas(frame.rename(columns={"start": "started"}), preserve_index=False)
 
 
@@ -131,6 +146,8 @@ def _fill(path: Path, inputs: Mapping[str, pa.Table]) -> dict[str, int]:
         for name, table in inputs.items():
             con.register(name, table)
         for relation in exported_tables():
+            if relation.name in OPERATOR_TABLES and f"exact_{relation.name}" not in inputs:
+                continue
             con.execute(f"create table {relation.name} as {relation.sql}")
             _comment(con, relation)
             [(rows[relation.name],)] = con.execute(f"select count(*) from {relation.name}").fetchall()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from email.message import EmailMessage
@@ -12,16 +12,12 @@ from typing import Final, Literal
 from markupsafe import Markup
 
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
-from vsd_analytics.figures.suppression import is_small
 from vsd_analytics.figures.today import (
     HALF,
     DayLevel,
     SilentCamera,
     Today,
     TodayHour,
-    coarse,
-    coarse_days,
-    publishable,
 )
 from vsd_analytics.report.draw.day_hours import day_hours
 from vsd_analytics.report.pages import mail
@@ -92,16 +88,14 @@ def today_words(found: Today, site: Site) -> TodayWords:
 
     Args:
         found: The numbers.
-        site: The site; its names, and `mask_below`, under which no count is printed.
+        site: The site.
     """
-    below = site.settings.mask_below
     floors = {f.floor_id: f.name for f in site.floors}
-    rough = coarse_days(found.hours, below=below)
     title = say("today.yesterday", day=fmt.date_short(found.at.date() - timedelta(days=1)))
-    yesterday = _day(found.yesterday, title=title, below=below, rough=rough)
+    yesterday = _day(found.yesterday, title=title)
     until = None if found.so_far is None else found.so_far.until_hour
     title = say("today.today") if until is None else say("today.so_far", clock=fmt.hour_label(until))
-    days = yesterday, _day(found.so_far, title=title, below=below, rough=rough)
+    days = yesterday, _day(found.so_far, title=title)
     chance = [say("today.chance")] if any(d.position for d in days) else []
     return TodayWords(
         site=site.name,
@@ -109,7 +103,7 @@ def today_words(found: Today, site: Site) -> TodayWords:
         as_of=say("today.as_of", day=fmt.date_long(found.at.date()), clock=fmt.clock(found.at)),
         headline=_headline(found, days, site),
         days=days,
-        unusual=_unusual(found, below=below),
+        unusual=_unusual(found),
         silent=_silent(found, site),
         ahead=_ahead(found),
         notes=(say("today.as_usual", n=HISTORY_WEEKS), *chance),
@@ -139,7 +133,7 @@ def _headline(found: Today, days: tuple[DayWords, DayWords], site: Site) -> str:
     return say("today.h_within" if yesterday.position or so_far.position else "today.h_unknown")
 
 
-def _day(level: DayLevel | None, *, title: str, below: int, rough: Collection[date]) -> DayWords:
+def _day(level: DayLevel | None, *, title: str) -> DayWords:
     if level is None:
         return DayWords(title=title, value=fmt.MISSING, unit="", position=None, judged="", notes=(say("today.closed"),))
     notes, position = [], None
@@ -158,10 +152,10 @@ def _day(level: DayLevel | None, *, title: str, below: int, rough: Collection[da
     if 0 < level.recorded_hours < level.open_hours:
         notes.append(say("today.partly", n=level.recorded_hours, of=level.open_hours))
     if level.estimate is not None and level.violations is not None and abs(level.estimate - level.violations) >= HALF:
-        notes.append(say("today.estimated", n=_written(level.estimate, below=below, is_rough=level.day in rough)))
+        notes.append(say("today.estimated", n=fmt.count(round(level.estimate))))
     return DayWords(
         title=title,
-        value=_count(level, below=below, is_rough=level.day in rough),
+        value=fmt.MISSING if level.violations is None else fmt.count(round(level.violations)),
         unit="" if level.violations is None else say("today.unit"),
         position=position,
         judged=say(f"today.{position}") if position in ("above", "below") else "",
@@ -169,33 +163,17 @@ def _day(level: DayLevel | None, *, title: str, below: int, rough: Collection[da
     )
 
 
-def _count(level: DayLevel, *, below: int, is_rough: bool) -> str:
-    """Write the violations of a day; in round numbers where one of its hours is too small to print."""
-    if level.violations is None:
-        return fmt.MISSING
-    n = _written(level.violations, below=below, is_rough=is_rough)
-    is_about = is_rough and not is_small(round(level.violations), below=below)
-    return say("today.about", n=n) if is_about else n
-
-
-def _written(n: float, *, below: int, is_rough: bool) -> str:
-    if is_small(round(n), below=below):
-        return fmt.masked(below)
-    return fmt.count(coarse(n, below=below)) if is_rough else fmt.count(round(n))
-
-
-def _unusual(found: Today, *, below: int) -> tuple[str, ...]:
+def _unusual(found: Today) -> tuple[str, ...]:
     if found.unusual.state != "ok":
         return (say("today.unusual_unknown", reason=reason_text(found.unusual.reason)),)
     if not found.unusual.rows:
         return (say("today.unusual_none", plural=found.unusual.n_tested, n=found.unusual.n_tested),)
-    return tuple(_unusual_hour(row, below=below) for row in found.unusual.rows[:UNUSUAL_SHOWN])
+    return tuple(_unusual_hour(row) for row in found.unusual.rows[:UNUSUAL_SHOWN])
 
 
-def _unusual_hour(row: Unusual, *, below: int) -> str:
-    key = "when.unusual_row_held" if is_small(row.violations, below=below) else "when.unusual_row"
+def _unusual_hour(row: Unusual) -> str:
     low, high = fmt.number(row.lo), fmt.number(row.hi)
-    return fmt.ended(say(key, hour=hour_words(row), n=fmt.count(row.violations), low=low, high=high))
+    return fmt.ended(say("when.unusual_row", hour=hour_words(row), n=fmt.count(row.violations), low=low, high=high))
 
 
 def _silent(found: Today, site: Site) -> tuple[str, ...]:
@@ -297,7 +275,7 @@ def make_today_page(found: Today, site: Site, *, is_made_up: bool = False) -> To
         style=Markup(style),
         style_hash=policy_hash(style),
         chart=day_hours(
-            publishable(found.hours, below=site.settings.mask_below),
+            found.hours,
             names=days,
             unusual=unusual,
             label=say("today.chart_label"),

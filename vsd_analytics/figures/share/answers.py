@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from vsd_analytics.answer import Answer, Answers, Cell, Reason, Row, Sum, Value, check_sums, value_of
-from vsd_analytics.figures.suppression import is_small
+from vsd_analytics.figures.share.counts import is_small
+from vsd_analytics.figures.share.periods import hides
 from vsd_analytics.site.model import Site
 
 Place = tuple[str, int, str]
@@ -52,9 +53,9 @@ def share(answers: Iterable[Answer], *, below: int) -> Answers:
     return Answers(_shared(answer, small, hidden, below) for answer in every)
 
 
-def audience_answers(answers: Iterable[Answer], site: Site, *, is_exact: bool) -> Answers:
-    """Return answers for whoever asks: exact ones for the operator, by name; else what may be shared."""
-    return Answers(answers) if is_exact else share(answers, below=int(site.settings.mask_below))
+def audience_answers(answers: Iterable[Answer], site: Site) -> Answers:
+    """Return what may be shared; where the site hides nothing, all of it."""
+    return share(answers, below=int(site.settings.mask_below)) if hides(site) else Answers(answers)
 
 
 def _parts_to_hide(

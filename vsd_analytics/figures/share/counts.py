@@ -39,9 +39,42 @@ class HeldBack(Generic[K]):
     def __contains__(self, key: K) -> bool:
         return key in self.small or key in self.others
 
-    def why(self, key: K, *, below: int) -> Reason | None:
-        """Return why a count is held back; None where it is not."""
-        return too_few(below) if key in self.small else GIVES_AWAY if key in self.others else None
+
+@dataclass(frozen=True, slots=True)
+class Mask:
+    """What a site's `mask_below` hides: what every other module asks before it gives a number.
+
+    Attributes:
+        below: Counts from 1 to `below` - 1 are small; 0 or 1 = none is.
+    """
+
+    below: int
+
+    def hides(self, *counts: float | None) -> bool:
+        """Tell whether any of some counts is small."""
+        return any(n is not None and is_small(n, below=self.below) for n in counts)
+
+    @property
+    def why(self) -> Reason:
+        """Return why a small count is not given."""
+        return too_few(self.below)
+
+    def least(self, n: int) -> int:
+        """Return the least number of people or events of which something is given, `n` or more."""
+        return max(n, self.below)
+
+    @property
+    def middle(self) -> float:
+        """Return the middle of the small counts, for means that may tell nothing more of one."""
+        return self.below / 2
+
+    def held_back(self, counts: Mapping[K, Count], *, give: Sequence[K]) -> HeldBack[K]:
+        """Return `held_back` of a partition."""
+        return held_back(counts, below=self.below, give=give)
+
+    def why_held_back(self, held: HeldBack[K], key: K) -> Reason | None:
+        """Return why a count of a partition is held back; None where it is not."""
+        return self.why if key in held.small else GIVES_AWAY if key in held.others else None
 
 
 def is_small(n: float, *, below: int) -> bool:

@@ -1,0 +1,112 @@
+"""Ways in which small counts and the time of single people once left, and do no longer."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import numpy as np
+import pytest
+from report import ingested_worlds as w
+from scipy.optimize import Bounds, LinearConstraint, milp
+
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.report.pages.story import week_report
+from vsd_analytics.site.model import Site
+
+PRAYER = {**w.AREAS, "prayer": ("Prayer room", (13, 7, 17, 11))}
+HOURS = (9, 12)
+
+
+def few_by_day(day: int, hour: int) -> dict[w.Place, int]:
+    """Three violations in one hour of Tuesday at the door, many at the queue."""
+    return {w.QUEUE: 30, w.DOOR: 3 if (day, hour) == (1, 10) else 0, w.AISLE: 20}
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
+    """Return a week in which one person is alone in the prayer room, and all others elsewhere."""
+    config = w.toml(areas=PRAYER)
+    return w.world(tmp_path_factory.mktemp("leaks") / "shop", config, w.messages(few_by_day))
+
+
+def twin(site: Site) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(to_json(week_report(site, w.MONDAY)))
+    return found
+
+
+def test_the_time_of_a_single_person_in_a_room_is_not_printed(site: Site) -> None:
+    exact = {a["area_id"]: a for a in twin(site.with_settings(mask_below=0))["areas"]}
+    assert exact["prayer"]["exposure_h"] == pytest.approx(7 * (HOURS[1] - HOURS[0]), rel=0.01), "one person, all week"
+    report = twin(site)
+    shared = {a["area_id"]: a for a in report["areas"]}
+    for name in ("exposure_h", "encounter_rate", "close_time_share"):
+        value = shared["prayer"][name]
+        assert (value["value"] if isinstance(value, dict) else value) is None, name
+    rows = [r for r in report["figures"]["M15"]["rows"] if r["area_id"] == "prayer"]
+    assert {r["value"] for r in rows if r["column"] in ("exposure_h", "close_time_share", "encounter_rate")} <= {None}
+
+
+def test_nor_is_it_what_all_other_places_leave_of_the_floor(site: Site) -> None:
+    report = twin(site)
+    hidden = [a["area_id"] for a in report["areas"] if a["exposure_h"] is None]
+    assert len(hidden) > 1
+    assert "prayer" in hidden
+    rows = to_csv(week_report(site, w.MONDAY))["areas.csv"]
+    assert "prayer" in rows
+
+
+def test_a_place_that_enough_people_use_keeps_its_time(site: Site) -> None:
+    shared = {a["area_id"]: a for a in twin(site)["areas"]}
+    assert shared["queue"]["exposure_h"] == pytest.approx(
+        {a["area_id"]: a for a in twin(site.with_settings(mask_below=0))["areas"]}["queue"]["exposure_h"]
+    )
+
+
+def test_hours_by_area_of_the_operator_would_tell_what_the_week_hides(site: Site, tmp_path: Path) -> None:
+    """An area whose week is hidden has four hours that are hidden among zeros: so the shared file has no such table."""
+    shared, exact = tmp_path / "shared.duckdb", tmp_path / "exact.duckdb"
+    common = ["-C", str(site.root), "--now", "2026-12-14", "export", "--range", "2026-11-09..2026-11-15", "--duckdb"]
+    assert run(cli, [*common, str(shared)]) == 0
+    assert run(cli, [*common, str(exact), "--exact"]) == 0
+    with duckdb.connect(str(exact), read_only=True) as con:
+        [(n,)] = con.execute("select sum(violations) from area_hours where area_id = 'door'").fetchall()
+    with duckdb.connect(str(shared), read_only=True) as con:
+        tables = {name for (name,) in con.execute("select table_name from duckdb_tables()").fetchall()}
+        [(door,)] = con.execute("select violations from areas where area_id = 'door'").fetchall()
+        [(total,)] = con.execute("select violations from weeks").fetchall()
+        [(n_areas, n_shown)] = con.execute("select count(*), count(violations) from areas").fetchall()
+    assert (n, door) == (3, None)
+    assert {"area_hours", "camera_hours"} & tables == set()
+    assert n_areas - n_shown > 1, "a sum over areas that skips what is hidden says so: several are null"
+    assert total is not None, "and the right total is beside it"
+
+
+def test_running_totals_told_the_hours_that_were_hidden(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
+    """100, 101, 104 and 107 give 1, 3 and 3: no total of a running week is given, whatever the hour."""
+    assert solved([100, 101, 104, 107]) == [1, 3, 3]
+    command = ["report", "--week", "2026-W46", "--json"]
+    for hour in range(9, 24):
+        now = f"2026-11-10T{hour:02}:05+01:00"
+        assert run(cli, ["-C", str(site.root), "--now", now, *command]) == 2
+        printed = capsys.readouterr()
+        assert '"violations"' not in printed.out
+    assert run(cli, ["-C", str(site.root), "--now", "2026-11-16T00:05+01:00", *command]) == 0
+
+
+def solved(totals: list[int]) -> list[int | None]:
+    """Return the hidden hours, 1 to 4 each, that running totals leave no choice of."""
+    steps = LinearConstraint(np.eye(len(totals) - 1), np.diff(totals), np.diff(totals))
+    found: list[int | None] = []
+    for k in range(len(totals) - 1):
+        c = np.eye(len(totals) - 1)[k]
+        ends = {
+            round(s * milp(s * c, constraints=steps, integrality=np.ones(len(c)), bounds=Bounds(1, 4)).fun)
+            for s in (1, -1)
+        }
+        found.append(ends.pop() if len(ends) == 1 else None)
+    return found

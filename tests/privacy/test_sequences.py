@@ -1,0 +1,95 @@
+"""Nobody who keeps every version of every page works out a small count, or a small change (`sequences`)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from unittest import mock
+
+import pytest
+from privacy import hidden_counts as hidden
+from privacy import sequences
+from report import ingested_worlds as worlds
+
+from vsd_analytics.errors import ReportError, UsageError
+from vsd_analytics.figures.share import earlier
+from vsd_analytics.report.pages.story import days_report, week_report
+
+WEEKS = 3
+LATE_SEED = 6  # a world in which a camera lost a day
+HOURS_OF_A_WEEK = 7 * 24
+
+
+@pytest.fixture
+def versions(tmp_path: Path) -> sequences.Versions:
+    return sequences.lived(tmp_path, 1, n_weeks=WEEKS)
+
+
+@pytest.fixture
+def forgetful() -> Iterator[None]:
+    """What left before is not remembered, as before version 2.0."""
+    with mock.patch.object(earlier, "remember"):
+        yield
+
+
+def test_pages_after_each_hour_each_week_an_erasure_and_a_purge_tell_no_small_count(
+    versions: sequences.Versions,
+) -> None:
+    sequences.erased(versions, 1, 0, 0, 10, slots=3)
+    sequences.erased(versions, 1, 0, 2, 10, slots=7)
+    sequences.nearer(versions)
+    assert sequences.broken(versions) == []
+    assert len(sequences.protected(versions)) > len(hidden.small_counts(versions.worlds[0]))
+    assert sequences.worked_out(versions) == {}
+
+
+def test_a_day_that_arrives_late_tells_no_small_count(tmp_path: Path) -> None:
+    versions = sequences.lived(tmp_path, LATE_SEED, n_weeks=2)
+    [at, *_] = sorted(versions.worlds[0].lost)
+    sequences.late(versions, *at, lambda key: 2 if key[1] == 0 else 20)
+    assert sequences.broken(versions) == []
+    assert sequences.worked_out(versions) == {}
+
+
+@pytest.mark.usefixtures("forgetful")
+def test_without_memory_of_what_left_before_an_erasure_tells_how_many_it_took(versions: sequences.Versions) -> None:
+    sequences.erased(versions, 1, 0, 0, 10, slots=3)
+    assert sequences.broken(versions) == []
+    assert any(name.startswith("change to version 1") for name in sequences.worked_out(versions))
+
+
+def test_no_page_of_a_running_week_is_made_whatever_the_hour(versions: sequences.Versions) -> None:
+    assert versions.n_refused == WEEKS * HOURS_OF_A_WEEK
+
+
+def test_a_page_of_days_that_are_no_week_is_refused(versions: sequences.Versions) -> None:
+    monday = hidden.monday(0)
+    for days in (1, 3, 14):  # a week has its own report
+        with pytest.raises(UsageError) as refused:
+            days_report(versions.worlds[0].site, monday, monday + (days - 1) * worlds.DAY)
+        assert refused.value.code == "E105"
+
+
+def test_a_week_is_not_shared_again_after_a_small_erasure_and_the_operator_sees_it(
+    versions: sequences.Versions,
+) -> None:
+    world = versions.worlds[0]
+    sequences.erased(versions, 1, 0, 0, 10, slots=3)
+    with pytest.raises(ReportError) as refused:
+        week_report(world.site, hidden.monday(1))
+    assert refused.value.code == "E503"
+    exact = week_report(world.site.with_settings(mask_below=0), hidden.monday(1))
+    assert exact.level.violations == versions.worlds[1].sum(hidden.keys_of(1))
+
+
+def test_what_is_made_for_the_operator_is_not_remembered_as_shared(versions: sequences.Versions) -> None:
+    site = versions.worlds[0].site
+    before = (site.root / earlier.FILE).read_bytes()
+    sequences.erased(versions, 1, 0, 0, 10, slots=3)
+    week_report(site.with_settings(mask_below=0), hidden.monday(1))
+    assert (site.root / earlier.FILE).read_bytes() == before
+
+
+def test_a_page_made_again_from_the_same_records_has_the_same_bytes(versions: sequences.Versions) -> None:
+    site = versions.worlds[0].site
+    assert week_report(site, hidden.monday(1)) == week_report(site, hidden.monday(1))

@@ -1,0 +1,126 @@
+"""What left before: `shared.jsonl` in the project's folder, with the counts of each floor and week that was shared.
+
+A week can change after it was shared: late data, an erasure, a better calibration, another distance. Who has both
+versions has their difference. So each version is stored, one JSON object a line, and `weeks` masks the differences from
+all of them like the counts themselves. The file holds exact counts: it stays with the operator.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+from vsd_analytics.errors import InputError, Where
+from vsd_analytics.site.model import Site
+from vsd_analytics.store.durable import exclusive, publish
+
+FILE: Final = "shared.jsonl"
+LOCK: Final = Path("status") / "shared.lock"
+REST: Final = ""
+"""The rest of the floor among areas by id."""
+Parts: TypeAlias = "Mapping[str, Mapping[str, int]]"
+"""Counts by part and camera."""
+
+
+@dataclass(frozen=True, slots=True)
+class SharedWeek:
+    """What was counted in a floor's week that was shared, and what of it was hidden.
+
+    Attributes:
+        floor_id, monday: Which.
+        person_ms: Person-milliseconds in the hours that enter rates.
+        n_tracks: Track ids.
+        places: Violations by area (`REST`: the rest of the floor) and camera.
+        hours: Violations by UTC start of the hour, in milliseconds, and camera.
+        hidden_places, hidden_hours: What was not shown of them.
+    """
+
+    floor_id: str
+    monday: date
+    person_ms: int
+    n_tracks: int
+    places: Parts
+    hours: Parts
+    hidden_places: frozenset[str]
+    hidden_hours: frozenset[str]
+
+
+def read(site: Site) -> Sequence[SharedWeek]:
+    """Return every version of every week that was shared, in order.
+
+    Raises:
+        InputError: E110, a line is none.
+    """
+    path = site.root / FILE
+    try:
+        stat = path.stat()
+    except FileNotFoundError:
+        return ()
+    return _read(path, stat.st_mtime_ns, stat.st_size)
+
+
+def remember(site: Site, weeks: Iterable[SharedWeek]) -> None:
+    """Store versions of weeks that leave, durably; what is stored already is not again.
+
+    Raises:
+        DiskError: E304 to E306, the disk refused; then nothing may be shared.
+    """
+    weeks = list(weeks)
+    known = read(site)
+    if all(week in known for week in weeks):
+        return
+    path = (site.root / FILE).resolve()
+    with exclusive(site.root / LOCK):
+        known = read(site)
+        lines = [json.dumps(_as_dict(week), ensure_ascii=False) for week in (*known, *weeks)]
+        publish(path, "".join(f"{line}\n" for line in dict.fromkeys(lines)).encode(), is_private=True)
+
+
+@lru_cache(maxsize=4)
+def _read(path: Path, mtime_ns: int, size: int) -> tuple[SharedWeek, ...]:
+    return tuple(_week(line, number) for number, line in enumerate(path.read_bytes().splitlines(), 1) if line.strip())
+
+
+def _as_dict(week: SharedWeek) -> dict[str, Any]:
+    return {
+        "week": f"{week.monday:%G-W%V}",
+        "floor": week.floor_id,
+        "person_ms": week.person_ms,
+        "tracks": week.n_tracks,
+        "places": week.places,
+        "hours": week.hours,
+        "hidden_places": sorted(week.hidden_places),
+        "hidden_hours": sorted(week.hidden_hours),
+    }
+
+
+def _week(line: bytes, number: int) -> SharedWeek:
+    try:
+        value = json.loads(line)
+        return SharedWeek(
+            value["floor"],
+            date.fromisoformat(f"{value['week']}-1"),
+            int(value["person_ms"]),
+            int(value["tracks"]),
+            _parts(value["places"]),
+            _parts(value["hours"]),
+            frozenset(map(str, value["hidden_places"])),
+            frozenset(map(str, value["hidden_hours"])),
+        )
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise InputError(
+            f"line {number} of {FILE} is no week that was shared",
+            code="E110",
+            where=Where(FILE, number, line.decode(errors="replace")[:200]),
+            why="what left before decides what may leave now",
+            fix="put the file back as it was; a deleted line allows its week to be shared again",
+        ) from None
+
+
+def _parts(value: Mapping[str, Mapping[str, int]]) -> Parts:
+    return {str(key): {str(camera): int(n) for camera, n in of.items()} for key, of in value.items()}

@@ -1,0 +1,71 @@
+"""Which days may leave the operator's hands: one ISO week, once it is over.
+
+Figures of a week that goes on, of a day, or of any other range would be compared with those of the week: a page made
+after each hour tells how many that hour added, and two ranges tell what lies between them.
+"""
+
+from __future__ import annotations
+
+from datetime import date, datetime, timedelta
+
+from vsd_analytics.errors import UsageError
+from vsd_analytics.site.model import Site
+
+
+def hides(site: Site) -> bool:
+    """Tell whether anything is hidden at all: `mask_below` of 0 or 1 hides no count."""
+    return site.settings.mask_below > 1
+
+
+def is_over(site: Site, last: date, *, clock: datetime | None) -> bool:
+    """Tell whether a local day has ended; without a clock, every day has."""
+    return clock is None or clock.astimezone(site.zone).date() > last
+
+
+def check_operator(site: Site, what: str) -> None:
+    """Check that something may be made that no other reader gets.
+
+    Args:
+        site: The project; nothing is checked where it hides nothing.
+        what: What is made, at the beginning of a sentence.
+
+    Raises:
+        UsageError: E105, `--exact` was not given.
+    """
+    if hides(site):
+        raise UsageError(
+            f"{what} is for the operator",
+            code="E105",
+            why="its counts of single hours and places would tell what the weekly report hides",
+            fix="add --exact, for your own eyes",
+        )
+
+
+def check_days(site: Site, first: date, last: date, *, clock: datetime | None) -> None:
+    """Check that figures of some days may leave.
+
+    Args:
+        site: The project; nothing is checked where it hides nothing (`hides`).
+        first: First local day.
+        last: Last local day.
+        clock: The present; None = all days are over.
+
+    Raises:
+        UsageError: E105, they are no ISO week, or it is not over.
+    """
+    if not hides(site):
+        return
+    if first.weekday() or last - first != timedelta(days=6):
+        raise UsageError(
+            f"{first} to {last} is no week from Monday to Sunday",
+            code="E105",
+            why="only figures of whole weeks are handed on: two ranges would tell the small counts between them",
+            fix="--week last; or add --exact, for your own eyes",
+        )
+    if not is_over(site, last, clock=clock):
+        raise UsageError(
+            f"the week {first:%G-W%V} is not over",
+            code="E105",
+            why="figures of a week are handed on once it is over: page by page they would tell what each hour added",
+            fix="--week last; or add --exact, for your own eyes",
+        )
