@@ -159,7 +159,7 @@ function panelOf(p, used, place, close_cameras = closeCameras(place, p)) {
 
 /* Some squares of the floor as a place: the cameras that ever counted anybody in them. */
 function squaresAsPlace(id, name, numbers) {
-  const g = M.grid, A = g.cellsAcross, squares = new Uint8Array(g.nx * g.ny), place = { id, name, index: -1, squares, cameras: new Array(M.cameras).fill(0) };
+  const g = M.grid, A = g.cellsAcross, squares = new Uint8Array(g.nx * g.ny), place = { id, name, index: -1, squares, cameras: new Array(M.cameras).fill(0), hidden: [null, null] };
   for (const k of numbers) squares[k] = 1;
   for (const p of [week, before]) if (p && p.cells) for (const [t, a] of [[p.cells.violations, A], [p.cells.time, 1]]) for (let i = 0; i < t.n; i++) {
     const x = Math.floor(t.cell[i] % (g.nx * a) / a), y = Math.floor(Math.floor(t.cell[i] / (g.nx * a)) / a);
@@ -186,8 +186,8 @@ const closeInBoth = place => closeCameras(place, week).map((v, c) => v & closeCa
 
 /* Everything said about a place: this week's rates and, where the weeks can be compared, the change. */
 function rates(place) {
-  const now = panelOf(week, week.counted, place), hide = sum(place.cameras) ? null : word('reason.nobody');
-  const usual = place.index >= 0 && past ? panelOf(past, past.counted, place) : null;
+  const now = panelOf(week, week.counted, place), hide = place.hidden[0] || (sum(place.cameras) ? null : word('reason.nobody'));
+  const usual = place.index >= 0 && place.past && past ? panelOf(past, past.counted, place) : null;
   const history = (kind, k) => usual && { n: usual[kind].n, x: usual[kind].x, weekday: usual.weekday };
   const nothing = reason => ({ rate: null, lo: null, hi: null, n: null, ok: false, reason });
   const told = {
@@ -198,7 +198,8 @@ function rates(place) {
     change: null,
   };
   if (noDay()) { told.often = told.close = told.risky = nothing(word('no_day')); return told; }
-  if (before && !M.notCompared && !hide && !M.noViolations) {
+  if (told.often.rate === 0 && M.rules.mask > 1 && !(isWhole() && place.index >= 0)) told.often = told.close = told.risky = nothing(word('reason.masked', { n: M.rules.mask }));
+  if (before && !M.notCompared && !hide && !place.hidden[1] && !M.noViolations) {
     const inBoth = closeInBoth(place), a = panelOf(before, before.same, place, inBoth), b = panelOf(week, week.same, place, inBoth);
     told.change = {
       hours: b.hours, often: compareRates(a.often, b.often, M.rules, false),

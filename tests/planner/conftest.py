@@ -24,16 +24,16 @@ def exact(shop: Site) -> PlannerData:
 
 
 @pytest.fixture(scope="session")
-def usual(shop: Site) -> PlannerData:
+def masked(shop: Site) -> PlannerData:
     """What the page knows under the default settings, but for the person-hours a rate needs."""
     return planted.known(planted.with_settings(shop, min_exposure_h=2.0))
 
 
 @pytest.fixture(scope="session")
-def pages(exact: PlannerData, usual: PlannerData, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def pages(exact: PlannerData, masked: PlannerData, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("planner-pages")
     made = {}
-    for name, data in (("exact", exact), ("usual", usual)):
+    for name, data in (("exact", exact), ("masked", masked)):
         made[name] = folder / f"{name}.html"
         made[name].write_text(render_planner(data), encoding="utf-8")
     return made

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from vsd_analytics.planner.rounding import merge_small_counts
 
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.hour_counts import HourPanel
@@ -18,13 +19,13 @@ WIDTH, DEPTH, HOURS, DAYS, CAMERAS = 24, 16, 13, 7, 4
 SPOTS = ((6, 5, 2.2, 6.0), (17, 10, 1.6, 4.0), (12, 13, 1.0, 3.0), (20, 3, 1.4, 3.0))
 
 
-def planner(base: PlannerData, *, n_violations: int) -> PlannerData:
+def planner(base: PlannerData, *, n_violations: int, below: int = 5) -> PlannerData:
     """Return a page's data with about so many violations in two weeks, seen by four cameras that overlap a little."""
     rng = np.random.default_rng(5)
     assert base.shown is not None
-    weeks = [_week(base, rng, n_violations / 2) for _ in range(2)]
+    weeks = [_week(base, rng, n_violations / 2, below) for _ in range(2)]
     n_places = len(base.places)
-    history = _panel(rng, 5 * DAYS, n_places, n_violations / 2 * 5)
+    history = _panel(rng, 5 * DAYS, n_places, n_violations / 2 * 5, below)
     cameras = tuple(replace(base.cameras[0], camera_id=f"cam-{k}") for k in range(CAMERAS))
     places = tuple(replace(p, cameras=(True,) * CAMERAS) for p in base.places)
     shown = replace(base.shown, extent=(0.0, 0.0, float(WIDTH), float(DEPTH)))
@@ -35,8 +36,8 @@ def planner(base: PlannerData, *, n_violations: int) -> PlannerData:
     )  # fmt: skip
 
 
-def _week(base: PlannerData, rng: Any, n: float) -> Any:
-    panel = _panel(rng, DAYS, len(base.places), n)
+def _week(base: PlannerData, rng: Any, n: float, below: int) -> Any:
+    panel = _panel(rng, DAYS, len(base.places), n, below)
     x, y = np.meshgrid(np.arange(2 * WIDTH) / 2 + 0.25, np.arange(2 * DEPTH) / 2 + 0.25)
     where = 0.25 + sum(h * np.exp(-((x - a) ** 2 + (y - b) ** 2) / (2 * s * s)) for a, b, s, h in SPOTS)
     mean = where[None] * _profile()[:, None, None]
@@ -47,11 +48,12 @@ def _week(base: PlannerData, rng: Any, n: float) -> Any:
     camera = owner[row, column]
     strays = rng.random(camera.size) < 0.05  # overlapping views share a few cells
     camera = np.where(strays, (camera + 1) % CAMERAS, camera)
-    keys = np.stack((camera, slot, column, row))
+    keys = np.stack((camera, slot, column, row, slot // HOURS, np.zeros_like(slot)))
     lies, stands = counts.ravel() > 0, stood_s.ravel() > 0.1
     grid = cell_counts.CellGrid(0, 0, WIDTH, DEPTH)
     exposure = np.rint(stood_s.ravel() * 10).astype(np.int64)
     close = np.rint(exposure * rng.random(exposure.size) * 0.4).astype(np.int64)
+    tracks = np.maximum(1, exposure // 40)
     quarter = rng.multinomial(counts.sum(axis=0), [0.25] * 4)
     y_of, x_of = np.repeat(np.arange(2 * DEPTH), 2 * WIDTH), np.tile(np.arange(2 * WIDTH), 2 * DEPTH)
     fine = np.concatenate(
@@ -63,13 +65,14 @@ def _week(base: PlannerData, rng: Any, n: float) -> Any:
     )
     fine = fine[:, np.lexsort((fine[1], fine[0]))]
     cells = cell_counts.WeekCells(
-        violations=cell_counts._rows(keys[:, lies], [counts.ravel()[lies]], grid=grid, across=2),
-        fine=fine,
-        time=cell_counts._rows(
+        violations=cell_counts._merged(keys[:, lies], [counts.ravel()[lies]], grid=grid, across=2, below=below),
+        fine=fine[:, fine[2] >= below],
+        time=cell_counts._merged(
             keys[:, stands],
-            [exposure[stands], close[stands]],
+            [tracks[stands], exposure[stands], close[stands]],
             grid=grid,
             across=2,
+            below=below,
             is_square=True,
         ),
         unit_ms=100,
@@ -83,17 +86,20 @@ def _profile() -> Any:
     return hour * np.repeat([1, 1, 1, 1, 1.2, 1.5, 0.8], HOURS)
 
 
-def _panel(rng: Any, n_days: int, n_places: int, n: float) -> HourPanel:
+def _panel(rng: Any, n_days: int, n_places: int, n: float, below: int) -> HourPanel:
     slots = np.arange(n_days * HOURS)
     shape = (n_places, CAMERAS, slots.size)
     profile = np.resize(_profile(), slots.size)
     counts = rng.poisson(np.broadcast_to(profile / profile.sum() * n / n_places / CAMERAS, shape))
     day = slots // HOURS
+    given = np.stack(
+        [[merge_small_counts(row[None], groups=(day,), below=below).values[0] for row in place] for place in counts]
+    )
     full = np.full((CAMERAS, slots.size), 3_600_000)
     return HourPanel(
         day=day, weekday=day % 7, hour=8 + slots % HOURS, fold=np.zeros_like(slots), recorded_ms=full,
-        is_counted=np.ones_like(full, dtype=np.bool_), n=counts, exposure_ms=counts * 9_100,
-        close_ms=counts * 3_000,
+        is_counted=np.ones_like(full, dtype=np.bool_), n=given, exposure_ms=given * 9_100,
+        close_ms=given * 3_000,
     )  # fmt: skip
 
 

@@ -37,7 +37,7 @@ Open = Callable[..., Any]
 
 @pytest.fixture
 def opened(tab: Open, pages: dict[str, Path]) -> Open:
-    def page(name: str = "usual", address: str = "", **options: Any) -> Any:
+    def page(name: str = "masked", address: str = "", **options: Any) -> Any:
         shown = tab(pages[name].as_uri() + address, **options)
         if options.get("java_script_enabled", True):
             shown.wait_for_function("document.body.dataset.first")
@@ -316,7 +316,7 @@ def test_the_address_brings_the_same_view_back(opened: Open, pages: dict[str, Pa
     page.select_option("#place", "floor")
     page.select_option("#from", "9")
     page.click("#zr")
-    assert written_address(page) == pages["usual"].as_uri()
+    assert written_address(page) == pages["masked"].as_uri()
 
 
 @pytest.mark.parametrize(
@@ -396,7 +396,7 @@ def test_a_floor_without_a_map_has_its_rates(tab: Open, exact: PlannerData, tmp_
 
 
 def test_data_that_cannot_be_read_say_so(tab: Open, pages: dict[str, Path], tmp_path: Path) -> None:
-    text = pages["usual"].read_text(encoding="utf-8")
+    text = pages["masked"].read_text(encoding="utf-8")
     broken = re.sub(r'(id="data">)[^<]*', lambda m: m[1] + base64.b64encode(b"not gzip").decode(), text)
     path = tmp_path / "broken.html"
     path.write_text(broken, encoding="utf-8")
@@ -456,26 +456,26 @@ def test_no_day_chosen_is_said_in_words(opened: Open) -> None:
 
 
 @pytest.fixture
-def viewed(tab: Open, usual: PlannerData, tmp_path: Path) -> Any:
+def viewed(tab: Open, masked: PlannerData, tmp_path: Path) -> Any:
     """The page of a floor whose first camera sees its left half and whose second, down on a Wednesday, the right."""
     path = tmp_path / "viewed.html"
-    assert usual.shown is not None
-    grid = cell_counts.grid_of(usual.shown.extent)
+    assert masked.shown is not None
+    grid = cell_counts.grid_of(masked.shown.extent)
     assert grid is not None
     seen = np.zeros((2, grid.n_y * 4, grid.n_x * 4), dtype=np.bool_)
     seen[0, :, : grid.n_x * 2], seen[1, :, grid.n_x * 2 :] = True, True
-    path.write_text(render_planner(replace(usual, seen=seen)), encoding="utf-8")
+    path.write_text(render_planner(replace(masked, seen=seen)), encoding="utf-8")
     page = tab(path.as_uri())
     page.wait_for_function("document.body.dataset.first")
     return page
 
 
-def test_floor_that_no_camera_recorded_in_the_chosen_time_is_hatched(viewed: Any, usual: PlannerData) -> None:
+def test_floor_that_no_camera_recorded_in_the_chosen_time_is_hatched(viewed: Any, masked: PlannerData) -> None:
     def hatched() -> float:
         return float(viewed.evaluate("(b => b.width * b.height)(document.querySelector('#wb .nv').getBBox())"))
 
-    assert usual.shown is not None
-    x0, y0, x1, y1 = usual.shown.extent
+    assert masked.shown is not None
+    x0, y0, x1, y1 = masked.shown.extent
     whole = (x1 - x0) * (y1 - y0) * 100**2
     assert hatched() == 0
     shipped = "document.body.classList.contains('views')"

@@ -15,7 +15,7 @@ from vsd_analytics.site.model import Site
 @pytest.fixture
 def vsd(shop: Site, capsys: pytest.CaptureFixture[str]):
     def call(*arguments: str) -> tuple[int, str, str]:
-        code = run(cli, ["-C", str(shop.root), "--quiet", "planner", "--exact", *arguments])
+        code = run(cli, ["-C", str(shop.root), "--quiet", "planner", *arguments])
         told = capsys.readouterr()
         return code, told.out, told.err
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator
 from datetime import timedelta
 from pathlib import Path
@@ -82,7 +83,7 @@ def assert_same(told: dict[str, str], *expected: float | None) -> None:
             assert found == pytest.approx(value, rel=SIX_DIGITS), (key, told, expected)
 
 
-@pytest.mark.parametrize("name", ["exact", "usual"])
+@pytest.mark.parametrize("name", ["exact", "masked"])
 def test_the_whole_week_has_the_report_s_rates_for_the_floor_and_each_area(
     page_of: Any, report: WeekReport, name: str
 ) -> None:
@@ -105,7 +106,7 @@ def test_the_whole_week_has_the_report_s_rates_for_the_floor_and_each_area(
         assert number(told["change-often"]["a"]) == pytest.approx(per_open_h.previous, rel=SIX_DIGITS)
 
 
-@pytest.mark.parametrize("name", ["exact", "usual"])
+@pytest.mark.parametrize("name", ["exact", "masked"])
 def test_the_share_of_time_too_close_is_the_report_s_for_the_floor_and_each_area(
     page_of: Any, report: WeekReport, exact: PlannerData, name: str
 ) -> None:
@@ -287,14 +288,24 @@ def test_a_hotspot_has_the_rates_of_its_squares(page_of: Any, oracle: Oracle, ex
             assert_same(told["now-risky"], per_person_h.value, per_person_h.lo, per_person_h.hi)
 
 
-def test_bands_cover_the_floor_that_the_report_colours(page_of: Any, exact: PlannerData, usual: PlannerData) -> None:
+def test_small_counts_put_together_move_rectangles_by_little(page_of: Any, oracle: Oracle, masked: PlannerData) -> None:
+    below = int(masked.site.settings.mask_below)
+    for box in (RECTANGLE, (7, 1, 12, 6)):
+        address = f"place=rect&rect={','.join(map(str, box))}"
+        exact, given = (page_of(name).evaluate(READ, address) for name in ("exact", "masked"))
+        rates = [float(told["now-often"]["rate"]) for told in (exact, given)]
+        n_squares = (box[2] - box[0]) * (box[3] - box[1])
+        assert abs(rates[0] - rates[1]) * 14 <= 2 * below * math.sqrt(n_squares)
+
+
+def test_bands_cover_the_floor_that_the_report_colours(page_of: Any, exact: PlannerData, masked: PlannerData) -> None:
     from shapely import box, union_all
     from shapely.geometry import Polygon
 
     def shelf_free(shape: Any) -> Any:
         return shape.difference(box(*planted.SHELF))  # the page draws it over the bands
 
-    for name, data in (("exact", exact), ("usual", usual)):
+    for name, data in (("exact", exact), ("masked", masked)):
         page = page_of(name)
         page.evaluate(READ, "place=floor")
         assert data.shown is not None

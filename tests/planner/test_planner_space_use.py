@@ -38,7 +38,7 @@ def walked(tmp_path_factory: pytest.TempPathFactory) -> PlannerData:
 
 
 def test_it_has_the_figures_of_the_report(walked: PlannerData) -> None:
-    report = w.report(walked.site.with_settings(mask_below=0))
+    report = w.report(walked.site)
     assert {answer.name for answer in walked.space} == {
         *("visits", "flow", "flow_areas", "flow_routes", "flow_links", "walking_directions"),
         *("queues", "queue_hours", "capacity"),
@@ -46,16 +46,18 @@ def test_it_has_the_figures_of_the_report(walked: PlannerData) -> None:
     assert [answer for answer in walked.space if answer != report.answers[answer.name]] == []
 
 
-def test_rare_ways_are_there_for_the_operator_and_no_name_is_markup(walked: PlannerData) -> None:
+def test_rare_ways_are_others_and_no_name_is_markup(walked: PlannerData) -> None:
     found = space_use_view(walked.space)
     assert found is not None
     to = dict(zip(found.to, next(r for r in found.leaving if r.name == "Door").cells, strict=True))
-    assert to["Till"].value == "1%", "two people went there from the door"
-    assert to["Door"].note == "none seen"
+    assert to["Till"].value == "", "two people went there from the door"
+    assert (to["Till"].note, to["Door"].note) == ("under “Others”", "none seen")
+    assert float(to[HOSTILE].value.rstrip("%")) + float(to["Others"].value.rstrip("%")) == pytest.approx(100, abs=1)
     assert [r.name for r in found.visits] == ["Door", HOSTILE, "Wine", "Till"]
     page = render_planner(walked)
     assert HOSTILE not in page
     assert "&lt;b&gt;Bread" in page
+    assert 'data-from="area:door" data-to="area:till"' not in page
 
 
 def test_a_reason_stands_where_a_figure_is_missing(walked: PlannerData) -> None:

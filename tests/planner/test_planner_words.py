@@ -71,7 +71,7 @@ def test_reasons_are_those_of_the_analysis() -> None:
 
 @pytest.mark.browser
 def test_a_page_of_another_language_has_no_word_of_this_one(
-    usual: PlannerData, tab: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    masked: PlannerData, tab: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """A made-up language marks every sentence; what is outside the marks must come from the data."""
     real = catalogue.template
@@ -80,15 +80,15 @@ def test_a_page_of_another_language_has_no_word_of_this_one(
         monkeypatch.setattr(module, "days", lambda: ("1",) * 7)
     monkeypatch.setattr(fmt, "months", lambda: ("2",) * 12)
     path = tmp_path / "marked.html"
-    path.write_text(render_planner(usual), encoding="utf-8")
-    names = {usual.site.name, usual.floor.name, *(p.name for p in usual.places), "vsd-analytics"}
-    names |= {reason_text(p.close_time_share.reason) for p in usual.places}
-    names |= {reason_text(p.violation_rate.reason) for p in usual.places} | {
-        reason_text(p.encounter_rate.reason) for p in usual.places
+    path.write_text(render_planner(masked), encoding="utf-8")
+    names = {masked.site.name, masked.floor.name, *(p.name for p in masked.places), "vsd-analytics"}
+    names |= {reason_text(p.close_time_share.reason) for p in masked.places}
+    names |= {reason_text(p.violation_rate.reason) for p in masked.places} | {
+        reason_text(p.encounter_rate.reason) for p in masked.places
     }
-    names |= {reason_text(usual.hotspots.reason), "JSON"}
-    assert usual.shown is not None
-    names |= {f.name for f in usual.shown.fixtures}
+    names |= {reason_text(masked.hotspots.reason), "JSON"}
+    assert masked.shown is not None
+    names |= {f.name for f in masked.shown.fixtures}
     page = tab(path.as_uri())
     page.wait_for_function("document.body.dataset.first")
     for at in VIEWS:

@@ -12,7 +12,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from datetime import UTC, datetime
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -27,13 +27,17 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config.access_token import is_loopback
 from vsd_analytics.errors import UsageError
+from vsd_analytics.planner.page import render_planner
+from vsd_analytics.planner.planner_data import PlannerData, planner_pages
 from vsd_analytics.service.access import RateLimit, token_of
-from vsd_analytics.service.answers import TABLES, NotFoundError, ReportAnswers
+from vsd_analytics.service.answers import TABLES, ReportAnswers
 from vsd_analytics.service.app import make_app
 from vsd_analytics.service.openapi import ADDRESSES
+from vsd_analytics.site.model import Site
 
 TOKEN = "a-token-of-the-tests"
 WEEK = "/v1/weeks/2026-W46/floors/ground"
+MONDAY = date(2026, 11, 9)
 
 
 def client_of(root: Path, *, per_min: float = 1e6, burst: int = 10**6) -> TestClient:
@@ -68,17 +72,16 @@ def test_report_page_and_tables_have_the_bytes_of_the_command(
         assert client.get(f"{WEEK}/tables/{name}.csv").content == table.read_bytes()
 
 
-def test_the_planner_is_the_operator_s_and_has_no_address(client: TestClient) -> None:
-    assert client.get(f"{WEEK}/planner").status_code == 404
+def test_the_planner_is_that_of_the_week(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[PlannerData] = []
 
+    def noting(site: Site, monday: date, **given: Any) -> list[PlannerData]:
+        assert (monday, given["floor_id"]) == (MONDAY, "ground")
+        made.extend(planner_pages(site, monday, **given))
+        return made
 
-def test_a_week_that_is_not_over_is_not_there(demo_project: Path) -> None:
-    friday = datetime(2026, 11, 13, 12, tzinfo=UTC)
-    answers = ReportAnswers(demo_project, present=lambda: friday)
-    assert json.loads(answers.site())["weeks"] == []
-    for ask in (answers.report, answers.page, answers.figures):
-        with pytest.raises(NotFoundError, match="not over"):
-            ask("2026-W46", "ground")
+    monkeypatch.setattr("vsd_analytics.planner.planner_data.planner_pages", noting)
+    assert client.get(f"{WEEK}/planner").text == render_planner(*made)
 
 
 def test_each_figure_is_that_of_the_report(client: TestClient) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vsd_analytics.cli.options import exact_option, json_option, language_option
+from vsd_analytics.cli.options import json_option, language_option
 from vsd_analytics.cli.output import emit_json, facts_progress
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import last_monday
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     "--out", metavar="DIR", help="Folder to write to, or - for standard output (default: reports/ of the project)."
 )
 @click.option("--open", "is_opened", is_flag=True, help="Open the page in a browser.")
-@exact_option
 @language_option
 @json_option
 @pass_project
@@ -50,21 +49,18 @@ def planner(
     """Write a page to explore a floor: days, hours, logged changes, five maps, the rates of any rectangle.
 
     A click on a logged change shows the weeks before and after it, what it did, and what became of the whole floor.
-    One file that needs no network and no server. Its counts are exact, of any hours and places: the page is the
-    operator's, needs --exact, and is not to be handed on. With --json, print the figures of the whole week and where
-    the page was written.
+    One file that needs no network and no server. Its figures are those of the report; the page contains
+    no count under mask_below. With --json, print the figures of the whole week and where the page was written.
 
     \b
     Example:
-      vsd planner --week last --exact --open
-      vsd planner --weeks 12 --exact
-      vsd planner --week 2026-W46 --before 2026-W42 --floor ground --exact --out pages/
+      vsd planner --week last --open
+      vsd planner --weeks 12
+      vsd planner --week 2026-W46 --before 2026-W42 --floor ground --out pages/
     """
-    from vsd_analytics.figures.share.periods import check_operator
     from vsd_analytics.planner.page import render_planner
 
     project.speak()
-    check_operator(project.site, "the planner")
     monday = parse_week(week, last=last_monday(project))
     earlier = None if before is None else parse_week(before, last=last_monday(project))
     if earlier == monday:
@@ -109,6 +105,7 @@ def planner(
 def _as_dict(data: PlannerData, path: Path) -> dict[str, object]:
     from dataclasses import asdict
 
+    hidden = data.week.hidden
     return {
         "path": str(path),
         "bytes": path.stat().st_size,
@@ -122,10 +119,11 @@ def _as_dict(data: PlannerData, path: Path) -> dict[str, object]:
             {
                 "id": row.place_id,
                 "name": row.name,
-                "violation_rate": asdict(row.violation_rate),
-                "close_time_share": asdict(row.close_time_share),
-                "encounter_rate": asdict(row.encounter_rate),
+                "held_back": hidden.get(k),
+                "violation_rate": None if k in hidden else asdict(row.violation_rate),
+                "close_time_share": None if k in hidden else asdict(row.close_time_share),
+                "encounter_rate": None if k in hidden else asdict(row.encounter_rate),
             }
-            for row in data.places
+            for k, row in enumerate(data.places)
         ],
     }

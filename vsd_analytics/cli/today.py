@@ -50,7 +50,8 @@ def today(
 ) -> int:
     """Write the card of the day: yesterday and today so far, silent cameras, what to expect until tomorrow.
 
-    The card is the operator's, with exact counts of single hours: it needs --exact, and is not to be handed on.
+    The card that it prints and writes is the operator's, with exact counts of single hours: do not hand it on. What is
+    mailed or published is of days that are over, in round numbers; with --exact, it is the operator's card too.
 
     A day is compared with the same hours of the same weekday in the twelve weeks before. Hours count when they are
     over. The exit code is 1 when a camera sends no data. With --now before the command, the card is that of an earlier
@@ -61,13 +62,12 @@ def today(
 
     \b
     Example:
-      vsd today --exact --open
-      vsd today --exact --send
+      vsd today --open
+      vsd today --send
       vsd today --exact --publish
-      vsd --now 2026-11-14T14:20+01:00 today --exact
+      vsd --now 2026-11-14T14:20+01:00 today
     """
     from vsd_analytics.cli import report_mail
-    from vsd_analytics.figures.share.periods import check_operator
 
     project.speak()
     is_mailed = is_mailed or is_sent
@@ -79,7 +79,6 @@ def today(
         raise UsageError("--to, --from and --again go with a mail", fix="--mail, or --mail --send")
     options = report_mail.MailOptions(sender=sender, to=to, is_sent=is_sent, is_again=is_again)
     mail = report_mail.checked(project, options) if is_mailed else None
-    check_operator(project.site, "the card of the day")
     found = _today(project, floor_id)
     if is_published:
         _publish(project, found)
@@ -108,6 +107,8 @@ def _publish(project: Project, found: list[Today]) -> None:
     import os
 
     from vsd_analytics.errors import LiveError
+    from vsd_analytics.figures.share.counts import mask_of
+    from vsd_analytics.figures.share.days import closed_days
     from vsd_analytics.live.day_topics import day_figures, day_topic
     from vsd_analytics.live.delivery import Publisher
     from vsd_analytics.live.home_assistant import discovery_messages
@@ -120,7 +121,7 @@ def _publish(project: Project, found: list[Today]) -> None:
     for card in found:
         floor = floors[card.floor_id or site.floors[0].floor_id]
         messages |= discovery_messages(site, broker, floor) if broker.is_home_assistant else {}
-        messages[day_topic(broker, floor)] = day_figures(card, site, floor)
+        messages[day_topic(broker, floor)] = day_figures(closed_days(card, mask_of(site)), site, floor)
     with Publisher(broker, password=password_of(broker, environ=os.environ), what="figures") as publish:
         lost = [t for t, message in messages.items() if not publish(t, json.dumps(message).encode(), retain=True)]
     if lost:
@@ -148,6 +149,8 @@ def _write(project: Project, card: Today, out: str | None, options: MailOptions 
     """Print a card, write its page and, with options of a mail, its mail; return the files."""
     from vsd_analytics.cli import report_mail
     from vsd_analytics.cli.report_formats import write
+    from vsd_analytics.figures.share.counts import mask_of
+    from vsd_analytics.figures.share.days import closed_days
     from vsd_analytics.figures.today import first_day
     from vsd_analytics.report.model.assemble import MADE_UP_ENGINE
     from vsd_analytics.report.pages.mail import as_bytes, filled
@@ -157,14 +160,16 @@ def _write(project: Project, card: Today, out: str | None, options: MailOptions 
 
     site = project.site
     sent_by = engines(site, first_day(card.at), card.at.date())
-    page = make_today_page(card, site, is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in sent_by))
+    is_made_up = any(e.startswith(MADE_UP_ENGINE) for e in sent_by)
+    page = make_today_page(card, site, is_made_up=is_made_up)
     click.echo(filled("today_mail.txt.j2", page).partition("\n-- \n")[0])
     floor = "" if len(site.floors) == 1 else f"-{card.floor_id}"
     folder = Path(out) if out is not None else project.root / "reports"
     paths = write(folder, {f"today{floor}.html": today_html(page).encode()})
     if options is not None:
         date = project.now.astimezone(site.zone) if options.is_sent else None
-        mail = today_mail(page, sender=options.sender, to=options.to, date=date)
+        shared = make_today_page(closed_days(card, mask_of(site)), site, is_made_up=is_made_up)
+        mail = today_mail(shared, sender=options.sender, to=options.to, date=date)
         target = Path(out) if out is not None else project.root / report_mail.FOLDER
         paths += write(target, {f"today{floor}.eml": as_bytes(mail)})
     for path in paths:

@@ -80,6 +80,8 @@ class DayLevel:
         n_days: Earlier days that recorded them.
         state: "ok" when there is a usual range.
         reason: Why not.
+        is_rough: Counts are rounded, for readers (`share.days`).
+        masked_below: Its count is less than this, and not given; 0 = it is given.
     """
 
     day: date
@@ -93,6 +95,8 @@ class DayLevel:
     n_days: int
     state: State
     reason: Reason | None
+    is_rough: bool = False
+    masked_below: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +130,7 @@ class Today:
         n_cameras: Cameras of the floor.
         forecast_state: "ok" when hours are forecast.
         forecast_reason: Why not.
+        is_of_closed_days: It is a reader's: without the hours of today so far and the counts of hours (`share.days`).
     """
 
     at: datetime
@@ -138,6 +143,7 @@ class Today:
     n_cameras: int
     forecast_state: State
     forecast_reason: Reason | None
+    is_of_closed_days: bool = False
 
     @property
     def ahead(self) -> tuple[TodayHour, ...]:

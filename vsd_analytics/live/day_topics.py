@@ -1,11 +1,13 @@
 """The figures of the day as retained MQTT messages, for the tools around: `vsd today --publish`.
 
-One topic per floor holds one JSON object. What is unknown is null and has a reason. Counts are exact: topics are for
-the operator's own tools (`vsd today --exact --publish`).
+One topic per floor holds one JSON object. What is unknown is null and has a reason. Whoever listens all day would collect
+all hours, so topics have the day that is over, in round numbers (`figures.share.days`); with `--exact`, the hours of
+today for the operator's own tools.
 """
 
 from __future__ import annotations
 
+from datetime import timedelta
 from typing import Any, Final
 
 from vsd_analytics.answer import Reason
@@ -21,33 +23,35 @@ def day_topic(broker: Broker, floor: Floor) -> str:
 
 
 def day_figures(today: Today, site: Site, floor: Floor) -> dict[str, Any]:
-    """Return the figures of a floor's day so far, and of its last hour that is over, as JSON values.
+    """Return the figures of a floor's day so far and of its last hour that is over, or of yesterday, as JSON values.
 
     Args:
-        today: The numbers.
+        today: The numbers; of closed days, the day is yesterday, in round numbers, and there is no last hour.
         site: The site.
         floor: The floor.
     """
-    over = [h for h in today.hours if h.is_over and h.day == today.at.date()]
+    is_closed = today.is_of_closed_days
+    over = [h for h in today.hours if not is_closed and h.is_over and h.day == today.at.date()]
+    day = today.at.date() - timedelta(days=1) if is_closed else today.at.date()
     return {
         "v": VERSION,
         "site": site.site_id,
         "floor": floor.floor_id,
         "at": today.at.isoformat(timespec="seconds"),
-        **_day(today),
+        "day": day.isoformat(),
+        **_day(today.yesterday if is_closed else today.so_far),
         "last_hour": _last_hour(over[-1]) if over else None,
         "silent_cameras": len(today.silent),
     }
 
 
-def _day(today: Today) -> dict[str, Any]:
-    level = today.so_far
+def _day(level: DayLevel | None) -> dict[str, Any]:
     if level is None:
         return {**_no_day(None), "state": "closed"}
     known = _no_day(level)
     n = level.violations
     if n is None:
-        return known
+        return {**known, "state": "masked"} if level.masked_below else known
     known["violations"] = round(n)
     if level.usual is not None:
         known |= {

@@ -1,7 +1,9 @@
-"""Counts and times of a week by camera, cell and hour.
+"""Counts and times of a week by camera, cell and hour, with small counts merged (`figures.share.merged`).
 
 Violations lie in cells of half a metre, person-time in squares of a metre; rectangles of the page are made of whole
-squares, so that both are exact in them. Cells are numbered by row from the lower left corner of the grid.
+squares, so that both are exact in them. Small counts are put together within an area or the rest of the floor, never
+across: cells that summed to more than their area would tell how many came from beside it. Cells are numbered by row
+from the lower left corner of the grid.
 """
 
 from __future__ import annotations
@@ -17,10 +19,12 @@ from numpy.typing import NDArray
 
 from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.panels import Flags, positions
+from vsd_analytics.figures.share.counts import Mask
+from vsd_analytics.figures.share.merged import merge_small_counts
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
 from vsd_analytics.geometry.camera_views import view_polygon
-from vsd_analytics.site.model import Camera
+from vsd_analytics.site.model import Area, Camera
 
 Ints = NDArray[np.int64]
 SQUARE_M: Final = 1.0
@@ -81,7 +85,7 @@ class CellCounts:
 
     Attributes:
         violations: By cell of half a metre.
-        time: Person-time and person-time in violation by square, in `unit_ms`.
+        time: Person-time and person-time in violation by square, in `unit_ms`; each from at least so many tracks.
         unit_ms: Unit of person-time.
     """
 
@@ -111,14 +115,21 @@ class CellsAsked:
     Attributes:
         slots: Which of the floor's hours are the week's open ones, rising.
         used: Camera-hours that take part, shape (n_cameras, n_slots).
+        shared: Those of them that are compared with the other week, same shape; small counts stay on their side.
         extent: The floor shown; what lies outside is left out, as on the report's map.
         grid: Squares that cover it.
+        mask: Tells which counts are put together.
+        hidden: Areas whose counts are held back (None among them: the rest of the floor), which are one place here;
+            None = the floor's own count is held back, so that no violation has a cell.
     """
 
     slots: Ints
     used: Flags
+    shared: Flags
     extent: Extent
     grid: CellGrid
+    mask: Mask
+    hidden: Sequence[Area | None] | None = ()
 
 
 def week_cells(data: WeekData, asked: CellsAsked, *, excess: FloorHotspots) -> WeekCells:
@@ -135,10 +146,10 @@ def week_cells(data: WeekData, asked: CellsAsked, *, excess: FloorHotspots) -> W
 
 def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
     """Return the violations and the person-time of a week by camera, cell and hour."""
-    slots, grid = asked.slots, asked.grid
+    slots, grid, hidden = asked.slots, asked.grid, asked.hidden
     x0, y0, x1, y1 = (end / CELL_M for end in asked.extent)
     rows = data.warehouse.table(
-        "select camera_id, hour_start_ms, cx, cy, n_violations, exposure_ms, violation_ms from planner_cells "
+        "select camera_id, hour_start_ms, cx, cy, n_violations, n_tracks, exposure_ms, violation_ms from planner_cells "
         "where floor_id = $floor and hour_start_ms between $from and $to "
         "and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1 order by all",
         {
@@ -154,20 +165,28 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
     taken = asked.used[camera, slot] & (start_ms[slot] == hour_ms)
     n_across = round(1 / CELL_M)
     x, y = rows["cx"].to_numpy() - grid.x0 * n_across, rows["cy"].to_numpy() - grid.y0 * n_across
-    n, *times = (rows[name].to_numpy() for name in ("n_violations", "exposure_ms", "violation_ms"))
+    n, tracks, *times = (rows[name].to_numpy() for name in ("n_violations", "n_tracks", "exposure_ms", "violation_ms"))
     del rows, hour_ms  # a large floor has millions of rows a week
-    camera, slot, x, y, n, *times = (v[taken] for v in (camera, slot, x, y, n, *times))
-    keys = np.stack((camera, slot, x, y))
-    del slot, x, y
-    is_able, has_time = (n > 0) & data.whole.cameras[camera], times[0] > 0
+    camera, slot, x, y, n, tracks, *times = (v[taken] for v in (camera, slot, x, y, n, tracks, *times))
+    keys = np.stack((camera, slot, x, y, data.hours.day[slots].astype(np.int32)[slot], asked.shared[camera, slot]))
+    del camera, slot, x, y
+    is_able, has_time = (n > 0) & data.whole.cameras[keys[0]] & (hidden is not None), times[0] > 0
     unit_ms = _unit(*times)
     return CellCounts(
-        violations=_rows(keys[:, is_able], [n[is_able]], grid=grid, across=n_across),
-        time=_rows(
-            keys[:, has_time],
-            [_rounded(v[has_time], unit_ms) for v in times],
+        violations=_merged(
+            keys[:, is_able],
+            [n[is_able]],
             grid=grid,
             across=n_across,
+            mask=asked.mask,
+            places=_places(data, grid, hidden=hidden or ()),
+        ),
+        time=_merged(
+            keys[:, has_time],
+            [np.maximum(tracks, 1)[has_time], *(_rounded(v[has_time], unit_ms) for v in times)],
+            grid=grid,
+            across=n_across,
+            mask=asked.mask,
             is_square=True,
         ),
         unit_ms=unit_ms,
@@ -194,39 +213,101 @@ def _fine(data: WeekData, asked: CellsAsked) -> Ints:
     slot = np.minimum(np.searchsorted(start_ms, rows["hour_start_ms"].to_numpy()), len(slots) - 1)
     x, y = rows["cx"].to_numpy(), rows["cy"].to_numpy()
     x0, y0, x1, y1 = (end / FINE_M for end in asked.extent)
-    taken = asked.used[camera, slot] & data.whole.cameras[camera]
+    taken = asked.used[camera, slot] & (asked.hidden is not None) & data.whole.cameras[camera]
     taken &= (x >= math.floor(x0)) & (x < math.ceil(x1)) & (y >= math.floor(y0)) & (y < math.ceil(y1))
     across = round(SQUARE_M / FINE_M)
     x, y = x[taken] - grid.x0 * across, y[taken] - grid.y0 * across
+    side = round(CELL_M / FINE_M)
+    half = (y // side) * grid.n_x * (across // side) + x // side
     cell = y * grid.n_x * across + x
-    order = np.lexsort((cell, camera[taken]))
-    keys = np.stack((camera[taken], cell))[:, order]
+    place = _places(data, grid, hidden=asked.hidden or ())[half]
+    order = np.lexsort((cell, half, camera[taken], place))
+    keys = np.stack((camera[taken], half, cell, place))[:, order]
     is_first = np.append(True, np.any(keys[:, 1:] != keys[:, :-1], axis=0))[: keys.shape[1]]
     n = np.bincount(np.cumsum(is_first) - 1, weights=rows["n"].to_numpy()[taken][order]).astype(np.int64)
-    return np.stack((*keys[:, is_first], n))
+    keys = keys[:, is_first]
+    given = merge_small_counts(
+        n[None], groups=(_runs(*keys[[3, 0, 1]]), _runs(*keys[[3, 0]]), keys[3]), mask=asked.mask
+    ).values[0]
+    kept = np.flatnonzero(given)
+    kept = kept[np.lexsort((keys[2][kept], keys[0][kept]))]
+    return np.stack((keys[0][kept], keys[2][kept], given[kept]))
 
 
-def _rows(keys: Ints, values: list[Ints], *, grid: CellGrid, across: int, is_square: bool = False) -> Rows:
-    """Return one row for each camera, cell and hour.
+def _merged(
+    keys: Ints,
+    values: list[Ints],
+    *,
+    grid: CellGrid,
+    across: int,
+    mask: Mask,
+    places: Ints | None = None,
+    is_square: bool = False,
+) -> Rows:
+    """Merge rows until none is small: first with the next row in time, then with the next square.
+
+    The order of squares runs along rows of the floor, to and fro, so that merged squares are neighbours.
 
     Args:
-        keys: Camera, slot, column and row of the cell of half a metre; one column per row.
-        values: Counts or times there.
+        keys: Camera, slot, column and row of the cell of half a metre, day, compared or not; one column per row.
+        values: Counts or times there; the first decides what is small.
         grid: The squares.
         across: Cells along a side of a square.
-        is_square: Add the cells up to squares.
+        mask: Tells which counts are small.
+        places: Place of each cell of half a metre; small counts stay in theirs. None: one place.
+        is_square: Add the cells up to squares. The first of `values` must be tracks; a square has at least as many as
+            its busiest cell. Tracks are not returned.
     """
-    camera, slot, x, y = keys
+    camera, slot, x, y, day, side = keys
+    square_x, square_y = x // across, y // across
     if is_square:
-        x, y, across = x // across, y // across, 1
-    cell = y * grid.n_x * across + x
-    order = np.lexsort((slot, cell, camera))
-    camera, slot, cell = (v[order] for v in (camera, slot, cell))
+        x, y, across = square_x, square_y, 1
+    n_x = grid.n_x * across
+    walk = square_y * grid.n_x + np.where(square_y % 2 == 0, square_x, grid.n_x - 1 - square_x)
+    cell = y * n_x + x
+    place = np.zeros_like(cell) if places is None else places[cell]
+    order = np.lexsort((x, y, slot, side, day, walk, camera, place))
+    camera, slot, cell, walk, day, side, place = (v[order] for v in (camera, slot, cell, walk, day, side, place))
+    # one row per camera, cell and hour: half-metre rows that share a square are added up
     is_first = np.append(True, np.any([v[1:] != v[:-1] for v in (camera, slot, cell)], axis=0))[: camera.size]
+    row = np.cumsum(is_first) - 1
     summed = np.zeros((len(values), int(is_first.sum())), dtype=np.int64)
-    for total, value in zip(summed, values, strict=True):
-        np.add.at(total, np.cumsum(is_first) - 1, value[order])
-    return Rows(camera[is_first], cell[is_first], slot[is_first], summed)
+    for k, (total, value) in enumerate(zip(summed, values, strict=True)):
+        (np.maximum if is_square and k == 0 else np.add).at(total, row, value[order])
+    camera, slot, cell, walk, day, side, place = (v[is_first] for v in (camera, slot, cell, walk, day, side, place))
+    of_camera = _runs(place, camera)
+    of_square = _runs(of_camera, walk)
+    of_day = _runs(of_square, day)
+    groups = (_runs(of_day, side), of_day, of_square, of_camera, *(() if places is None else (place,)))
+    given = merge_small_counts(summed, groups=groups, mask=mask).values[int(is_square) :]
+    kept = np.flatnonzero(given.any(axis=0))
+    kept = kept[np.lexsort((slot[kept], cell[kept], camera[kept]))]
+    return Rows(camera[kept], cell[kept], slot[kept], given[:, kept])
+
+
+def _places(data: WeekData, grid: CellGrid, *, hidden: Sequence[Area | None]) -> Ints:
+    """Return the place each cell of half a metre lies in, shape (n_cells,): 0 the rest, areas from 1, -1 held back.
+
+    A cell on the border of what is held back belongs to it; any other lies where its middle does.
+    """
+    n_x, n_y = (round(n / CELL_M) for n in (grid.n_x, grid.n_y))
+    y, x = (v.ravel() * CELL_M for v in np.mgrid[:n_y, :n_x])
+    cells = shapely.box(grid.x0 + x, grid.y0 + y, grid.x0 + x + CELL_M, grid.y0 + y + CELL_M)
+    polygons = [shapely.Polygon(a.polygon) for a in data.areas]
+    place = np.zeros(len(cells), dtype=np.int64)
+    for k, polygon in reversed(list(enumerate(polygons, 1))):
+        place[shapely.contains_xy(polygon, grid.x0 + x + CELL_M / 2, grid.y0 + y + CELL_M / 2)] = k
+    held = [p for a, p in zip(data.areas, polygons, strict=True) if a in hidden]
+    if held:
+        place[shapely.area(shapely.intersection(cells, shapely.union_all(held))) > 0] = -1
+    if None in hidden:
+        place[shapely.area(shapely.difference(cells, shapely.union_all(polygons))) > 0] = -1
+    return place
+
+
+def _runs(*values: Ints) -> Ints:
+    """Return a number for each run of equal values."""
+    return np.cumsum(np.append(False, np.any([v[1:] != v[:-1] for v in values], axis=0)))[: values[0].size]
 
 
 def _unit(*times_ms: Ints) -> int:

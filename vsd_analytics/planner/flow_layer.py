@@ -1,6 +1,6 @@
 """How people move over the floor, as a layer of the planner's map: desire lines between areas, and walking directions.
 
-Both are of the whole week, as the report draws them (M37, M42): at least `MIN_PEOPLE` people in each line and arrow,
+Both are of the whole week, as the report draws them (M37, M42): at least `mask_below` people in each line and arrow,
 and nothing over floor that no camera recorded.
 """
 

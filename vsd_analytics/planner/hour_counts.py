@@ -1,16 +1,18 @@
-"""The hours of a week and what was counted in them."""
+"""The hours of a week and what was counted in them, without what the report holds back."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from functools import cached_property
 
 import numpy as np
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import Array, Flags, Ints, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
+from vsd_analytics.figures.share.merged import merge_small_counts
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
 from vsd_analytics.planner.cell_counts import CellsAsked, grid_of
@@ -53,9 +55,9 @@ class HourPanel:
         fold: 1 for the second of two equal local hours, same shape.
         recorded_ms: Recorded opening time, shape (n_cameras, n_slots).
         is_counted: Camera-hours that enter rates, same shape.
-        n: Violations, shape (n_places, n_cameras, n_slots).
+        n: Violations, shape (n_places, n_cameras, n_slots); no count is from 1 to under `mask_below`.
         exposure_ms: Person-milliseconds, same shape.
-        close_ms: Those in violation, same shape.
+        close_ms: Those in violation, same shape; with a count that is merged goes the time of its hour.
     """
 
     day: Ints
@@ -85,17 +87,30 @@ class Counted:
     close_h: Sequence[Array]
     extent: Extent | None
 
-    def cells_asked(self, slots: Ints, *, used: Flags) -> CellsAsked | None:
+    def cells_asked(
+        self, data: WeekData, slots: Ints, *, used: Flags, shared: Flags, hidden: Collection[int]
+    ) -> CellsAsked | None:
         """Return what of a week's cells is asked for; None without a map of at most so many squares.
 
         Args:
-            slots: As for `CellsAsked`, as `used`.
+            data: The floor.
+            slots: As for `CellsAsked`, as `used` and `shared`.
             used: Camera-hours that take part.
+            shared: Those that are compared.
+            hidden: Places whose counts are not given.
         """
         grid = None if self.extent is None else grid_of(self.extent)
         if self.extent is None or grid is None:
             return None
-        return CellsAsked(slots=slots, used=used, extent=self.extent, grid=grid)
+        return CellsAsked(
+            slots=slots,
+            used=used,
+            shared=shared,
+            extent=self.extent,
+            grid=grid,
+            mask=data.mask,
+            hidden=None if 0 in hidden else [a for k, a in enumerate(self.areas, 1) if k in hidden],
+        )
 
 
 def open_slots(data: TwoWeeks, days: Sequence[date]) -> Ints:
@@ -107,25 +122,62 @@ def open_slots(data: TwoWeeks, days: Sequence[date]) -> Ints:
     return np.flatnonzero(is_open)
 
 
-def panel_of(data: TwoWeeks, days: Sequence[date], asked: Counted, first: date) -> HourPanel:
-    """Return the open hours of some days.
+def panel_of(
+    data: TwoWeeks,
+    days: Sequence[date],
+    asked: Counted,
+    mondays: Sequence[date],
+    *,
+    hidden: Collection[int],
+    shared: Flags | None = None,
+) -> HourPanel:
+    """Return the open hours of some days; hours that a week's report holds back are given as one sum, in one of them.
+
+    A camera with too small a count in a place is merged with the camera that counts most there.
 
     Args:
         data: The floor.
         days: The days.
         asked: What is counted where.
-        first: Day 0.
+        mondays: First days of the weeks, whose timetables hold back the counts of hours; the earliest is day 0.
+        hidden: Places whose counts are not given.
+        shared: Camera-hours that are compared with another week; small counts stay on their side.
     """
     slots, hours = open_slots(data, days), data.hours
     counted = hours.is_counted[:, slots]
-    day = hours.day[slots] - first.toordinal()
+    day = hours.day[slots] - min(mondays).toordinal()
     shape = (len(asked.places), len(data.ids), len(slots))
     n, exposure_ms, close_ms = (np.zeros(shape, dtype=np.int64) for _ in range(3))
+    held = _held_hours(data, mondays)
     for k, (place, close_h) in enumerate(zip(asked.places, asked.close_h, strict=True)):
+        used = counted & place.cameras[:, None]
         if data.why_no_exposure is None:
             exposure_ms[k] = np.where(counted, np.rint(place.exposure_h[:, slots] * 3_600_000), 0)
-        n[k] = np.where(counted & place.cameras[:, None], place.n[:, slots], 0)
-        close_ms[k] = np.where(counted, np.rint(np.nan_to_num(close_h[:, slots]) * 3_600_000), 0)
+        if k in hidden:
+            continue
+        counts = np.where(used, place.n[:, slots], 0).astype(np.int64)
+        close = np.where(counted, np.rint(np.nan_to_num(close_h[:, slots]) * 3_600_000), 0).astype(np.int64)
+        for of_week in held if k == 0 else ():
+            together = np.isin(slots, list(of_week))
+            if not together.any():
+                continue
+            to = int(np.flatnonzero(together)[np.argmax(counts[:, together].sum(axis=0))])
+            for values in (counts, close):
+                sums = values[:, together].sum(axis=1)
+                values[:, together] = 0
+                values[:, to] = sums
+        left = np.zeros(2, dtype=np.int64)
+        for c, row_n in enumerate(counts):
+            side = np.zeros_like(day) if shared is None else shared[c, slots].astype(np.int64)
+            order = np.lexsort((side, day))
+            groups = (2 * day[order] + side[order], day[order])
+            given = merge_small_counts(np.stack((row_n, close[c]))[:, order], groups=groups, mask=data.mask)
+            n[k, c, order], close_ms[k, c, order] = given.values
+            left += given.n_dropped
+        if n[k].any() or left[0] >= data.mask.below:
+            to = int((n[k] if n[k].any() else counts).argmax())
+            n[k].flat[to] += left[0]
+            close_ms[k].flat[to] += left[1]
     return HourPanel(
         day=day,
         weekday=hours.weekday[slots],
@@ -137,3 +189,28 @@ def panel_of(data: TwoWeeks, days: Sequence[date], asked: Counted, first: date) 
         exposure_ms=exposure_ms,
         close_ms=close_ms,
     )
+
+
+def hidden_places(data: TwoWeeks, mondays: Sequence[date], areas: Sequence[Area | None]) -> Mapping[int, Reason]:
+    """Return why places are not given: what the report of one of some weeks holds back (`report.hidden`).
+
+    Args:
+        data: The floor.
+        mondays: First days of the weeks.
+        areas: The places after the whole floor, which is the first: areas, and None for the rest.
+    """
+    found: dict[int, Reason] = {}
+    for week in map(data.hidden_in, mondays):
+        if week.why_floor is not None:
+            found.setdefault(0, week.why_floor)
+        for k, area in enumerate(areas, 1):
+            why = data.mask.why_held_back(week.places, None if area is None else area.area_id)
+            if why is not None:
+                found.setdefault(k, why)
+    return dict(sorted(found.items()))
+
+
+def _held_hours(data: TwoWeeks, mondays: Sequence[date]) -> list[Collection[int]]:
+    """Return the hours whose counts the timetables of some weeks hold back, week by week."""
+    weeks = (data.hidden_in(monday).hours for monday in mondays)
+    return [week.small | week.others for week in weeks if week.small or week.others]

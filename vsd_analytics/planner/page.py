@@ -14,7 +14,6 @@ from markupsafe import Markup
 from vsd_analytics.figures.cell_hours import CELL_M as RISK_CELL_M
 from vsd_analytics.figures.hotspots import FloorSpot
 from vsd_analytics.figures.maps import MIN_EXPOSURE_H, SIGMA_M
-from vsd_analytics.figures.walks import MIN_PEOPLE
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.planner import cell_counts, map_kinds
@@ -121,6 +120,7 @@ class PlannerPage:
     use: SpaceUseView | None
     watching: tuple[str, ...]
     is_made_up: bool
+    mask: int
     distance: str
     least_time: str
     version: str
@@ -171,13 +171,14 @@ def _page(data: PlannerData) -> PlannerPage:
         days=tuple(enumerate(days())),
         hours=hours,
         drawing=drawing,
-        rows=tuple(_figures(data, row) for row in data.places),
+        rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),
         spots=tuple((_spot_id(s), place_name(s.place), s) for s in data.hotspots.spots),
         changes=tuple(change_words(c) for c in data.changes),
         has_pairs=data.before is not None or any(c.before is not None for c in data.changes),
         use=space_use_view(data.space),
         watching=tuple(dict.fromkeys(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching)),
         is_made_up=data.is_made_up,
+        mask=int(site.settings.mask_below),
         distance=distance,
         least_time=fmt.seconds(site.settings.episode_min_s),
         version=VERSION,
@@ -253,6 +254,7 @@ def _meta(
             "correlation": PRIOR_CORRELATION,
             "correlationDays": PRIOR_DAYS,
             "correlationMost": LARGEST,
+            "mask": int(settings.mask_below),
             "rough": ROUGH_H,
             "q": quantiles(confidence),
             "q2": quantiles((1 + confidence) / 2),
@@ -281,8 +283,9 @@ def _grid_meta(data: PlannerData, grid: cell_counts.CellGrid) -> dict[str, Any]:
 
 
 def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
+    hidden = [w.hidden.get(index) if w is not None else None for w in (data.week, data.before)]
     changes: dict[str, Any] = {}
-    if data.before is not None and data.why_not_compared is None:
+    if data.before is not None and data.why_not_compared is None and not any(hidden):
         measured = {"often": row.violation_rate, "close": row.close_time_share, "risky": row.encounter_rate}
         changes = {name: _change_meta(estimate) for name, estimate in measured.items()}
     return {
@@ -290,6 +293,8 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
         "name": row.name,
         "index": index,
         "cameras": [int(c) for c in row.cameras],
+        "hidden": [text_or_none(why) for why in hidden],
+        "past": int(row.has_history),
         "close": [[int(c) for c in cameras] for cameras in row.close_cameras],
         "report": changes,
     }
@@ -301,6 +306,7 @@ def _change_of_log_meta(change: PlannerChange) -> dict[str, Any]:
         "area": None if change.area is None else f"area:{change.area.area_id}",
         "spans": change_words(change).spans,
         "hasCells": int(change.before is not None and change.before.time is not None),
+        "hidden": {str(k): reason_text(why) for k, why in change.hidden.items()},
     }
 
 
@@ -327,10 +333,14 @@ def _change_meta(estimate: Estimate) -> dict[str, Any] | None:
     }
 
 
-def _figures(data: PlannerData, row: PlaceRow) -> PlannerFigureRow:
+def _figures(data: PlannerData, index: int, row: PlaceRow) -> PlannerFigureRow:
     """Return the report's figures of a place as texts."""
+    hidden = data.week.hidden.get(index)
+    hidden_before = data.before.hidden.get(index) if data.before is not None else None
     violation_rate, encounter_rate, close = row.violation_rate, row.encounter_rate, row.close_time_share
-    changes = violation_rate.verdict is not None and violation_rate.previous is not None
+    if hidden is not None:
+        return PlannerFigureRow(name=row.name, violation_rate_likely=reason_text(hidden))
+    changes = hidden_before is None and violation_rate.verdict is not None and violation_rate.previous is not None
     clear = violation_rate.verdict in ("clear_fall", "clear_rise")
     said = verdict_words(violation_rate) if changes else ""
     return PlannerFigureRow(
@@ -384,7 +394,7 @@ def _drawing(data: PlannerData) -> PlannerDrawing:
         fixture_names=names,
         hotspots=tuple(spots),
         labels=tuple(labels),
-        flow=flow_layer(data.space, shown, frame, least=MIN_PEOPLE, distance_unit=settings.distance_unit),
+        flow=flow_layer(data.space, shown, frame, least=int(settings.mask_below), distance_unit=settings.distance_unit),
     )
 
 

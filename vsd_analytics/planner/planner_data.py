@@ -7,7 +7,7 @@ here is a rate but the table that a page without script shows.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date, datetime, timedelta
 from typing import Final
@@ -22,6 +22,7 @@ from vsd_analytics.figures.close_time import change_close_time_share, close_time
 from vsd_analytics.figures.compare import why_not
 from vsd_analytics.figures.panels import WEEK, Flags, Place
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.share.weeks import revealing_spots, shared_spots
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import lazy_answers, recording, timetable
 from vsd_analytics.figures.week.density import FloorGrid
@@ -32,7 +33,7 @@ from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.figures.week.results import AreaRow, WeekRef
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.cell_counts import WeekCells, seen_cells
-from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, open_slots, panel_of
+from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, hidden_places, open_slots, panel_of
 from vsd_analytics.planner.layouts import Layout, layouts
 from vsd_analytics.planner.logged_changes import MOST_WEEKS, PlannerChange, entries_of, logged_changes
 from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level
@@ -62,12 +63,14 @@ class PlannerWeek:
         panel: Its open hours.
         cells: What lies where; None where violations have no place on the floor.
         is_ranked: Enough was recorded to rank places and compare.
+        hidden: Why the figures of a place are not given, by place; the others are.
     """
 
     ref: WeekRef
     panel: HourPanel
     cells: WeekCells | None
     is_ranked: bool
+    hidden: Mapping[int, Reason]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -94,6 +97,7 @@ class PlaceRow:
         name: Display name; free text.
         area: The area; None for floor and rest.
         cameras: Which cameras count anybody there.
+        has_history: Its usual rates of weekdays are given; not where an earlier week holds its count back.
         violation_rate: Violations per open hour (M0), with the change from the other week.
         encounter_rate: Violations per person-hour (M7), likewise.
         close_time_share: Share of person-time too close (M6), likewise; None where it is hidden or unknown.
@@ -105,6 +109,7 @@ class PlaceRow:
     name: str
     area: Area | None
     cameras: tuple[bool, ...]
+    has_history: bool
     violation_rate: Estimate
     encounter_rate: Estimate
     close_time_share: Estimate
@@ -204,7 +209,6 @@ def planner_pages(
         StoreError: E301, nothing was ever stored.
         KeyError: The site has no floor of this id.
     """
-    site = site.with_settings(mask_below=0)  # any hours and rectangles: the page is the operator's, and exact
     other = monday - WEEK if before is None else before
     floors = [f for f in site.floors if floor_id in (None, f.floor_id)]
     if not floors:
@@ -244,7 +248,8 @@ def planner_data(
     why = why_not(data.pair)[1] if has_before else Reason("compare.no_other_week")
     is_compared = why is None
     is_ranked = _share(data.this) >= data.site.settings.min_coverage
-    places = _places(data, is_compared=is_compared)
+    past = [monday - k * WEEK for k in range(1, HISTORY // WEEK + 1)]
+    places = _places(data, is_compared=is_compared, past=past)
     maps = floor_maps(
         data, areas=report_areas.areas(data, is_compared=False, rest=say("words.rest")).rows, is_ranked=is_ranked
     )
@@ -263,13 +268,14 @@ def planner_data(
         then = spots.hotspots(warehouse, floor_id=floor.floor_id, until=last)
         made[before] = _week(data, Period(data, before, last), counted, excess=then)
     changes = logged_changes(data, counted, weeks=weeks)
+    no_history = {k for k, p in enumerate(places) if not p.has_history}
     return PlannerData(
         site=data.site,
         floor=floor,
         cameras=tuple(data.cameras),
         week=made[monday],
         before=made.get(before),
-        history=panel_of(data, data.this.history_days, counted, monday - HISTORY),
+        history=panel_of(data, data.this.history_days, counted, past, hidden=no_history),
         places=places,
         comparable=tuple(bool(c) for c in data.pair.is_comparable[: len(data.ids)]),
         why_not_compared=why,
@@ -279,7 +285,7 @@ def planner_data(
         shown=shown,
         walkable=_walkable(data, shown),
         seen=_seen(data, shown),
-        hotspots=found,
+        hotspots=shared_spots(found, data.mask, revealing=revealing_spots(data, found)),
         is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in engines(data.site, monday, data.sunday)),
         weeks=weeks,
         changes=changes,
@@ -325,12 +331,13 @@ def _walkable(data: TwoWeeks, shown: FloorMap | None) -> WalkableFloor | None:
     )
 
 
-def _places(data: TwoWeeks, *, is_compared: bool) -> tuple[PlaceRow, ...]:
+def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple[PlaceRow, ...]:
     """Return the whole floor, its areas, and the rest of it, with the figures the report gives them."""
     found = report_areas.areas(data, is_compared=is_compared, rest=say("words.rest"))
     level = floor_level(data, is_compared=is_compared, areas=found)
     rows: dict[str | None, AreaRow] = {row.area_id: row for row in found.rows}
     areas: list[Area | None] = [*data.areas, None] if rows else []
+    unknown = hidden_places(data, past, areas)
     names = [say("planner.whole_floor"), *(say("words.rest") if a is None else a.name for a in areas)]
     ids = ["floor", *("rest" if a is None else f"area:{a.area_id}" for a in areas)]
     of_areas = [rows[None if a is None else a.area_id] for a in areas]
@@ -350,6 +357,7 @@ def _places(data: TwoWeeks, *, is_compared: bool) -> tuple[PlaceRow, ...]:
             name=name,
             area=area,
             cameras=tuple(bool(c) for c in place.cameras),
+            has_history=k not in unknown,
             violation_rate=violation_rate,
             encounter_rate=encounter_rate,
             close_time_share=_with_change(data, close_time_share, of_time[0]) if is_compared else close_time_share,
@@ -368,15 +376,18 @@ def _with_change(data: TwoWeeks, share: Estimate, of_time: Place) -> Estimate:
 
 
 def _week(data: TwoWeeks, period: Period, counted: Counted, *, excess: spots.FloorHotspots) -> PlannerWeek:
-    """Return one of the weeks."""
+    """Return one of the weeks; what may not be printed of it is hidden and empty."""
+    shared = data.pair.used(0 if period.first == data.pair.before.first else 1)
+    hidden = hidden_places(data, [period.first], counted.areas)
     slots, is_ranked = open_slots(data, period.days), _share(period) >= data.site.settings.min_coverage
     used = data.hours.is_counted if is_ranked else data.hours.recorded_s > 0
-    asked = counted.cells_asked(slots, used=used[:, slots])
+    asked = counted.cells_asked(data, slots, used=used[:, slots], shared=shared[:, slots], hidden=hidden)
     return PlannerWeek(
         ref=WeekRef.of(period.first, zone=data.site.timezone),
-        panel=panel_of(data, period.days, counted, period.first),
+        panel=panel_of(data, period.days, counted, [period.first], hidden=hidden, shared=shared),
         cells=None if asked is None else cell_counts.week_cells(data, asked, excess=excess),
         is_ranked=is_ranked,
+        hidden=hidden,
     )
 
 

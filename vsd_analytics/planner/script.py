@@ -45,6 +45,7 @@ REASONS: Final = {
     "few": "change.few",
     "camera_both": "change.camera",
     "nobody": "nobody.on_camera",
+    "masked": "hidden.few",
     "nobody_seen": "nobody.seen_open",
     "nobody_close": "nobody.close",
     "interval_person_hours": "level.interval_person_hours",

@@ -1,4 +1,4 @@
-"""What the service answers, without HTTP: the bytes that `vsd report` writes."""
+"""What the service answers, without HTTP: the bytes that `vsd report` and `vsd planner` write."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from vsd_analytics.config.project import load_site
-from vsd_analytics.errors import ReportError, StoreError, UsageError, VsdError
-from vsd_analytics.figures.share.periods import hides, is_over
+from vsd_analytics.errors import StoreError, UsageError, VsdError
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.story import week_report
@@ -71,7 +70,7 @@ class ReportAnswers:
         """Return the site as JSON: id, name, time zone, floors, cameras, areas, stored weeks."""
         with self._lock:
             site = self._fresh()
-            weeks = _weeks(site, self._present())
+            weeks = _weeks(site)
         found = {
             "site_id": site.site_id,
             "name": site.name,
@@ -123,26 +122,31 @@ class ReportAnswers:
         """Return the page of a week: what `vsd report` writes."""
         return self._one("html", week, floor_id, lambda report: render_html(report).encode())
 
+    def planner(self, week: str, floor_id: str) -> bytes:
+        """Return the planner of a week: what `vsd planner` writes."""
+        from vsd_analytics.planner.page import render_planner
+        from vsd_analytics.planner.planner_data import planner_pages
+
+        def make(site: Site, monday: date) -> bytes:
+            [data] = planner_pages(site, monday, floor_id=floor_id, clock=self._present())
+            return render_planner(data).encode()
+
+        return self._cached("planner", week, floor_id, make)
+
     def _one(self, kind: str, week: str, floor_id: str, make: Callable[[WeekReport], bytes]) -> bytes:
         def made(site: Site, monday: date) -> bytes:
             report = self._remembered(
                 ("report", f"{monday}", floor_id),
-                lambda: self._report(site, monday, floor_id),
+                lambda: week_report(site, monday, floor_id=floor_id, now=self._now, clock=self._present()),
             )
             return make(report)
 
         return self._cached(kind, week, floor_id, made)
 
-    def _report(self, site: Site, monday: date, floor_id: str) -> WeekReport:
-        try:
-            return week_report(site, monday, floor_id=floor_id, now=self._now, clock=self._present())
-        except (ReportError, UsageError) as error:  # the week is not over, or not shared again
-            raise NotFoundError(error.what, why=error.why, code=error.code) from None
-
     def _cached(self, kind: str, week: str, floor_id: str, make: Callable[[Site, date], bytes]) -> bytes:
         with self._lock:
             site = self._fresh()
-            monday = _monday(site, week, self._present())
+            monday = _monday(site, week)
             floors = [f.floor_id for f in site.floors]
             if floor_id not in floors:
                 raise NotFoundError(f"there is no floor {floor_id!r}", why=f"this site has {', '.join(floors)}")
@@ -194,19 +198,17 @@ def _state_of(root: Path) -> str:
     return known.hexdigest()
 
 
-def _weeks(site: Site, clock: datetime) -> list[str]:
-    """Return the stored weeks that are over."""
+def _weeks(site: Site) -> list[str]:
     extent = stored_extent(site)
     if extent is None:
         return []
     monday = extent.first_day - timedelta(days=extent.first_day.weekday())
     n_weeks = (extent.last_day - monday).days // 7 + 1
-    mondays = [monday + timedelta(weeks=k) for k in range(n_weeks)]
-    return [f"{m:%G-W%V}" for m in mondays if not hides(site) or is_over(site, m + timedelta(days=6), clock=clock)]
+    return [f"{monday + timedelta(weeks=k):%G-W%V}" for k in range(n_weeks)]
 
 
-def _monday(site: Site, week: str, clock: datetime) -> date:
-    """Return the Monday of a stored week; the last is one that is over.
+def _monday(site: Site, week: str) -> date:
+    """Return the Monday of a stored week.
 
     Raises:
         NotFoundError: It is no week, or nothing is stored of it.
@@ -215,8 +217,6 @@ def _monday(site: Site, week: str, clock: datetime) -> date:
     if extent is None:
         raise StoreError("nothing is stored yet", code="E301", fix="vsd ingest FILES...")
     last = extent.last_day - timedelta(days=extent.last_day.weekday())
-    if hides(site) and not is_over(site, last + timedelta(days=6), clock=clock):
-        last -= timedelta(weeks=1)
     try:
         monday = parse_week(week, last=last)
     except UsageError as error:

@@ -68,6 +68,7 @@ ADDRESSES: Final[Sequence[Address]] = (
     Address(f"{_WEEK}/figures/{{metric}}", "figure", "One figure.", schema={"$ref": "#/components/schemas/Figure"}),
     Address(f"{_WEEK}/tables/{{table}}.csv", "table", "A table as CSV.", "text/csv", _TEXT),
     Address(f"{_WEEK}/page", "page", "The page of the week.", "text/html", _TEXT),
+    Address(f"{_WEEK}/planner", "planner", "The interactive page of the week.", "text/html", _TEXT),
 )
 _PROBLEMS: Final = {
     "400": "The request cannot be read.",

@@ -35,6 +35,8 @@ INSTEAD: Final = {
     "camera_slots": "camera_hours",
     "area_counts": "area_hours",
     "area_stays": "visits",
+    "area_tracks": "area_hours",
+    "area_people": "area_hours",
     "waits": "queues",
     "moves": "flow",
 }

@@ -289,14 +289,19 @@ def areas_with_counts(site: Site) -> frozenset[str]:
     return frozenset(a.area_id for a in site.areas if a.is_queue or a.capacity is not None)
 
 
-ASKED_TABLES = ("visit_cells", "count_cells", "count_floors")
-"""Tables of the areas and floors that vsd.toml asks something about. Facts that read them have no rows where all they
-read of these are empty."""
+ASKED_TABLES = ("area_cells", "visit_cells", "count_cells", "count_floors")
+"""Tables of the areas and floors that vsd.toml draws or asks something about. Facts that read them have no rows where
+all they read of these are empty."""
 
 
 def asked_tables(site: Site) -> frozenset[str]:
     """Return those of `ASKED_TABLES` that have rows."""
-    has_rows = (areas_with_stays(site), areas_with_counts(site), any(f.capacity is not None for f in site.floors))
+    has_rows = (
+        site.areas,
+        areas_with_stays(site),
+        areas_with_counts(site),
+        any(f.capacity is not None for f in site.floors),
+    )
     return frozenset(name for name, is_asked in zip(ASKED_TABLES, has_rows, strict=True) if is_asked)
 
 

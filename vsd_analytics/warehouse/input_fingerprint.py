@@ -39,6 +39,7 @@ STALE_REASONS: Final = {
     "calibration": "calibration changed",
     "views": "views changed",
     "frame interval": "frame interval changed",
+    "drawn areas": "areas changed",
     "areas": "areas changed",
     "counted areas": "areas or capacities changed",
 }
@@ -47,6 +48,7 @@ _KIND_OF_RELATION = {
     "calibrations": "calibration",
     "owner_cells": "views",
     "camera_days": "frame interval",
+    "area_cells": "drawn areas",
     "visit_cells": "areas",
     "count_cells": "counted areas",
     "count_floors": "counted areas",
@@ -68,7 +70,7 @@ def stale_reason(changed: Collection[str]) -> str:
     # A new calibration or camera changes the owners of cells as well: one change, so one reason.
     if kinds & {"calibration", "cameras"}:
         kinds.discard("views")
-    return ", ".join(words for kind, words in STALE_REASONS.items() if kind in kinds)
+    return ", ".join(dict.fromkeys(words for kind, words in STALE_REASONS.items() if kind in kinds))
 
 
 def dependencies(facts: Iterable[str]) -> tuple[dict[str, Relation], set[str]]:
@@ -177,6 +179,7 @@ class SiteInputs:
                 "cameras": text_hash(sorted((c.camera_id, c.floor_id) for c in cameras)),
                 "calibration": text_hash(_within(window, calibrations)),
                 "views": text_hash(_within(window, [span for span in self._owners if span[0] in floors])),
+                "drawn areas": text_hash([area[:-1] for area in self._drawn if area[0] in floors]),
                 "areas": text_hash([area for area in self._visited if area[0] in floors]),
                 "counted areas": text_hash([area for area in self._counted if area[0] in floors]),
             }
@@ -189,6 +192,10 @@ class SiteInputs:
     @cached_property
     def _owners(self) -> Sequence[tuple[Any, ...]]:
         return [(s.floor_id, s.from_ms, s.to_ms, text_hash(sorted(s.cells))) for s in owner_spans(self._site)]
+
+    @cached_property
+    def _drawn(self) -> Sequence[tuple[Any, ...]]:
+        return self._areas(frozenset(a.area_id for a in self._site.areas))
 
     @cached_property
     def _visited(self) -> Sequence[tuple[Any, ...]]:

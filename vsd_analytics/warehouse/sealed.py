@@ -88,9 +88,12 @@ class CurrentRules:
         return {**self._shared, **self._times.of_hour(hour, present=present)}
 
     def changed(self, hour: int, unit: UnitSeal) -> tuple[str, ...]:
-        """Return the kinds of rules that changed since an hour was sealed, of `STALE_REASONS`."""
+        """Return the kinds of rules that changed since an hour was sealed, of `STALE_REASONS`.
+
+        A kind that its seal does not know is one that no fact read then.
+        """
         today = self.of_hour(hour, present=unit.cameras)
-        return tuple(c for c in today if unit.causes.get(c) != today[c])
+        return tuple(c for c in today if unit.causes.get(c, today[c]) != today[c])
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,13 @@ values for each count that is held back for being small. docs/privacy.md says wh
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
 from vsd_analytics.answer import Reason
+from vsd_analytics.site.model import Site
 
 K = TypeVar("K", bound=Hashable)
 Count = int | Mapping[str, int]
@@ -77,9 +79,21 @@ class Mask:
         return self.why if key in held.small else GIVES_AWAY if key in held.others else None
 
 
+def mask_of(site: Site) -> Mask:
+    """Return the mask of a site."""
+    return Mask(int(site.settings.mask_below))
+
+
 def is_small(n: float, *, below: int) -> bool:
     """Tell whether a count may not be printed: 1 to `below` - 1."""
     return 0 < n < below
+
+
+def rough(n: int, *, below: int) -> int | None:
+    """Return a count as a card gives it: 0, None for a small one, else to a step of twice `below`, at least one step."""
+    if n == 0 or below <= 1:
+        return n
+    return None if is_small(n, below=below) else max(1, math.floor(n / (2 * below) + 0.5)) * 2 * below
 
 
 def too_few(below: int) -> Reason:
@@ -92,7 +106,15 @@ def in_week_before(why: Reason) -> Reason:
     return Reason("hidden.week_before", reason=why)
 
 
-def held_back(counts: Mapping[K, Count], *, below: int, give: Sequence[K], n_others: int = 0) -> HeldBack[K]:
+def held_back(
+    counts: Mapping[K, Count],
+    *,
+    below: int,
+    give: Sequence[K],
+    n_others: int = 0,
+    withheld: Iterable[K] = (),
+    is_unseen: Callable[[K, K], bool] | None = None,
+) -> HeldBack[K]:
     """Return which counts of a partition to hold back when a reader may know their sum, by camera where that is given.
 
     The reader knows which counts held back are small and which are not, and what all of them sum up to for each camera:
@@ -105,17 +127,20 @@ def held_back(counts: Mapping[K, Count], *, below: int, give: Sequence[K], n_oth
         below: Counts from 1 to `below` - 1 are small.
         give: Parts in the order in which they are given up.
         n_others: Others to hold back at least, where the sum a reader knows is itself a small count off.
+        withheld: Parts that are held back like small ones, whatever their count.
+        is_unseen: Tells whether one more in the first part and one less in the second leaves all other sums as a reader
+            knows them; None = they know no other sums.
     """
     parts = {key: dict(n) if isinstance(n, Mapping) else {"": n} for key, n in counts.items()}
     sums = {key: sum(part.values()) for key, part in parts.items()}
-    small = frozenset(k for k, n in sums.items() if is_small(n, below=below))
+    small = frozenset(k for k, n in sums.items() if is_small(n, below=below)).union(withheld)
     if (not small and not n_others) or below <= LEAST_BELOW:
         return HeldBack(small, frozenset(), is_total_safe=True)
     others: list[K] = []
-    spare = [key for key in give if sums[key] >= max(below, 1)]
+    spare = [key for key in give if sums[key] >= max(below, 1) and key not in small]
     closed = [key for key in parts if key in small]
     while True:
-        closed = [key for key in closed if not _can_differ(key, [*small, *others], parts, sums, below)]
+        closed = [key for key in closed if not _can_differ(key, [*small, *others], parts, sums, below, is_unseen)]
         if not closed and len(others) >= n_others:
             return HeldBack(small, frozenset(others), is_total_safe=True)
         if not spare:
@@ -124,7 +149,12 @@ def held_back(counts: Mapping[K, Count], *, below: int, give: Sequence[K], n_oth
 
 
 def _can_differ(
-    key: K, hidden: Iterable[K], parts: Mapping[K, Mapping[str, int]], sums: Mapping[K, int], below: int
+    key: K,
+    hidden: Iterable[K],
+    parts: Mapping[K, Mapping[str, int]],
+    sums: Mapping[K, int],
+    below: int,
+    is_unseen: Callable[[K, K], bool] | None,
 ) -> bool:
     """Tell whether a small count could be one more or less, if another that is held back is one less or more."""
 
@@ -135,6 +165,7 @@ def _can_differ(
         fits(more, sums[more] + 1)
         and fits(less, sums[less] - 1)
         and any(camera in parts[more] for camera, n in parts[less].items() if n > 0)
+        and (is_unseen is None or is_unseen(more, less))
         for other in hidden
         if other != key
         for more, less in ((key, other), (other, key))

@@ -33,6 +33,7 @@ class SharedWeek:
 
     Attributes:
         floor_id, monday: Which.
+        through: Last day that is counted: the Sunday, or a day of a week that went on.
         person_ms: Person-milliseconds in the hours that enter rates.
         n_tracks: Track ids.
         places: Violations by area (`REST`: the rest of the floor) and camera.
@@ -42,6 +43,7 @@ class SharedWeek:
 
     floor_id: str
     monday: date
+    through: date
     person_ms: int
     n_tracks: int
     places: Parts
@@ -89,6 +91,7 @@ def _read(path: Path, mtime_ns: int, size: int) -> tuple[SharedWeek, ...]:
 def _as_dict(week: SharedWeek) -> dict[str, Any]:
     return {
         "week": f"{week.monday:%G-W%V}",
+        "through": week.through.isoformat(),
         "floor": week.floor_id,
         "person_ms": week.person_ms,
         "tracks": week.n_tracks,
@@ -102,9 +105,11 @@ def _as_dict(week: SharedWeek) -> dict[str, Any]:
 def _week(line: bytes, number: int) -> SharedWeek:
     try:
         value = json.loads(line)
+        monday = date.fromisoformat(f"{value['week']}-1")
         return SharedWeek(
             value["floor"],
-            date.fromisoformat(f"{value['week']}-1"),
+            monday,
+            date.fromisoformat(value["through"]),
             int(value["person_ms"]),
             int(value["tracks"]),
             _parts(value["places"]),

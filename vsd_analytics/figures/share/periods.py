@@ -63,9 +63,14 @@ def check_days(site: Site, first: date, last: date, *, clock: datetime | None) -
             fix="--week last; or add --exact, for your own eyes",
         )
     if not is_over(site, last, clock=clock):
-        raise UsageError(
-            f"the week {first:%G-W%V} is not over",
-            code="E105",
-            why="figures of a week are handed on once it is over: page by page they would tell what each hour added",
-            fix="--week last; or add --exact, for your own eyes",
-        )
+        raise not_yet(first)
+
+
+def not_yet(monday: date) -> UsageError:
+    """Return why nothing of a week leaves."""
+    return UsageError(
+        f"too little is closed of the week {monday:%G-W%V} to hand it on",
+        code="E105",
+        why="day by day its pages would tell what each day added; a day leaves when enough came after it",
+        fix="--week last; or add --exact, for your own eyes",
+    )

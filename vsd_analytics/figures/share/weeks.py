@@ -6,9 +6,9 @@ weeks of hotspots, in the planner. So each of them asks here, week by week.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import timedelta
+from datetime import date, timedelta
 from typing import TYPE_CHECKING, Generic
 
 import numpy as np
@@ -17,9 +17,9 @@ import shapely
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import WEEK, Array, FloorHours, Place
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, K, held_back, is_small, too_few
+from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, K, Mask, held_back, is_small, rough, too_few
 from vsd_analytics.figures.share.earlier import REST, Parts, SharedWeek
-from vsd_analytics.settings import FLOOR_CELL_M
+from vsd_analytics.figures.share.people import people_by_day
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpot
@@ -53,7 +53,9 @@ class HiddenWeek:
         return bool(self.hours.small or self.hours.others)
 
 
-def hidden_week(data: FloorHours, period: Period, earlier: Sequence[SharedWeek] = ()) -> HiddenWeek:
+def hidden_week(
+    data: FloorHours, period: Period, earlier: Sequence[SharedWeek] = (), *, unready: Iterable[str | None] = ()
+) -> HiddenWeek:
     """Return what is held back of a week.
 
     Where the count of the whole floor is too small, or would tell a small count of an area or an hour, all counts of
@@ -62,21 +64,28 @@ def hidden_week(data: FloorHours, period: Period, earlier: Sequence[SharedWeek] 
 
     Args:
         data: The floor.
-        period: The week.
+        period: The week, or its days so far.
         earlier: All that was shared before.
+        unready: Places of a week that goes on whose counts do not leave yet (`running.Release`).
     """
     below = int(data.site.settings.mask_below)
     n_floor = int(data.panel(period.whole, period.days).n.sum())
     before = [w for w in earlier if (w.floor_id, w.monday) == (data.floor.floor_id, period.first)] if below > 1 else []
     by_place, by_hour = _by_place(data, period), _by_hour(data, period)
     starts = {i: str(int(data.hours.start_ms[i])) for i in by_hour}
-    place_changes = [_change(by_place, w.places, w.hidden_places, _place_name) for w in before]
-    hour_changes = [_change(by_hour, w.hours, w.hidden_hours, starts.__getitem__) for w in before]
-    places = _held_places(by_place, place_changes, below)
-    hours = _held_hours(by_hour, hour_changes, below, n_floor)
+    day = {i: date.fromordinal(int(data.hours.day[i])) for i in by_hour}
+    of_same_days = [w for w in before if w.through == period.last]
+    place_changes = [_change(by_place, w.places, w.hidden_places, _place_name) for w in of_same_days]
+    hour_changes = [
+        _change({i: n for i, n in by_hour.items() if day[i] <= w.through}, w.hours, w.hidden_hours, starts.__getitem__)
+        for w in before
+    ]
+    places = _held_places(by_place, place_changes, below, unready)
+    is_unseen = _unseen_hours(_sums(by_hour), day, [w.through for w in before if w.through < period.last], below)
+    hours = _held_hours(by_hour, hour_changes, below, n_floor, is_unseen)
     shared = _shared(data, period, by_place, by_hour) if below > 1 else None
     why = None
-    if any(_is_too_little(shared, then, below) for then in before):
+    if any(_is_too_little(_until(data, period, shared, then), then, below) for then in before):
         why = CHANGED
     elif is_small(n_floor, below=below):
         why = too_few(below)
@@ -117,6 +126,39 @@ def _is_any(changes: Sequence[_Change[K]]) -> bool:
     return any(n for change in changes for of in change.by_camera.values() for n in of.values())
 
 
+def _until(data: FloorHours, period: Period, now: SharedWeek | None, then: SharedWeek) -> SharedWeek | None:
+    """Return what is counted now of the days that an earlier version had."""
+    if now is None or then.through >= now.through:
+        return now
+    _, end_ms = data.span_ms(period.first, then.through)
+    hours = {start: n for start, n in now.hours.items() if int(start) < end_ms}
+    person_ms, n_tracks = _people(data, period.first, then.through)
+    return replace(now, hours=hours, person_ms=person_ms, n_tracks=n_tracks)
+
+
+def _unseen_hours(
+    n: Mapping[int, int], day: Mapping[int, date], ends: Sequence[date], below: int
+) -> Callable[[int, int], bool]:
+    """Return what tells whether one violation could lie in another hour, without any other sum a reader knows.
+
+    They know what was counted up to each of the days `ends`, after which a page of the week left while it went on, and
+    the count of each day to a rough number, from the card of the day.
+    """
+    of_day: dict[date, int] = {}
+    for i, n_hour in n.items():
+        of_day[day[i]] = of_day.get(day[i], 0) + n_hour
+
+    def is_unseen(more: int, less: int) -> bool:
+        if any((day[more] <= end) != (day[less] <= end) for end in ends):
+            return False
+        return day[more] == day[less] or all(
+            rough(of_day[day[i]] + change, below=below) == rough(of_day[day[i]], below=below)
+            for i, change in ((more, 1), (less, -1))
+        )
+
+    return is_unseen
+
+
 def _is_too_little(now: SharedWeek | None, then: SharedWeek, below: int) -> bool:
     """Tell whether so little changed since a week was shared that the difference would tell of a few people."""
     if now is None:
@@ -134,23 +176,30 @@ def _shared(
 ) -> SharedWeek | None:
     if not data.hours.recorded_s[:, period.is_inside].any():
         return None
-    exposure_h = np.nan_to_num(data.panel(data.everyone, period.days).exposure_h)
-    [row] = data.warehouse.rows(
-        "select count(*) as n from track_days where camera_id in (select unnest($ids)) "
-        "and site_day between $first and $last",
-        {"ids": data.ids, "first": period.first, "last": period.last},
-    )
+    person_ms, n_tracks = _people(data, period.first, period.last)
     hours = {str(int(data.hours.start_ms[i])): n for i, n in by_hour.items() if any(n.values())}
     return SharedWeek(
         floor_id=data.floor.floor_id,
         monday=period.first,
-        person_ms=round(float(exposure_h.sum()) * 3_600_000),
-        n_tracks=int(row["n"]),
+        through=period.last,
+        person_ms=person_ms,
+        n_tracks=n_tracks,
         places={_place_name(key): n for key, n in by_place.items()},
         hours=hours,
         hidden_places=frozenset(),
         hidden_hours=frozenset(),
     )
+
+
+def _people(data: FloorHours, first: date, last: date) -> tuple[int, int]:
+    """Return the person-milliseconds that enter rates, and the number of track ids, of some days."""
+    exposure_h = np.nan_to_num(data.panel(data.everyone, data.warehouse.days(first, last)).exposure_h)
+    [row] = data.warehouse.rows(
+        "select count(*) as n from track_days where camera_id in (select unnest($ids)) "
+        "and site_day between $first and $last",
+        {"ids": data.ids, "first": first, "last": last},
+    )
+    return round(float(exposure_h.sum()) * 3_600_000), int(row["n"])
 
 
 def _place_name(key: str | None) -> str:
@@ -166,41 +215,34 @@ def _by_place(data: FloorHours, period: Period) -> dict[str | None, dict[str, in
 
 
 def _held_places(
-    by_place: Mapping[str | None, Mapping[str, int]], changes: Sequence[_Change[str | None]], below: int
+    by_place: Mapping[str | None, Mapping[str, int]],
+    changes: Sequence[_Change[str | None]],
+    below: int,
+    unready: Iterable[str | None],
 ) -> HeldBack[str | None]:
     """Return the areas held back, the rest of the floor first to be given up."""
     keys = list(by_place)
-    return _held(by_place, changes, below=below, give=[*keys[-1:], *reversed(keys[:-1])])
+    withheld = [key for key in unready if key in by_place]
+    return _held(by_place, changes, below=below, give=[*keys[-1:], *reversed(keys[:-1])], withheld=withheld)
 
 
 def hidden_times(data: WeekData, period: Period) -> Mapping[str | None, Reason]:
     """Return why the person-time of areas is held back, by area; None is the rest of the floor.
 
-    Fewer than `mask_below` people made it, as far as is known: the lower bound of the different tracks of one day in
-    the busiest cell of 0.25 m (mart `footsteps`); who comes every day has another track each day. Another place goes
-    with them, since the floor's time less that of all others is theirs: the rest of the floor, or the last area with
-    enough people.
+    Fewer than `mask_below` people made it, on the day with most of them (`people`). Another place goes with them, since
+    the floor's time less that of all others is theirs: the rest of the floor, or the last area with enough people.
 
     Args:
         data: The floor.
         period: The week.
     """
-    below = int(data.site.settings.mask_below)
+    below = data.mask.below
     if below <= 1 or not data.areas:
         return {}
-    rows = data.warehouse.table(
-        "select cx, cy from footsteps where floor_id = $floor "
-        "and local_date between $first and $last group by cx, cy having max(n_tracks) >= $below",
-        {"floor": data.floor.floor_id, "first": period.first, "last": period.last, "below": below},
-    )
-    x, y = ((rows[name].to_numpy() + 0.5) * FLOOR_CELL_M for name in ("cx", "cy"))
-    inside = {a.area_id: shapely.contains_xy(shapely.Polygon(a.polygon), x, y) for a in data.areas}
-    is_rest = ~np.any(list(inside.values()), axis=0)
-    has_people: dict[str | None, bool] = {key: bool(of.any()) for key, of in inside.items()}
-    has_people[None] = bool(is_rest.any())
-    times_h = {key: float(np.nansum(data.panel(period.area(key), period.days).exposure_h)) for key in has_people}
-    few = [key for key, is_enough in has_people.items() if not is_enough and times_h[key] > 0]
-    others = [key for key in (None, *reversed(inside)) if has_people[key] and times_h[key] > 0] if few else []
+    n_people = {key: int(n.max(initial=0)) for key, n in people_by_day(period).items()}
+    times_h = {key: float(np.nansum(data.panel(period.area(key), period.days).exposure_h)) for key in n_people}
+    few = [k for k, n in n_people.items() if times_h[k] > 0 and (n < below or k in data.untimed)]
+    others = [k for k in reversed(n_people) if k not in few and times_h[k] > 0] if few else []
     return {key: Reason("hidden.few_people", least=below) for key in few} | dict.fromkeys(others[:1], GIVES_AWAY)
 
 
@@ -219,7 +261,11 @@ def _by_hour(data: FloorHours, period: Period) -> dict[int, dict[str, int]]:
 
 
 def _held_hours(
-    by_hour: Mapping[int, Mapping[str, int]], changes: Sequence[_Change[int]], below: int, n_floor: int
+    by_hour: Mapping[int, Mapping[str, int]],
+    changes: Sequence[_Change[int]],
+    below: int,
+    n_floor: int,
+    is_unseen: Callable[[int, int], bool],
 ) -> HeldBack[int]:
     """Return the hours held back, those nearest to the first small one first to be given up."""
     counts = _sums(by_hour)
@@ -227,7 +273,8 @@ def _held_hours(
     give = sorted(counts, key=lambda i: (abs(i - first), i))
     # camera-hours that enter no rate are part of the timetable but not of the floor's count
     n_off = sum(counts.values()) - n_floor
-    return _held(by_hour, changes, below=below, give=give, n_others=int(is_small(n_off, below=below)))
+    n_others = int(is_small(n_off, below=below))
+    return _held(by_hour, changes, below=below, give=give, n_others=n_others, is_unseen=is_unseen)
 
 
 def _held(
@@ -237,6 +284,8 @@ def _held(
     below: int,
     give: Sequence[K],
     n_others: int = 0,
+    withheld: Sequence[K] = (),
+    is_unseen: Callable[[K, K], bool] | None = None,
 ) -> HeldBack[K]:
     """Return what is held back of a partition, of now and of its changes from what was shared before.
 
@@ -244,8 +293,11 @@ def _held(
     """
     known = frozenset(key for change in changes for key in change.known)
     give = [key for key in give if key not in known]
-    parts = [held_back(counts, below=below, give=give, n_others=n_others)]
-    parts += [held_back(change.by_camera, below=below, give=give) for change in changes]
+    parts = [held_back(counts, below=below, give=give, n_others=n_others, withheld=withheld, is_unseen=is_unseen)]
+    parts += [
+        held_back(change.by_camera, below=below, give=[key for key in give if key in change.by_camera])
+        for change in changes
+    ]
     small = parts[0].small
     stays = frozenset(key for change in changes for key in change.hidden)
     others = stays.union(*(p.small | p.others for p in parts)) - small
@@ -301,3 +353,24 @@ def revealing_spots(data: WeekData, found: FloorHotspots) -> frozenset[str]:
 
     spots: list[FloorSpot | ResolvedSpot] = [*found.spots, *found.resolved, *found.watching]
     return frozenset(s.spot_id for s in spots if reveals(s))
+
+
+def shared_spots(found: FloorHotspots, mask: Mask, *, revealing: Collection[str]) -> FloorHotspots:
+    """Return hotspots for a page that leaves the operator's hands: those with a small count are left out.
+
+    So are those that would tell a small count of one week, the cells, whose counts would tell them, and the total.
+
+    Args:
+        found: The hotspots.
+        mask: The site's.
+        revealing: Ids of hotspots that would tell a small count (`revealing_spots`).
+    """
+    spots = tuple(s for s in found.spots if s.n >= mask.below and s.spot_id not in revealing)
+    resolved, watching = (
+        tuple(r for r in of if not mask.hides(r.n) and r.spot_id not in revealing)
+        for of in (found.resolved, found.watching)
+    )
+    n_held = sum(len(of) for of in (found.spots, found.resolved, found.watching))
+    n_held -= len(spots) + len(resolved) + len(watching)
+    notes = (*found.notes, Reason("hidden.hotspots", n=n_held, least=mask.below)) if n_held else found.notes
+    return replace(found, spots=spots, resolved=resolved, watching=watching, notes=notes, n=None, grid=None, cells=None)

@@ -16,6 +16,7 @@ from vsd_analytics.figures.operator_counts import begun_until_ms
 from vsd_analytics.figures.panels import WEEK, Flags, FloorHours, Panel, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.share import earlier
+from vsd_analytics.figures.share.running import Release
 from vsd_analytics.figures.share.weeks import CHANGED, HiddenWeek, hidden_week
 from vsd_analytics.site.model import Calibration, Camera, Floor
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -30,6 +31,7 @@ class WeekData(FloorHours):
         monday: First day of the week.
         last: Last day of a range that is no week; None = the week's Sunday.
         clock: The present; None = the week is over.
+        released: What leaves of a week that goes on, whose last day is then `last`; None = the days are over.
 
     Attributes:
         sunday: Its last day.
@@ -47,8 +49,10 @@ class WeekData(FloorHours):
         monday: date,
         last: date | None = None,
         clock: datetime | None = None,
+        released: Release | None = None,
     ) -> None:
         super().__init__(warehouse, floor=floor)
+        self._released = released
         self._clock = clock
         self.monday, self.sunday = monday, monday + timedelta(days=6) if last is None else last
         self.is_week = last is None
@@ -110,8 +114,19 @@ class WeekData(FloorHours):
         """Return what is held back of the week that starts on `monday`."""
         if monday not in self._hidden:
             period = Period(self, monday, monday + self.span - timedelta(days=1))
-            self._hidden[monday] = hidden_week(self, period, self._shared_before)
+            unready = self._released.unready if self._released and monday == self.monday else ()
+            self._hidden[monday] = hidden_week(self, period, self._shared_before, unready=unready)
         return self._hidden[monday]
+
+    @property
+    def is_released(self) -> bool:
+        """Tell whether these are the days of a week that goes on which may leave."""
+        return self._released is not None
+
+    @property
+    def untimed(self) -> frozenset[str | None]:
+        """Return the areas whose person-time does not leave before the week is over."""
+        return frozenset() if self._released is None else self._released.untimed
 
     @cached_property
     def _shared_before(self) -> Sequence[earlier.SharedWeek]:

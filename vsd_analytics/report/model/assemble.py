@@ -9,12 +9,13 @@ from typing import Any
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.errors import ReportError
-from vsd_analytics.figures.catalogue import figures, shared_answers
+from vsd_analytics.figures.catalogue import SO_FAR, figures, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
-from vsd_analytics.figures.panels import WEEK
+from vsd_analytics.figures.panels import WEEK, FloorHours
 from vsd_analytics.figures.share.counts import GIVES_AWAY, in_week_before
-from vsd_analytics.figures.share.periods import check_days
+from vsd_analytics.figures.share.periods import check_days, hides, is_over, not_yet
+from vsd_analytics.figures.share.running import Release, last_closed_day, release
 from vsd_analytics.figures.share.weeks import CHANGED
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import estimates, lazy_answers, recording, timetable
@@ -46,12 +47,13 @@ from vsd_analytics.wording.catalogue import has, say
 from vsd_analytics.wording.languages import chosen, language, speaking
 from vsd_analytics.wording.reasons import reason_text
 
+DAY = timedelta(days=1)
 THREADS = 1
 """Threads of a page's queries: to read small files, two take half as much processor time again."""
 _MARTS = (
     *("violations", "camera_hours", "area_hours", "crowding_hours", "joined_days", "cell_hours", "cell_days"),
     *("track_days", "together_days", "track_groups", "company_hours", "episodes", "distances", "gatherings"),
-    *("cluster_sizes", "met_days", "neighbour_hours", "footsteps"),
+    *("cluster_sizes", "met_days", "neighbour_hours", "footsteps", "area_people"),
 )
 """Marts that the report of a site with enough data reads."""
 MADE_UP_ENGINE = "vsd-demo "
@@ -102,19 +104,42 @@ def _of_days(
     floor = next((f for f in site.floors if floor_id in (None, f.floor_id)), None)
     if floor is None:
         raise KeyError(floor_id)
+    released = None
+    if last is None and clock is not None and hides(site) and not is_over(site, first + WEEK - DAY, clock=clock):
+        released = _released(site, floor, first, clock)
+        last = released.through
     end = first + WEEK if last is None else last + timedelta(days=1)
-    check_days(site, first, end - timedelta(days=1), clock=clock)
+    if released is None:
+        check_days(site, first, end - timedelta(days=1), clock=clock)
     loaded = min(first - (end - first), _first_day(site, first)), end - timedelta(days=1)
     opened = open_warehouse(site, *loaded, on_plan=on_plan, on_hours=on_hours, threads=THREADS)
     with speaking(chosen() or site.language), opened as warehouse:
-        data = WeekData(_made(warehouse), floor=floor, monday=first, last=last, clock=clock)
+        data = WeekData(_made(warehouse), floor=floor, monday=first, last=last, clock=clock, released=released)
         if data.is_shared_otherwise:
             raise _shared_otherwise(first)
         found = LazyAnswers(data)
-        add = add_week_sections if data.is_week else add_days_sections
-        report = add_maps(add(_report(data, floor, found, now), data, found), data)
+        report = _report(data, floor, found, now)
+        if not data.is_released:
+            report = (add_week_sections if data.is_week else add_days_sections)(report, data, found)
+        report = add_maps(report, data)
         data.remember_shared()
         return report
+
+
+def _released(site: Site, floor: Floor, monday: date, clock: datetime) -> Release:
+    """Return what may leave of a week that is not over.
+
+    Raises:
+        UsageError: E105, nothing yet.
+    """
+    closed = min(last_closed_day(site, clock), monday + WEEK - DAY)
+    found = None
+    if closed >= monday:
+        with open_warehouse(site, monday, closed, threads=THREADS) as warehouse:
+            found = release(FloorHours(warehouse, floor=floor), monday, closed)
+    if found is None:
+        raise not_yet(monday)
+    return found
 
 
 def _shared_otherwise(monday: date) -> ReportError:
@@ -164,7 +189,7 @@ def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | No
     has_ranking = is_ranked and level.violation_rate.value != 0
     made_at = _made_at(data, now)
     inputs = FigureInputs(data, found, coverage, level, areas.rows, hours.when, is_ranked)
-    shared = shared_answers(inputs)
+    shared = shared_answers(inputs, metrics=SO_FAR if data.is_released else None)
     return WeekReport(
         site=SiteRef(
             site_id=site.site_id,
@@ -198,9 +223,9 @@ def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | No
         log=site_changes.log_lines(data, coverage, is_compared=is_compared),
         stored=stored_records(site, at=made_at.date()),
         settings_change=change if state == "settings_changed" else None,
-        close_by_crowding=close_by_crowding(
-            data.this, why_hidden=data.hidden.why_floor, is_by_day=not data.hidden.hides_hours
-        ),
+        close_by_crowding=None
+        if data.is_released
+        else close_by_crowding(data.this, why_hidden=data.hidden.why_floor, is_by_day=not data.hidden.hides_hours),
         answers=shared,
         figures=with_row_texts(figures(inputs, shared)),
     )

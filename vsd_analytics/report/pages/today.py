@@ -63,8 +63,8 @@ class TodayWords:
         site, floor: Names; the floor is empty where the site has only one.
         as_of: Day and clock.
         headline: One sentence, without a full stop.
-        days: Yesterday and today.
-        unusual: Sentences on hours far from usual, at least one.
+        days: Yesterday and, on the operator's card, today.
+        unusual: Sentences on hours far from usual, at least one; none on the card of readers.
         silent: Sentences on cameras without data.
         ahead: Sentences on what to expect, at least one.
         notes: How to read the card.
@@ -93,9 +93,12 @@ def today_words(found: Today, site: Site) -> TodayWords:
     floors = {f.floor_id: f.name for f in site.floors}
     title = say("today.yesterday", day=fmt.date_short(found.at.date() - timedelta(days=1)))
     yesterday = _day(found.yesterday, title=title)
+    days: tuple[DayWords, ...] = (yesterday,)
     until = None if found.so_far is None else found.so_far.until_hour
     title = say("today.today") if until is None else say("today.so_far", clock=fmt.hour_label(until))
-    days = yesterday, _day(found.so_far, title=title)
+    if not found.is_of_closed_days:
+        days = yesterday, _day(found.so_far, title=title)
+    closed = [say("today.closed_days")] if found.is_of_closed_days else []
     chance = [say("today.chance")] if any(d.position for d in days) else []
     return TodayWords(
         site=site.name,
@@ -103,10 +106,10 @@ def today_words(found: Today, site: Site) -> TodayWords:
         as_of=say("today.as_of", day=fmt.date_long(found.at.date()), clock=fmt.clock(found.at)),
         headline=_headline(found, days, site),
         days=days,
-        unusual=_unusual(found),
+        unusual=() if found.is_of_closed_days else _unusual(found),
         silent=_silent(found, site),
         ahead=_ahead(found),
-        notes=(say("today.as_usual", n=HISTORY_WEEKS), *chance),
+        notes=(say("today.as_usual", n=HISTORY_WEEKS), *chance, *closed),
         made_by=say("today.made_by", version=VERSION),
     )
 
@@ -116,29 +119,28 @@ def hour_words(hour: TodayHour | Unusual) -> str:
     return f"{fmt.weekday(hour.day)} {fmt.hour_label(hour.hour)}"
 
 
-def _headline(found: Today, days: tuple[DayWords, DayWords], site: Site) -> str:
+def _headline(found: Today, days: tuple[DayWords, ...], site: Site) -> str:
     """Name what matters most: no data, an unusual hour, a day outside its range; else that all is as usual."""
     if found.silent and len(found.silent) == found.n_cameras:
         return say("today.h_all_silent")
     if found.silent:
         return say("today.h_silent", plural=len(found.silent), cameras=_names(found.silent, site))
-    if found.unusual.rows:
+    if found.unusual.rows and not found.is_of_closed_days:
         return say("today.h_unusual", hour=hour_words(found.unusual.rows[0]))
-    yesterday, so_far = days
-    for day, when in ((so_far, "today.on_today"), (yesterday, "today.on_yesterday")):
+    for day, when in reversed([*zip(days, ("today.on_yesterday", "today.on_today"), strict=False)]):
         if day.position in ("above", "below"):
             return say(f"today.h_{day.position}", when=say(when))
     if found.yesterday is None and found.so_far is None:
         return say("today.h_closed")
-    return say("today.h_within" if yesterday.position or so_far.position else "today.h_unknown")
+    return say("today.h_within" if any(day.position for day in days) else "today.h_unknown")
 
 
 def _day(level: DayLevel | None, *, title: str) -> DayWords:
     if level is None:
         return DayWords(title=title, value=fmt.MISSING, unit="", position=None, judged="", notes=(say("today.closed"),))
     notes, position = [], None
-    if level.usual is not None and level.estimate is not None:
-        position = level.usual.position(level.estimate)
+    if level.usual is not None and (level.estimate is not None or level.masked_below):
+        position = None if level.estimate is None else level.usual.position(level.estimate)
         notes.append(
             say(
                 "today.usual" if level.is_over else "today.usual_hours",
@@ -155,12 +157,21 @@ def _day(level: DayLevel | None, *, title: str) -> DayWords:
         notes.append(say("today.estimated", n=fmt.count(round(level.estimate))))
     return DayWords(
         title=title,
-        value=fmt.MISSING if level.violations is None else fmt.count(round(level.violations)),
-        unit="" if level.violations is None else say("today.unit"),
+        value=_value(level),
+        unit="" if level.violations is None and not level.masked_below else say("today.unit"),
         position=position,
         judged=say(f"today.{position}") if position in ("above", "below") else "",
         notes=tuple(notes),
     )
+
+
+def _value(level: DayLevel) -> str:
+    if level.masked_below:
+        return fmt.masked(level.masked_below)
+    if level.violations is None:
+        return fmt.MISSING
+    n = fmt.count(round(level.violations))
+    return say("today.about", n=n) if level.is_rough and level.violations else n
 
 
 def _unusual(found: Today) -> tuple[str, ...]:
@@ -237,9 +248,10 @@ class TodayPage:
         title: Title of the window.
         at: The clock, for machines.
         style, style_hash: The page's only style, and its hash for the content security policy.
-        chart: The hours as a drawing; empty without an open hour.
+        chart: The hours as a drawing; empty without an open hour, and on the card of readers.
         has_missing, has_unusual: Marks of the chart to explain.
         is_made_up: The data are those of `vsd demo`.
+        is_exact: It is the operator's.
     """
 
     card: TodayWords
@@ -251,6 +263,7 @@ class TodayPage:
     has_missing: bool
     has_unusual: bool
     is_made_up: bool
+    is_exact: bool
 
 
 def make_today_page(found: Today, site: Site, *, is_made_up: bool = False) -> TodayPage:
@@ -274,15 +287,13 @@ def make_today_page(found: Today, site: Site, *, is_made_up: bool = False) -> To
         at=found.at,
         style=Markup(style),
         style_hash=policy_hash(style),
-        chart=day_hours(
-            found.hours,
-            names=days,
-            unusual=unusual,
-            label=say("today.chart_label"),
-        ),
+        chart=Markup()
+        if found.is_of_closed_days
+        else day_hours(found.hours, names=days, unusual=unusual, label=say("today.chart_label")),
         has_missing=any(h.is_over and h.violations is None for h in found.hours),
         has_unusual=bool(unusual),
         is_made_up=is_made_up,
+        is_exact=not found.is_of_closed_days,
     )
 
 

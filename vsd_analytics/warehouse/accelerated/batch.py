@@ -33,7 +33,7 @@ from vsd_analytics.warehouse.accelerated.persons import (
 from vsd_analytics.warehouse.accelerated.runs import close_records, episode_cells, track_pairs
 from vsd_analytics.warehouse.accelerated.same_pairs import same_pairs
 from vsd_analytics.warehouse.accelerated.site_tables import DayIntervals, Floors, SiteTables
-from vsd_analytics.warehouse.accelerated.standing import crowding, exposure, track_lives
+from vsd_analytics.warehouse.accelerated.standing import area_tracks, crowding, exposure, track_lives
 from vsd_analytics.warehouse.dimensions import ASKED_TABLES
 from vsd_analytics.warehouse.held import Columns, Held, none_of
 from vsd_analytics.warehouse.sqlfiles import Relation
@@ -60,6 +60,7 @@ COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {
         exposure,
         crowding,
         floor_cells,
+        area_tracks,
         track_lives,
         calibrations_used,
         frame_clusters,

@@ -76,12 +76,49 @@ class Floors:
         return is_owned
 
 
-def _grid(cells: Columns, rows: Bools) -> tuple[Ints, int, int]:
-    """Return the owner of each cell, -1 for none as along its edge, and the cell of its first corner."""
+NO_AREAS = -1
+"""Number of a place on a floor without areas."""
+
+
+def areas_of(at: Columns, cameras: Columns, area_cells: Columns, site: SiteTables) -> tuple[Ints, Sequence[str]]:
+    """Return the number of the area that each place lies in, and the areas' ids.
+
+    Numbers are in order of the ids; the rest of a floor with areas comes last, as nulls do.
+
+    Args:
+        at: Columns camera_id, ts_ms, x_mm, y_mm; the place is on the camera's floor and known.
+        cameras: The relation `cameras`.
+        area_cells: The relation `area_cells`.
+        site: Its floors and the side of a cell.
+    """
+    names = sorted(set(area_cells["area_id"].tolist()))
+    number = {name: k for k, name in enumerate(names)}
+    floors = dict(zip(cameras["floor_id"].tolist(), site.floors.of_camera[cameras["camera_id"]].tolist(), strict=True))
+    spans = list(zip(*(area_cells[c].tolist() for c in ("floor_id", "from_ms", "to_ms")), strict=True))
+    each = list(dict.fromkeys(spans))
+    span_of = np.array([each.index(span) for span in spans], dtype=np.int64)
+    cells = {**area_cells, "number": np.array([number[a] for a in area_cells["area_id"].tolist()], dtype=np.int64)}
+    floor = site.floors.of_camera[at["camera_id"]]
+    side = int(site.params["cell_mm"])
+    cx, cy = at["x_mm"] // side, at["y_mm"] // side
+    found = np.full(len(cx), NO_AREAS, dtype=np.int64)
+    found[np.isin(floor, [floors[f] for f, _, _ in set(spans) if f in floors])] = len(names)
+    for k, (of_floor, from_ms, to_ms) in enumerate(each):
+        rows = np.flatnonzero((floor == floors.get(of_floor, -1)) & (at["ts_ms"] >= from_ms) & (at["ts_ms"] < to_ms))
+        if not len(rows) or of_floor not in floors:
+            continue
+        grid, x0, y0 = _grid(cells, span_of == k, "number")
+        area = grid[np.clip(cx[rows] - x0, 0, grid.shape[0] - 1), np.clip(cy[rows] - y0, 0, grid.shape[1] - 1)]
+        found[rows] = np.where(area >= 0, area, len(names))
+    return found, names
+
+
+def _grid(cells: Columns, rows: Bools, value: str = "camera_id") -> tuple[Ints, int, int]:
+    """Return the owner (or another value) of each cell, -1 for none as along its edge, and its first corner's cell."""
     cx, cy = cells["cx"][rows], cells["cy"][rows]
     x0, y0 = int(cx.min()) - 1, int(cy.min()) - 1
     grid = np.full((int(cx.max()) - x0 + 2, int(cy.max()) - y0 + 2), -1, dtype=np.int64)
-    grid[cx - x0, cy - y0] = cells["camera_id"][rows]
+    grid[cx - x0, cy - y0] = cells[value][rows]
     return grid, x0, y0
 
 

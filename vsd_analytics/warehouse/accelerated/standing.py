@@ -1,11 +1,20 @@
-"""Facts of where people stood: `exposure`, `crowding` and `track_lives`."""
+"""Facts of where people stood: `exposure`, `crowding`, `area_tracks` and `track_lives`."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.accelerated.columns import ends_of, order_by, picked, starts_of, summed, sums, take
-from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
+from vsd_analytics.warehouse.accelerated.columns import (
+    ends_of,
+    grouped_by,
+    order_by,
+    picked,
+    starts_of,
+    summed,
+    sums,
+    take,
+)
+from vsd_analytics.warehouse.accelerated.site_tables import NO_AREAS, SiteTables, areas_of
 from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
 _QUARTER_MS, _HOUR_MS = 900_000, 3_600_000
@@ -50,6 +59,20 @@ def crowding(held: Held, site: SiteTables) -> Columns:
             "close_pair_ms": np.concatenate([no_pair, pairs["weight_ms"][close]]),
         },
     )
+
+
+def area_tracks(held: Held, site: SiteTables) -> Columns:
+    """Return `facts/area_tracks`."""
+    located = held["located"]
+    rows = np.flatnonzero(located["is_owned"] & (located["x_mm"] != NULL) & (located["track_id"] >= 0))
+    at = take(located, rows, "camera_id", "track_id", "ts_ms", "x_mm", "y_mm")
+    area, names = areas_of(at, held["cameras"], held["area_cells"], site)
+    rows = np.flatnonzero(area > NO_AREAS)
+    hour, camera, track = (v[rows] for v in (at["ts_ms"] // _HOUR_MS, at["camera_id"], at["track_id"]))
+    order, starts = grouped_by(hour, camera, area[rows], track)
+    chosen = order[starts]
+    area_id = np.array([*names, None], dtype=object)[area[rows][chosen]]
+    return {"hour": hour[chosen], "camera_id": camera[chosen], "area_id": area_id, "track_id": track[chosen]}
 
 
 def track_lives(held: Held, site: SiteTables) -> Columns:
