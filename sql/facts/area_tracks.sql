@@ -21,8 +21,9 @@ with standing as (
     from located as l
     cross join params as s
     inner join cameras as c on l.camera_id = c.camera_id
-    where l.is_owned and l.x_mm is not null and l.track_id is not null
-    and c.floor_id in (select floor_id from area_cells)
+    where
+        l.is_owned and l.x_mm is not null and l.track_id is not null
+        and c.floor_id in (select floor_id from area_cells)
 )
 
 select distinct

@@ -28,6 +28,7 @@ DIRECTIONS = "cosines and sines of sixteen directions, in thousandths"
 CELL = "side of the cells of this mart, a multiple of the stored ones: MART_CELL_M"
 
 REASONS: Final[Mapping[str, Mapping[str, str]]] = {
+    "marts/area_people": {"4": "quarters of an hour"},
     "marts/walks": {"4": "quarters of an hour"},
     "facts/camera_days": {"0.5": "the median"},
     "facts/episode_segments": {

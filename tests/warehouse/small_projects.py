@@ -27,9 +27,9 @@ HOUR = 3_600_000
 DAY = 24 * HOUR
 
 
-FACTS_OF_AREAS = ["area_counts", "area_stays", "track_ends", "walk_cells"]
+FACTS_OF_AREAS = ["area_counts", "area_stays", "area_tracks", "track_ends", "walk_cells"]
 FACTS_WITHOUT_AREAS = [r.name for r in relations("facts").values() if r.unit == "hour" and r.name not in FACTS_OF_AREAS]
-"""Hourly facts that have files where vsd.toml asks nothing of areas."""
+"""Hourly facts that have files where vsd.toml draws no area."""
 
 
 def at(text: str) -> int:

@@ -1,8 +1,8 @@
 """The figures of the day as retained MQTT messages, for the tools around: `vsd today --publish`.
 
-One topic per floor holds one JSON object. What is unknown is null and has a reason. Whoever listens all day would collect
-all hours, so topics have the day that is over, in round numbers (`figures.share.days`); with `--exact`, the hours of
-today for the operator's own tools.
+One topic per floor holds one JSON object. What is unknown is null and has a reason. Whoever listens all day would
+collect all hours, so topics have the day that is over, in round numbers (`figures.share.days`); with `--exact`, the
+hours of today for the operator's own tools.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ from vsd_analytics.figures.week.results import Figure
 OF_WEEKS: Final = frozenset({"M13", "M14", "M20", "M24", "M25", "M27", "M28"})
 """Figures of hours and places of several weeks, and of weeks beside each other."""
 SO_FAR: Final = frozenset({"M0", "M1", "M3", "M6", "M15"})
-"""Figures of a week that goes on which leave: those of the floor, its areas and recording, without single hours or people."""
+"""Figures of a week that goes on which leave: those of the floor, its areas and recording."""
 OF_VISITS: Final = frozenset({"M35", "M36", "M37", "M38", "M42"})
 """Figures of areas with `visits = true`."""
 OF_QUEUES: Final = frozenset({"M39", "M40"})

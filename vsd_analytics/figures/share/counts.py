@@ -90,7 +90,7 @@ def is_small(n: float, *, below: int) -> bool:
 
 
 def rough(n: int, *, below: int) -> int | None:
-    """Return a count as a card gives it: 0, None for a small one, else to a step of twice `below`, at least one step."""
+    """Return a count as a card gives it: 0, None for a small one, else to steps of twice `below`, at least one."""
     if n == 0 or below <= 1:
         return n
     return None if is_small(n, below=below) else max(1, math.floor(n / (2 * below) + 0.5)) * 2 * below

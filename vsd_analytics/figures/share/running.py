@@ -1,5 +1,4 @@
-"""How far a week that goes on may leave: through a closed day after which enough has come, so that its own page loses
-nothing.
+"""How far a week that goes on may leave: its closed days, but for the last that hold enough.
 
 A page made after each day tells what each day added. So the days of a week are put into steps of at least `mask_below`
 violations and people on the floor, and what left is always a whole number of steps, one less than are over: the last of
@@ -54,7 +53,7 @@ def release(data: FloorHours, monday: date, last: date) -> Release | None:
     period = Period(data, monday, last)
     of_floor = data.panel(period.whole, period.days).n.sum(axis=0)
     ends = _steps(of_floor, people_of_floor(period), below)
-    if len(ends) < 2:
+    if len(ends) <= 1:
         return None
     keys: list[Key] = [*(a.area_id for a in data.areas), None] if data.areas else []
     counts = {key: _by_step(data.panel(period.area(key), period.days).n.sum(axis=0), ends) for key in keys}
@@ -88,7 +87,7 @@ def _most_by_step(n: Ints, ends: Sequence[int]) -> list[int]:
 def _is_ready(steps: Sequence[int], below: int) -> bool:
     """Tell whether the sum of all steps but the last may leave, given what left after each of them.
 
-    It may where nothing was counted yet; else what was added since it last left, and what stays back, must not be small.
+    It may where nothing was counted yet; else what was added since it last left, and what stays, must not be small.
     """
     *before, back = steps
     if not any(before):
