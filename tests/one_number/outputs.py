@@ -197,13 +197,15 @@ def _groups(told: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
 
 def _today(told: Mapping[str, Any], day: date) -> Iterator[tuple[Key, Any]]:
     (card,) = told["today"]
-    if card["so_far"] is not None and card["so_far"]["violations"]:
-        yield ("day", str(day)), card["so_far"]["violations"]
+    answers = {name: answer["rows"] for name, answer in card["answers"].items()}
+    [so_far] = [row for row in answers["today_days"] if row["local_date"] == str(day)]
+    if so_far["n_violations"]["value"]:
+        yield ("day", str(day)), so_far["n_violations"]["value"]
     zone = datetime.fromisoformat(card["at"]).tzinfo
-    for row in card["hours"]:
-        if row["day"] == str(day) and row["violations"] is not None:
-            start = datetime(day.year, day.month, day.day, row["hour"], tzinfo=zone)
-            yield ("hour", str(round(start.timestamp()))), row["violations"]
+    for row in answers["today_hours"]:
+        if row["local_date"] == str(day) and row["n_violations"]["value"] is not None:
+            start = datetime(day.year, day.month, day.day, row["local_hour"], tzinfo=zone)
+            yield ("hour", str(round(start.timestamp()))), row["n_violations"]["value"]
 
 
 def _duckdb(path: Path) -> Iterator[tuple[Key, Any]]:
