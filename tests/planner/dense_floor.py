@@ -8,8 +8,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from vsd_analytics.planner.rounding import merge_small_counts
 
+from vsd_analytics.figures.share.counts import Mask
+from vsd_analytics.figures.share.merged import merge_small_counts
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.hour_counts import HourPanel
 from vsd_analytics.planner.page import render_planner
@@ -65,14 +66,14 @@ def _week(base: PlannerData, rng: Any, n: float, below: int) -> Any:
     )
     fine = fine[:, np.lexsort((fine[1], fine[0]))]
     cells = cell_counts.WeekCells(
-        violations=cell_counts._merged(keys[:, lies], [counts.ravel()[lies]], grid=grid, across=2, below=below),
+        violations=cell_counts._merged(keys[:, lies], [counts.ravel()[lies]], grid=grid, across=2, mask=Mask(below)),
         fine=fine[:, fine[2] >= below],
         time=cell_counts._merged(
             keys[:, stands],
             [tracks[stands], exposure[stands], close[stands]],
             grid=grid,
             across=2,
-            below=below,
+            mask=Mask(below),
             is_square=True,
         ),
         unit_ms=100,
@@ -93,7 +94,10 @@ def _panel(rng: Any, n_days: int, n_places: int, n: float, below: int) -> HourPa
     counts = rng.poisson(np.broadcast_to(profile / profile.sum() * n / n_places / CAMERAS, shape))
     day = slots // HOURS
     given = np.stack(
-        [[merge_small_counts(row[None], groups=(day,), below=below).values[0] for row in place] for place in counts]
+        [
+            [merge_small_counts(row[None], groups=(day,), mask=Mask(below)).values[0] for row in place]
+            for place in counts
+        ]
     )
     full = np.full((CAMERAS, slots.size), 3_600_000)
     return HourPanel(

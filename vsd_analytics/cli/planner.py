@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vsd_analytics.cli.options import json_option, language_option
+from vsd_analytics.cli.options import exact_option, json_option, language_option
 from vsd_analytics.cli.output import emit_json, facts_progress
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import last_monday
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     "--out", metavar="DIR", help="Folder to write to, or - for standard output (default: reports/ of the project)."
 )
 @click.option("--open", "is_opened", is_flag=True, help="Open the page in a browser.")
+@exact_option
 @language_option
 @json_option
 @pass_project
@@ -49,8 +50,9 @@ def planner(
     """Write a page to explore a floor: days, hours, logged changes, five maps, the rates of any rectangle.
 
     A click on a logged change shows the weeks before and after it, what it did, and what became of the whole floor.
-    One file that needs no network and no server. Its figures are those of the report; the page contains
-    no count under mask_below. With --json, print the figures of the whole week and where the page was written.
+    One file that needs no network and no server. Its figures are those of the report; the page contains no count under
+    mask_below, and its weeks are over. With --exact, it is the operator's: exact, and of any week. With --json, print
+    the figures of the whole week and where the page was written.
 
     \b
     Example:

@@ -174,7 +174,7 @@ def panel_of(
             given = merge_small_counts(np.stack((row_n, close[c]))[:, order], groups=groups, mask=data.mask)
             n[k, c, order], close_ms[k, c, order] = given.values
             left += given.n_dropped
-        if n[k].any() or left[0] >= data.mask.below:
+        if n[k].any() or (left[0] and not data.mask.hides(int(left[0]))):
             to = int((n[k] if n[k].any() else counts).argmax())
             n[k].flat[to] += left[0]
             close_ms[k].flat[to] += left[1]

@@ -16,6 +16,7 @@ from vsd_analytics.figures.cell_hours import CELL_M as RISK_CELL_M
 from vsd_analytics.figures.hotspot_answers import hotspot_answers, window_holds
 from vsd_analytics.figures.hotspots import FloorSpot
 from vsd_analytics.figures.maps import MIN_EXPOSURE_H, SIGMA_M
+from vsd_analytics.figures.share.counts import mask_of
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.planner import cell_counts, map_kinds
@@ -180,7 +181,7 @@ def _page(data: PlannerData) -> PlannerPage:
         use=space_use_view(data.space),
         watching=tuple(dict.fromkeys(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching)),
         is_made_up=data.is_made_up,
-        mask=int(site.settings.mask_below),
+        mask=mask_of(site).below,
         distance=distance,
         least_time=fmt.seconds(site.settings.episode_min_s),
         version=VERSION,
@@ -263,7 +264,7 @@ def _meta(
             "correlation": PRIOR_CORRELATION,
             "correlationDays": PRIOR_DAYS,
             "correlationMost": LARGEST,
-            "mask": int(settings.mask_below),
+            "mask": mask_of(data.site).below,
             "rough": ROUGH_H,
             "q": quantiles(confidence),
             "q2": quantiles((1 + confidence) / 2),
@@ -403,7 +404,7 @@ def _drawing(data: PlannerData) -> PlannerDrawing:
         fixture_names=names,
         hotspots=tuple(spots),
         labels=tuple(labels),
-        flow=flow_layer(data.space, shown, frame, least=int(settings.mask_below), distance_unit=settings.distance_unit),
+        flow=flow_layer(data.space, shown, frame, least=mask_of(data.site).below, distance_unit=settings.distance_unit),
     )
 
 

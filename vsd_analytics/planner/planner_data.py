@@ -22,6 +22,7 @@ from vsd_analytics.figures.close_time import change_close_time_share, close_time
 from vsd_analytics.figures.compare import why_not
 from vsd_analytics.figures.panels import WEEK, Flags, Place
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.share.periods import check_days
 from vsd_analytics.figures.share.weeks import revealing_spots, shared_spots
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import lazy_answers, recording, timetable
@@ -206,6 +207,7 @@ def planner_pages(
         on_hours: Called after computed hours.
 
     Raises:
+        UsageError: E105, a week is not over, and the site hides small counts.
         StoreError: E301, nothing was ever stored.
         KeyError: The site has no floor of this id.
     """
@@ -213,6 +215,8 @@ def planner_pages(
     floors = [f for f in site.floors if floor_id in (None, f.floor_id)]
     if not floors:
         raise KeyError(floor_id)
+    for week in (monday, other):
+        check_days(site, week, week + timedelta(days=6), clock=clock)
     last = max(monday, other) + timedelta(days=6)
     n_weeks = weeks_needed(site, monday) if weeks is None else weeks
     first = first_day(site, monday, other, weeks=n_weeks)

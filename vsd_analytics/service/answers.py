@@ -8,13 +8,14 @@ import os
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
 
 from vsd_analytics.config.project import load_site
-from vsd_analytics.errors import StoreError, UsageError, VsdError
+from vsd_analytics.errors import ReportError, StoreError, UsageError, VsdError
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.story import week_report
@@ -128,20 +129,22 @@ class ReportAnswers:
         from vsd_analytics.planner.planner_data import planner_pages
 
         def make(site: Site, monday: date) -> bytes:
-            [data] = planner_pages(site, monday, floor_id=floor_id, clock=self._present())
+            with _as_not_found():
+                [data] = planner_pages(site, monday, floor_id=floor_id, clock=self._present())
             return render_planner(data).encode()
 
         return self._cached("planner", week, floor_id, make)
 
     def _one(self, kind: str, week: str, floor_id: str, make: Callable[[WeekReport], bytes]) -> bytes:
         def made(site: Site, monday: date) -> bytes:
-            report = self._remembered(
-                ("report", f"{monday}", floor_id),
-                lambda: week_report(site, monday, floor_id=floor_id, now=self._now, clock=self._present()),
-            )
+            report = self._remembered(("report", f"{monday}", floor_id), lambda: self._report(site, monday, floor_id))
             return make(report)
 
         return self._cached(kind, week, floor_id, made)
+
+    def _report(self, site: Site, monday: date, floor_id: str) -> WeekReport:
+        with _as_not_found():
+            return week_report(site, monday, floor_id=floor_id, now=self._now, clock=self._present())
 
     def _cached(self, kind: str, week: str, floor_id: str, make: Callable[[Site, date], bytes]) -> bytes:
         with self._lock:
@@ -196,6 +199,15 @@ def _state_of(root: Path) -> str:
             continue
         known.update(f"{path}\0{stat.st_mtime_ns}\0{stat.st_size}\n".encode())
     return known.hexdigest()
+
+
+@contextmanager
+def _as_not_found() -> Iterator[None]:
+    """Answer that there is none of what may not leave: of a week that is not over, or not again."""
+    try:
+        yield
+    except (ReportError, UsageError) as error:
+        raise NotFoundError(error.what, why=error.why, code=error.code) from None
 
 
 def _weeks(site: Site) -> list[str]:
