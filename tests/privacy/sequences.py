@@ -1,18 +1,19 @@
 """A reader who keeps every version of everything: pages of each week as it ends, and again after the week changed.
 
-A world goes on week by week. While a week runs, nothing of it leaves; when it is over, its report does. Then the world
-changes: some minutes are erased, a camera's day arrives late, the legal distance is another. Everything is made again,
-and the reader, who knows where the change was, solves for what was hidden and for what changed.
+A world goes on week by week. While a week runs, pages of its closed days leave; when it is over, its report does. Then
+the world changes: some minutes are erased, a camera's day arrives late, the legal distance is another. Everything is
+made again, and the reader, who knows where the change was, solves for what was hidden and for what changed.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta
 from itertools import product
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -22,7 +23,9 @@ from report import ingested_worlds as worlds
 from scipy import sparse
 from scipy.optimize import Bounds, LinearConstraint, milp
 
-from vsd_analytics.errors import UsageError
+from vsd_analytics.errors import ReportError, UsageError
+from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.retention.purge import Terms, purge_range
 from vsd_analytics.warehouse.warehouse import open_warehouse
@@ -31,6 +34,7 @@ Versioned: TypeAlias = tuple[int, Key]
 """Number of the version, and an unknown of it."""
 Asked: TypeAlias = tuple[list[tuple[Versioned, float]], int]
 """Weights of unknowns, and the sum they have in truth."""
+ASKED_ON = (1, 2, 3, 5)
 SLOT_S = worlds.SLOT_MS // 1000
 
 
@@ -42,38 +46,77 @@ class Versions:
         worlds: What was counted, version by version.
         rows: What the reader knows: weights of unknowns, limits, source.
         changed: Unknowns that may differ from the version before, version by version.
-        n_refused: Running weeks of which a page was asked for and refused.
+        n_running: Pages of weeks that went on.
+        n_refused: Such pages that were refused.
     """
 
     worlds: list[World] = field(default_factory=list)
     rows: list[tuple[Mapping[Versioned, float], float, float, str]] = field(default_factory=list)
     changed: list[frozenset[Key]] = field(default_factory=list)
+    n_running: int = 0
     n_refused: int = 0
 
     def add(self, known: Known, number: int) -> None:
         self.rows += [({(number, k): w for k, w in row.items()}, lo, hi, said) for row, lo, hi, said in known.rows]
 
 
-def lived(folder: Path, seed: int, *, n_weeks: int) -> Versions:
-    """Return what a reader has of a world after all its weeks, with a page asked for in every hour of them."""
+def lived(folder: Path, seed: int, *, n_weeks: int, days: Sequence[int] = ASKED_ON) -> Versions:
+    """Return what a reader has of a world after all its weeks, with pages asked for while they go on.
+
+    Args:
+        folder: Where it is written.
+        seed: Of chance.
+        n_weeks: Its weeks.
+        days: Days of each week, from 0, in whose morning a page is asked for.
+    """
     made = hidden.build(folder / "whole", seed, n_weeks=n_weeks)
     world = hidden.write(folder / "site", made.n, made.lost, weeks=0)
     versions = Versions([world], changed=[frozenset()])
     for week in range(n_weeks):
         hidden.add_week(world, week)
-        versions.n_refused += sum(is_refused(world, week, day, hour) for day, hour in product(range(7), range(24)))
+        for day in days:
+            try:
+                report = week_report(world.site, hidden.monday(week), clock=instant(week, day, 5))
+            except (ReportError, UsageError):
+                versions.n_refused += 1
+                continue
+            versions.n_running += 1
+            versions.add(so_far(world, week, report), 0)
         versions.add(hidden.published(world, [week]), 0)
     return versions
 
 
-def is_refused(world: World, week: int, day: int, hour: int) -> bool:
-    """Tell whether no page of a week is made in one of its hours."""
-    at = instant(week, day, hour)
-    try:
-        week_report(world.site, hidden.monday(week), clock=at)
-    except UsageError:
-        return True
-    return False
+def so_far(world: World, week: int, report: WeekReport) -> Known:
+    """Return what a page of a week that goes on tells."""
+    told, known = json.loads(to_json(report)), Known()
+    last = (date.fromisoformat(told["week"]["sunday"]) - hidden.monday(week)).days
+    days = range(min(last + 1, N_DAYS))
+    source = f"week {week} to day {last}"
+
+    def keys(place: str | bool | None) -> list[Key]:
+        return [key for key in hidden.keys_of(week, place=place) if key[2] in days]
+
+    def of(place: str | bool | None, row: Mapping[str, Any], n: float | None, name: str) -> None:
+        if n is not None:
+            known.exact(keys(place), n, name)
+        x_h = [world.x_h(week, camera, days) for camera in range(2)]
+        cameras = {p: camera for p, (_, camera) in enumerate(hidden.POINTS.values())}
+        per_hour = {k: 1 / x_h[cameras[k[1]]] for k in keys(place) if x_h[cameras[k[1]]]}
+        known.rounded(per_hour, row["violation_rate"]["value"], f"{name}.often")
+        hidden._per_person_hour(known, keys(place), row["encounter_rate"], row["exposure_h"], f"{name}.risky")
+        hidden._time_close(known, keys(place), row["close_time_share"], row["exposure_h"], f"{name}.close_share")
+
+    of(True, told["level"], told["level"]["violations"], f"{source}, level")
+    for row in told["areas"]:
+        of(row["area_id"], row, row["counted"], f"{source}, {row['area_id']}")
+        if row["counted"] is None:
+            hidden._label(known, keys(row["area_id"]), None, row, f"{source}, {row['area_id']}")
+    for cell in told["when"]["cells"]:
+        day = (date.fromisoformat(cell["day"]) - hidden.monday(week)).days
+        if day in days:
+            at = hidden.keys_of(week, day=day, hour=cell["hour"])
+            hidden._label(known, at, cell["violations"], cell, f"{source}, when {day} {cell['hour']}")
+    return known
 
 
 def instant(week: int, day: int, hour: int) -> datetime:

@@ -17,7 +17,6 @@ from vsd_analytics.report.pages.story import days_report, week_report
 
 WEEKS = 3
 LATE_SEED = 6  # a world in which a camera lost a day
-HOURS_OF_A_WEEK = 7 * 24
 
 
 @pytest.fixture
@@ -58,8 +57,16 @@ def test_without_memory_of_what_left_before_an_erasure_tells_how_many_it_took(ve
     assert any(name.startswith("change to version 1") for name in sequences.worked_out(versions))
 
 
-def test_no_page_of_a_running_week_is_made_whatever_the_hour(versions: sequences.Versions) -> None:
-    assert versions.n_refused == WEEKS * HOURS_OF_A_WEEK
+def test_pages_of_running_weeks_leave_and_tell_no_small_count(versions: sequences.Versions) -> None:
+    assert versions.n_running > 0
+    assert sequences.broken(versions) == []
+    assert sequences.worked_out(versions) == {}
+
+
+def test_the_page_of_a_running_week_is_the_same_at_every_hour_of_a_day(versions: sequences.Versions) -> None:
+    site, monday = versions.worlds[0].site, hidden.monday(0)
+    pages = [week_report(site, monday, clock=sequences.instant(0, 3, hour)) for hour in (5, 9, 23)]
+    assert pages[0] == pages[1] == pages[2]
 
 
 def test_a_page_of_days_that_are_no_week_is_refused(versions: sequences.Versions) -> None:

@@ -128,23 +128,26 @@ def held_back(
         give: Parts in the order in which they are given up.
         n_others: Others to hold back at least, where the sum a reader knows is itself a small count off.
         withheld: Parts that are held back like small ones, whatever their count.
-        is_unseen: Tells whether one more in the first part and one less in the second leaves all other sums as a reader
-            knows them; None = they know no other sums.
+        is_unseen: Tells whether one more in the first part and one less in the second leaves all other sums as a
+            reader knows them; None = they know no other sums.
     """
     parts = {key: dict(n) if isinstance(n, Mapping) else {"": n} for key, n in counts.items()}
     sums = {key: sum(part.values()) for key, part in parts.items()}
-    small = frozenset(k for k, n in sums.items() if is_small(n, below=below)).union(withheld)
-    if (not small and not n_others) or below <= LEAST_BELOW:
+    small = frozenset(k for k, n in sums.items() if is_small(n, below=below))
+    kept = [key for key in withheld if key not in small]
+    if (not small and not kept and not n_others) or below <= LEAST_BELOW:
         return HeldBack(small, frozenset(), is_total_safe=True)
     others: list[K] = []
-    spare = [key for key in give if sums[key] >= max(below, 1) and key not in small]
-    closed = [key for key in parts if key in small]
+    spare = [key for key in give if sums[key] >= max(below, 1) and key not in kept]
+    closed = [key for key in parts if key in small or key in kept]
     while True:
-        closed = [key for key in closed if not _can_differ(key, [*small, *others], parts, sums, below, is_unseen)]
+        closed = [
+            key for key in closed if not _can_differ(key, [*small, *kept, *others], parts, sums, below, is_unseen)
+        ]
         if not closed and len(others) >= n_others:
-            return HeldBack(small, frozenset(others), is_total_safe=True)
+            return HeldBack(small, frozenset((*kept, *others)), is_total_safe=True)
         if not spare:
-            return HeldBack(small, frozenset(others), is_total_safe=False)
+            return HeldBack(small, frozenset((*kept, *others)), is_total_safe=False)
         others.append(spare.pop(0))
 
 
