@@ -10,7 +10,7 @@ A folder, zip or tar of tables is read file by file.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -85,14 +85,32 @@ class Tables:
             yield from self._read(source, options)
             return
         with _parts(source, options) as parts:
-            for part in parts:  # none of them is stored before all are understood
-                self._planned(part.source, options, part)
+            self._check_parts(parts, options)
             done_bytes = 0
             for part in parts:
                 for batch in self._read(part.source, options, part):
                     bad = [replace(r, detail=f"{part.name}: {r.detail}") for r in batch.rejected]
                     yield replace(batch, rejected=bad, done_bytes=min(source.size_bytes, done_bytes + batch.done_bytes))
                 done_bytes += part.source.size_bytes
+
+    def _check_parts(self, parts: Sequence[TablePart], options: IngestOptions) -> None:
+        """Plan the columns of all parts: none of them is stored before all are understood.
+
+        Raises:
+            InputError: One of them cannot be read.
+        """
+        error, n_read = None, 0
+        for part in parts:
+            try:
+                self._planned(part.source, options, part)
+                n_read += 1
+            except InputError as its_error:
+                if error is None:
+                    error, name = its_error, part.name
+        if error is not None and error.code == "E203" and n_read:
+            error.fix = f"take {name} out if it is another table, or read it by a command of its own"
+        if error is not None:
+            raise error
 
     def _read(self, source: Source, options: IngestOptions, part: TablePart | None = None) -> Iterator[RawBatch]:
         file, plan = self._planned(source, options, part)

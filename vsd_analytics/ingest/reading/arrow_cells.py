@@ -77,5 +77,5 @@ def no_such_type(source: Source, why: str) -> InputError:
         code="E203",
         where=Where(source.name),
         why=why,
-        fix="write numbers, texts and timestamps into plain columns; --map names the right ones",
+        fix="write numbers, texts and timestamps into plain columns, or read others (--map)",
     )
