@@ -200,11 +200,67 @@ def test_a_format_names_only_options_that_there_are(name: str) -> None:
     assert adapter(name).uses <= CHOICES.keys()  # type: ignore[attr-defined]
 
 
-def test_an_option_that_a_format_does_not_read_is_refused(vsd: Any) -> None:
-    text = ten('{"v": 1, "camera": "cam-1", "ts": "2025-11-10T08:00:0@Z", "persons": []}')
-    for options in ("--unit mm", "--where \"a = 'b'\"", "--map x_m=a", "--fps 3", START, "--period 1"):
-        assert codes(vsd(options, text, "a.jsonl")[1]) == ["E101"], options
-    assert codes(vsd("--zone Europe/Rome", None, "a.jsonl")[1]) == []
+STATED: dict[str, str] = {
+    "columns": "ts",
+    "map": "ts=a",
+    "where": "a = 1",
+    "persons": "p",
+    "unit": "mm",
+    "zone": "Asia/Tokyo",
+    "time_format": "%d.%m.%Y %H:%M",
+    "period_s": "7",
+    "fps": "3",
+    "start": "2025-11-10T09:00",
+    "first_frame": "5",
+    "size_px": "9x9",
+    "coordinates": "floor",
+    "method": "four-corner",
+    "resolution_px": "9x9",
+    "threshold_m": "1.1",
+}
+"""A value of each option that only some formats read; those without one are flags."""
+
+
+@pytest.mark.parametrize("name", formats())
+def test_every_option_that_a_format_does_not_read_is_refused(vsd: Any, name: str) -> None:
+    unused = [field for field in CHOICES if field not in adapter(name).uses]  # type: ignore[attr-defined]
+    for field in unused:
+        value = f" {shlex.quote(STATED[field])}" if field in STATED else ""
+        source = vsd(f"--format {name} {CHOICES[field]}{value}", "a\n1\n")[1]
+        assert codes(source) == ["E101"], field
+        assert source["error"]["message"].startswith(CHOICES[field])
+    assert unused
+
+
+FILTERED: dict[str, tuple[str, str, str]] = {
+    "table": ("ts,track_id,x_m,y_m,kind", "2025-07-10T09:00:{i:02}Z,1,{x},2,person", "kind"),
+    "positions": ("ts,track_id,x_m,y_m,kind", "2025-07-10T09:00:{i:02}Z,1,{x},2,person", "kind"),
+    "pairs": ("ts,track_a,track_b,distance_m,kind", "2025-07-10T09:00:{i:02}Z,1,2,1.5,person", "kind"),
+    "kitti": ("", "{i} 3 Pedestrian 0 0 -1.5 300 150 340 260 1.7 0.6 0.8 -1.2 1.6 9.5 0.1", "type"),
+    "supervision": (
+        "x_min,y_min,x_max,y_max,class_id,confidence,tracker_id,class_name,frame_index",
+        "100,50,140,200,0,0.9,1,person,{i}",
+        "class_name",
+    ),
+    "json": ("", MESSAGE.replace("{", "{{").replace("}", "}}").replace("176276160@", "1762761{i:03}"), "cls"),
+}
+"""Header, row and a column that a filter may name, of each format that reads --where."""
+
+
+@pytest.mark.parametrize("name", [n for n in formats() if "where" in adapter(n).uses])  # type: ignore[attr-defined]
+def test_a_filter_that_keeps_nobody_is_said_for_every_format_and_stores_no_frame(
+    vsd: Any, tmp_path: Path, name: str
+) -> None:
+    head, row, column = FILTERED[name]
+    times = "" if name in ("table", "positions", "pairs", "json") else f"--fps 10 {START}"
+    options = f"--format {name} {times} {PEOPLE if name == 'json' else ''}"
+    text = table(head, row).removeprefix("\n")
+    assert sum(vsd(options, text, "a.txt")[1]["records"].values()) >= 30
+    options += f" --where \"{column} = 'nobody'\""
+    assert codes(vsd(options, None, "a.txt")[1]) == ["W212"]
+    project = ["-C", str(tmp_path), "--now", "2026-11-28"]
+    assert run(cli, [*project, "ingest", str(tmp_path / "a.txt"), *shlex.split(options)]) != 0
+    assert not list(tmp_path.rglob("*.parquet"))
 
 
 def test_a_workbook_that_says_that_it_is_smaller_is_read_whole(vsd: Any, tmp_path: Path) -> None:

@@ -57,6 +57,8 @@ class Tables:
         self._is_only_where = is_only_where  # read only camera and time; for text tables
         if kind is not None:
             self.name = "positions" if kind == "observations" else "pairs"
+        if kind == "pairs":
+            self.coordinates = "distances in metres, or two places in floor metres (x_a_m y_a_m x_b_m y_b_m)"
 
     def detects(self, source: Source) -> bool:
         """Return whether the suffix is that of a table, or the first line has one of our columns, or telling names."""
