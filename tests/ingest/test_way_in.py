@@ -5,15 +5,22 @@ from __future__ import annotations
 import json
 import shlex
 import sqlite3
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.feather
+import pyarrow.parquet as pq
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.ingest.formats.adapters import adapter, formats
-from vsd_analytics.ingest.reading.adapter import CHOICES
+from vsd_analytics.ingest.formats.tables import Tables
+from vsd_analytics.ingest.reading.adapter import CHOICES, IngestOptions, Source
 from vsd_analytics.ingest.reading.elapsed import elapsed_ms, unit_ms
 from vsd_analytics.ingest.reading.instants import offset_in_name
 
@@ -316,3 +323,47 @@ def test_kitti_labels_are_read(vsd: Any) -> None:
 def test_the_refusal_names_what_is_not_read(vsd: Any, text: str, name: str) -> None:
     error = vsd("", text, "a.csv" if name == "InfluxDB" else "a.dat")[1]["error"]
     assert name in error["message"] + (error.get("why") or "")
+
+
+def people_in_structs(folder: Path, name: str, *, in_lists: bool) -> None:
+    """Write a Parquet or Feather file whose places are structs: of a person a row, or of a list of people."""
+    times = [datetime(2025, 11, 10, 8, 0, second, tzinfo=UTC) for second in range(20)]
+    people = [[{"id": p, "pos": {"x": 1.0 + s / 20, "y": 2.0 + p}} for p in range(s % 3)] for s in range(20)]
+    if in_lists:
+        rows = pa.table({"when": times, "meta": [{"cam": "cam-1"}] * 20, "people": people})
+    else:
+        flat = [(at, p) for at, each in zip(times, people, strict=True) for p in each]
+        rows = pa.table({"when": [at for at, _ in flat], "who": [p for _, p in flat]})
+    if name.endswith(".parquet"):
+        pq.write_table(rows, folder / name, row_group_size=7)
+    else:
+        pyarrow.feather.write_feather(rows, folder / name)
+
+
+@pytest.mark.parametrize("name", ["a.parquet", "a.feather"])
+def test_structs_are_columns_with_dots_and_lists_of_people_are_frames(vsd: Any, tmp_path: Path, name: str) -> None:
+    people_in_structs(tmp_path, name, in_lists=False)
+    source = vsd("--map ts=when,track_id=who.id,x_m=who.pos.x,y_m=who.pos.y", None, name)[1]
+    assert (source["records"], source["first"]) == ({"observations": 19}, "2025-11-10T09:00:01+01:00")
+    people_in_structs(tmp_path, name, in_lists=True)
+    source = vsd("", None, name)[1]
+    assert codes(source) == ["E203"]
+    fix = source["error"]["fix"].partition("probably: ")[2].partition("   (")[0]
+    assert fix == "--persons people --map ts=when,camera_id=meta.cam,track_id=id,x_m=pos.x,y_m=pos.y"
+    assert vsd(fix, None, name)[1]["records"] == {"observations": 19, "frames": 20}
+
+
+@settings(max_examples=15)
+@given(st.lists(st.none() | st.tuples(st.floats(0, 50), st.floats(0, 50)), min_size=1, max_size=40), st.integers(1, 9))
+def test_a_struct_that_is_null_is_a_row_without_a_place(
+    tmp_path_factory: pytest.TempPathFactory, places: list[tuple[float, float] | None], group: int
+) -> None:
+    path = tmp_path_factory.mktemp("structs") / "a.parquet"
+    rows = [None if p is None else {"x": p[0], "y": p[1]} for p in places]
+    kind = pa.struct([("x", pa.float64()), ("y", pa.float64())])
+    table = pa.table({"ts": [1762761600 + i for i in range(len(rows))], "pos": pa.array(rows, kind)})
+    pq.write_table(table, path, row_group_size=group)
+    options = IngestOptions(camera="cam-1", map={"x_m": "pos.x", "y_m": "pos.y"})
+    batches = list(Tables().read(Source(path), options))
+    read = [(r["x_m"], r["y_m"]) for b in batches for r in b.table("observations").to_pylist()]
+    assert read == [place or (None, None) for place in places]  # missing, and not 0, 0: quarantined like all such rows

@@ -17,15 +17,15 @@ from dataclasses import replace
 from vsd_analytics.config.file_columns import FILE_COLUMNS
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.formats.recognise import kind_of_no_table
-from vsd_analytics.ingest.reading import arrow_file
+from vsd_analytics.ingest.reading import arrow_file, parquet
 from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.ingest.reading.archive import archive_kind
 from vsd_analytics.ingest.reading.cell_values import trimmed
 from vsd_analytics.ingest.reading.column_hints import are_columns
 from vsd_analytics.ingest.reading.columns import ColumnPlan, other_column_key, plan_columns
+from vsd_analytics.ingest.reading.json_guess import guessed_mapping
 from vsd_analytics.ingest.reading.json_table import JsonTable
 from vsd_analytics.ingest.reading.named_camera import part_with_camera
-from vsd_analytics.ingest.reading.parquet import ParquetTable
 from vsd_analytics.ingest.reading.raw import BadRowError
 from vsd_analytics.ingest.reading.table_file import TableFile
 from vsd_analytics.ingest.reading.table_head import LASTING, TableHead, head_of, values_of, watched_columns
@@ -38,7 +38,6 @@ from vsd_analytics.schema import TableName
 
 _HEADS = 20
 """Files of a folder or archive that are searched for columns of cameras and classes."""
-_PARQUET = b"PAR1"
 _ZIP = b"PK\x03\x04"
 _SUFFIXES = frozenset({".csv", ".tsv", ".parquet"})
 
@@ -67,7 +66,7 @@ class Tables:
         if archive_kind(source) is not None:
             return is_workbook(source) or has_parts(source)
         head = source.head(8192)
-        if head.startswith((_PARQUET, arrow_file.MAGIC)):
+        if head.startswith((parquet.MAGIC, arrow_file.MAGIC)):
             return True
         first = next((line for line in as_text(head).split("\n") if line.strip()), "")
         if first.lstrip("\ufeff ").startswith("["):
@@ -156,7 +155,13 @@ class Tables:
         file = open_table(source, options)
         if part is not None and part.constants:
             file = PartWithConstants(file, part.constants)
-        plan = plan_columns(source, options, file.header, kind=self._kind)
+        try:
+            plan = plan_columns(source, options, file.header, kind=self._kind)
+        except InputError as error:
+            has_lists = isinstance(file, parquet.ParquetTable | arrow_file.ArrowTable) and file.has_lists
+            if has_lists and error.code == "E203" and (guess := guessed_mapping(source)) is not None:
+                error.fix = f"say where its values are, probably: {guess}"
+            raise
         return file, replace(plan, time_format=time_format(source, file, plan, options))
 
 
@@ -173,8 +178,8 @@ def open_table(source: Source, options: IngestOptions) -> TableFile:
         InputError: E202 it is empty, E203 to E206 it is no table or damaged.
     """
     head = source.head(4096)
-    if head.startswith(_PARQUET):
-        return ParquetTable(source)
+    if head.startswith(parquet.MAGIC):
+        return parquet.ParquetTable(source)
     if head.startswith(arrow_file.MAGIC):
         return arrow_file.ArrowTable(source)
     if head.startswith(_ZIP) and is_workbook(source):
