@@ -100,6 +100,34 @@ def test_a_printed_fix_ends_the_message_that_printed_it(odd: Odd, tmp_path: Path
         assert not ends or any(ends) or said.what.startswith(tuple(RIGHT_AS_IT_IS)), said
 
 
+PROVOKED: Final = {
+    "E202": "an empty file",
+    "E203": "an unmapped box",
+    "E204": "UTF-16",
+    "E205": "an Arrow file without its end",
+    "E209": "a Feather file of gigabytes",
+    "E210": "days that could be months",
+    "W212": "a filter that leaves nothing",
+    "W220": "millimetres as metres",
+    "W221": "three cameras as one",
+    "W222": "cars as people",
+    "W223": "naive times, no clock",
+    "W224": "whole minutes",
+    "W225": "ids that begin again",
+    "W226": "metres as pixels",
+    "W227": "seconds since 2001",
+    "W228": "pairs as boxes",
+}
+"""An odd file for each code that files provoke; `tests/cli/test_fixes_of_codes.py` counts on them."""
+
+
+@pytest.mark.parametrize("code", PROVOKED)
+def test_a_code_that_files_provoke_is_provoked(code: str, tmp_path: Path) -> None:
+    odd = next(odd for odd in SAYING if odd.name == PROVOKED[code])
+    root = project(tmp_path / "project", *odd.cameras, more=odd.more)
+    assert code in [said.code for said in messages(root, odd.write(tmp_path), odd.options)]
+
+
 def _is_refused(said: list[Said]) -> bool:
     return any(REFUSED.match(message.code) for message in said)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -198,11 +199,14 @@ def renames_of(given: Sequence[str]) -> dict[str, str]:
         if not equals or not ours.strip() or not theirs.strip():
             raise UsageError(f"--map {text!r} is not OURS=THEIRS", fix="--map ts=time")
         if ours.strip() not in FILE_COLUMNS:
-            near = nearest(ours.strip(), FILE_COLUMNS)
+            begin = (name for name in FILE_COLUMNS if name.startswith(ours.strip().lower()))
+            near = nearest(ours.strip(), FILE_COLUMNS) or next(begin, None)
             raise UsageError(
                 f"--map {text!r}: no column of ours is called {ours.strip()!r}",
                 why=f"ours: {', '.join(FILE_COLUMNS)}",
-                fix=f"--map {near or 'ts'}={theirs.strip()}",
+                fix=f"--map {shlex.quote(f'{near}={theirs.strip()}')}"
+                if near
+                else "write the name of one of our columns",
             )
         renames = {o: t for o, t in renames.items() if t != theirs.strip() or said_at[o] == at}
         renames[ours.strip()] = theirs.strip()
