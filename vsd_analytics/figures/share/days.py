@@ -13,9 +13,9 @@ from vsd_analytics.figures.today import DayLevel, Today
 
 
 def closed_days(today: Today, mask: Mask) -> Today:
-    """Return a card for readers: of yesterday, to a rough number, and of what is to be expected.
+    """Return a card for readers: yesterday's violations as a rough number, and the hours to come.
 
-    It has neither the hours of today so far nor counts of single hours, nor hours that are unusual.
+    It has no hours of today so far, no counts of single hours, and no unusual hours.
 
     Args:
         today: The operator's card.
