@@ -1,7 +1,7 @@
 """Solve for every count held back from all that leaves of many weeks, in sequence; the table is in docs/privacy.md.
 
-Worlds of few violations, each with `--weeks` weeks in a row. A page is asked for in every hour of each week, and made
-when the week is over. Then minutes are erased twice, a day arrives late, and the legal distance changes, and all pages
+Worlds of few violations, each with `--weeks` weeks in a row. Pages of each week are asked for while it goes on, and made
+when it is over. Then minutes are erased twice, a day arrives late, and the legal distance changes, and all pages
 are made again. A reader has every number of every version (`sequences`).
 """
 
@@ -30,7 +30,7 @@ def main() -> None:
     asked = parser.parse_args()
     told: Counter[str] = Counter()
     held: Counter[str] = Counter()
-    n_numbers = n_broken = n_refused = 0
+    n_numbers = n_broken = n_running = n_refused = 0
     for seed in range(asked.first, asked.first + asked.seeds):
         with tempfile.TemporaryDirectory() as folder:
             versions = history(Path(folder), seed, n_weeks=asked.weeks)
@@ -39,10 +39,10 @@ def main() -> None:
             held[kind(name)] += 1
         told.update(map(kind, found))
         n_numbers, n_broken = n_numbers + len(versions.rows), n_broken + len(wrong)
-        n_refused += versions.n_refused
+        n_running, n_refused = n_running + versions.n_running, n_refused + versions.n_refused
         print(f"seed {seed}: {len(versions.rows):,} numbers, worked out: {found}", *wrong, sep="\n  ", flush=True)
     print(f"\n{asked.seeds} worlds of {asked.weeks} weeks, {n_numbers:,} numbers, {n_broken} that do not fit")
-    print(f"{n_refused:,} pages of a running week asked for and refused\n")
+    print(f"{n_running:,} pages of weeks that went on, {n_refused:,} refused\n")
     print("| small count | held back | worked out |\n|---|--:|--:|")
     for of_kind, n in sorted(held.items()):
         print(f"| {of_kind} | {n:,} | {told[of_kind]:,} |")
