@@ -93,4 +93,6 @@ def fix_of(
     shown = "" if persons is None else f"persons = {json.dumps(persons)}, "
     shown += f"map = {{ {', '.join(f'{ours} = {json.dumps(theirs)}' for ours, theirs in renames.items())} }}"
     by = "the mapping" if source is None else f"[[source]] {source.rule_id!r}"
-    return f"compare it with {by}: {shown if len(shown) <= _MAPPING_CHARS else shown[:_MAPPING_CHARS] + '...'}"
+    compared = f"compare it with {by}: {shown if len(shown) <= _MAPPING_CHARS else shown[:_MAPPING_CHARS] + '...'}"
+    nobody = "; --no-list-is-nobody if a message without its list is a frame without persons"
+    return compared if persons is None else compared + nobody
