@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import shutil
 import subprocess
@@ -80,16 +81,16 @@ def forge_receipts(world: World) -> None:
 
 
 def swap_parts(world: World) -> None:
-    first, second = parts(world)[:2]
-    data = first.read_bytes()
-    first.write_bytes(second.read_bytes())
-    second.write_bytes(data)
+    there = parts(world)
+    data = [path.read_bytes() for path in there]
+    for path, other in zip(there, data[1:] + data[:1], strict=True):
+        path.write_bytes(other)
 
 
 def rename_parts(world: World) -> None:
     """Move parts to another table, another node and another stamp."""
     for number, path in enumerate(parts(world)):
-        digest, _, tag = path.stem.split("-")
+        digest, tag = path.stem.partition("-")[0], path.stem.rpartition("-")[2]
         names = (
             path.parent.parent / "pairs" / path.name,
             world.root / "place" / "nodes" / "south" / path.parent.name / path.name,
@@ -156,12 +157,8 @@ FORGERIES: dict[str, Callable[[World], None]] = {
 
 
 def attempt(act: Callable[[World], object], world: World) -> None:
-    try:
+    with contextlib.suppress(StoreError):  # what is said there is not believed
         act(world)
-    except StoreError as error:
-        assert error.code in ("E319", "E320")
-    except ValueError:  # fewer than two parts to swap
-        pass
 
 
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -254,7 +251,7 @@ def test_parts_of_a_node_of_1_1_wait_and_come_in_when_it_is_upgraded(world: Worl
         target = world.root / "place" / "nodes" / "north" / path.parent.name / path.name
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(path.read_bytes())
-    assert {why for why in take(world).held.values()} == {
+    assert set(take(world).held.values()) == {
         "it has no signature, as those of version 1.1: upgrade the node; it hands the records on again by itself"
     }
     send(world)
