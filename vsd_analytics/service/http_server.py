@@ -33,6 +33,7 @@ IDLE_S: Final = 5
 BODY_S: Final = 15.0
 TAKEN_S: Final = 30.0
 """For an answer to be taken."""
+YOUNG_S: Final = 1.0
 STOP_S: Final = 1
 """For answers that are on their way when the server stops."""
 _ODD_LINE = re.compile(rb"(?<!\r)\n|\r\n[ \t]|\r(?!\n|\Z)|\0")
@@ -55,7 +56,7 @@ class HttpServer:
 
     def __init__(self, app: ASGIApp, *, host: str, port: int) -> None:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        self._socket = socket.create_server((host, port), family=family, backlog=2 * CONNECTIONS_MAX)
+        self._socket = socket.create_server((host, port), family=family, backlog=CONNECTIONS_MAX)
         self.port = int(self._socket.getsockname()[1])
         config = uvicorn.Config(
             app,
@@ -66,6 +67,7 @@ class HttpServer:
             log_config=None,
             log_level="error",
             access_log=False,
+            backlog=CONNECTIONS_MAX,  # so many are accepted at once, before the first of them is looked at
             server_header=False,
             proxy_headers=False,  # nobody but the connection says who asks
             timeout_keep_alive=IDLE_S,
@@ -151,8 +153,11 @@ class BoundedProtocol(H11Protocol):
         return noted[0]
 
     def worth(self) -> tuple[bool, bool, float]:
-        """Return the order in which connections give way: those that never asked anything first, the oldest first."""
-        return self.stage() == "body", self.cycle is not None, self.since_s
+        """Return the order in which connections give way: the oldest first, those that never asked before others.
+
+        One that has just come is the last: a good request sends all it has at once.
+        """
+        return time.monotonic() - self.since_s < YOUNG_S, self.cycle is not None, self.since_s
 
     def cut(self) -> None:
         """End the connection at once, whatever is on its way."""
