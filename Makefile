@@ -81,6 +81,7 @@ prove: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python tests/cluster/prove_cluster.py --engine dask
 	PYTHONPATH=tests $(BIN)/python tests/cluster/prove_bucket.py
 	$(BIN)/python tests/cluster/prove_nodes.py --rounds 3 --steps 40 --frames 60
+	$(BIN)/python tests/service/prove_server.py --seconds 20 --connections 300
 	$(BIN)/python tests/faults/prove_crashes.py
 	$(BIN)/python tests/faults/prove_power_cut.py
 	$(BIN)/python tests/faults/prove_parallel.py --minutes 5

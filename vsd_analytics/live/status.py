@@ -17,6 +17,7 @@ from vsd_analytics.live.folding import Folded, peak_mb
 from vsd_analytics.store.durable import publish
 
 FILE = Path("status") / "listen.json"
+LISTENING: Final = "listening"
 CANNOT_STORE: Final = "cannot store"
 CLOCKS_DISAGREE: Final = "clocks disagree"
 
@@ -153,16 +154,28 @@ def offline(started: datetime) -> bytes:
 def write_status(root: Path, status: dict[str, Any], *, file: Path = FILE) -> None:
     """Write a heartbeat to `<project>/status/listen.json`; a reader sees all of the old one or of the new one.
 
-    It is no record, so it need not survive a power cut, and a disk that refuses it stops nothing.
+    It is no record, so it need not survive a power cut, and a disk that refuses it stops nothing. A full disk has no
+    room for a second file: what is wrong is then written over the old one, which would say that all is well.
 
     Args:
         root: The project folder.
         status: The content.
         file: What it is written to instead.
     """
-    text = json.dumps(status, ensure_ascii=False, indent=1)
-    with contextlib.suppress(OSError):
-        publish(root / file, text.encode("utf-8", "replace"), is_synced=False)
+    try:
+        publish(root / file, _as_bytes(status), is_synced=False)
+    except OSError as refused:
+        why = str(refused.strerror or refused)
+        if status.get("state") == LISTENING:
+            status = {**status, "state": CANNOT_STORE}
+        data = _as_bytes({**status, "error": status.get("error") or f"the disk refused the status: {why}"})
+        with contextlib.suppress(OSError), (root / file).open("r+b") as old:
+            old.write(data)
+            old.truncate()
+
+
+def _as_bytes(status: dict[str, Any]) -> bytes:
+    return json.dumps(status, ensure_ascii=False, indent=1).encode("utf-8", "replace")
 
 
 def read_status(root: Path) -> dict[str, Any] | None:
