@@ -178,6 +178,7 @@ def _from_people(
 ) -> int:
     """Calibrate a camera from the people it sees while the result will be in force, and put it into force."""
     from vsd_analytics.config import calibrate as calibration
+    from vsd_analytics.engine.ignored_parts import in_parts
     from vsd_analytics.engine.people_files import read_each_once
     from vsd_analytics.engine.pictures import is_picture_source
     from vsd_analytics.engine.plane_method import off_planes
@@ -189,7 +190,8 @@ def _from_people(
         )
     camera = calibration.camera_called(project.site, camera_id)
     picture_px = _picture_px(camera, size)
-    seen = off_planes(read_each_once(people, size_px=picture_px), camera.planes)
+    every = read_each_once(people, size_px=picture_px)
+    seen = off_planes(every.rows(~in_parts(every.outline, camera.ignore_px)), camera.planes)
     if since is not None and seen.ts_ms is not None:
         seen = seen.between(round(since.timestamp() * 1000), None)
     done, found = put_into_force_from_people(project, camera_id, seen, size_px=picture_px, since=since)
@@ -295,11 +297,13 @@ def _check(project: Project, camera_id: str, source: Path, *, size: str | None, 
     """Tell whether a camera has moved since its latest calibration; 1 when it has, or when nobody can tell."""
     from vsd_analytics.cli import moved_cameras
     from vsd_analytics.config.calibrate import camera_called
+    from vsd_analytics.engine.ignored_parts import in_parts
     from vsd_analytics.engine.people_files import read_each_once
 
     camera = camera_called(project.site, camera_id)
     picture_px = _picture_px(camera, size)
-    people = read_each_once(source, size_px=picture_px)
+    every = read_each_once(source, size_px=picture_px)
+    people = every.rows(~in_parts(every.outline, camera.ignore_px))
     ts_ms = moved_cameras.timed(people, source)
     check = moved_cameras.check_people(camera, people, ts_ms=ts_ms, size_px=picture_px)
     if check is None:

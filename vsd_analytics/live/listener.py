@@ -52,6 +52,7 @@ CAMERAS_SHOWN = 5
 _STEP_MAX_S = 0.25
 _DOOR_STEP_S = 0.05
 _QUIET_S = 1.0
+_TRY_S = 1.0
 
 
 class StoredObserver(Protocol):
@@ -232,7 +233,7 @@ class Listener:
             self._store_again_s = time.monotonic() + next(self._store_waiting_s)
             self._report_error(f"nothing can be stored, so nothing is acknowledged: {error}", state=CANNOT_STORE)
             return None
-        self._store_waiting_s = self._delays_s()
+        self._store_waiting_s, self._store_again_s = self._delays_s(), 0.0
         self._note_times(ready, now=now)
         self._show(ready.tables)
         self._note_stored(deliveries, ready.tables, n_segments=n_segments)
@@ -313,7 +314,7 @@ class Listener:
     def _note_well(self) -> None:
         """Note that messages come in, unless the disk refuses or the clocks disagree."""
         status = self.status
-        if time.monotonic() < self._store_again_s:
+        if time.monotonic() < self._store_again_s + _TRY_S:  # nothing is well before it has been tried again
             return
         if self._disagreement is not None:
             self._report_error(self._disagreement, state=CLOCKS_DISAGREE)

@@ -153,7 +153,9 @@ def offline(started: datetime) -> bytes:
 def write_status(root: Path, status: dict[str, Any], *, file: Path = FILE) -> None:
     """Write a heartbeat to `<project>/status/listen.json`; a reader sees all of the old one or of the new one.
 
-    It is no record, so it need not survive a power cut, and a disk that refuses it stops nothing.
+    It is no record, so it need not survive a power cut, and a disk that refuses it stops nothing. A full disk has no
+    room for a second file. Then the blocks of the old one are written again, or nobody would read that the disk is
+    full.
 
     Args:
         root: The project folder.
@@ -161,8 +163,20 @@ def write_status(root: Path, status: dict[str, Any], *, file: Path = FILE) -> No
         file: What it is written to instead.
     """
     text = json.dumps(status, ensure_ascii=False, indent=1)
-    with contextlib.suppress(OSError):
+    try:
         publish(root / file, text.encode("utf-8", "replace"), is_synced=False)
+    except OSError:
+        with contextlib.suppress(OSError):
+            _write_in_place(root / file, json.dumps(status, ensure_ascii=False).encode("utf-8", "replace"))
+
+
+def _write_in_place(path: Path, data: bytes) -> None:
+    """Write a file's content again within the blocks it has; a content that needs more stays unwritten."""
+    with path.open("r+b", buffering=0) as opened:
+        about = os.fstat(opened.fileno())
+        if len(data) <= about.st_blocks * 512:
+            opened.write(data.ljust(about.st_size))  # in one call, and spaces to its old end: a reader finds no half
+            opened.truncate(len(data))
 
 
 def read_status(root: Path) -> dict[str, Any] | None:
