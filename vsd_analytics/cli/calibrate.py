@@ -202,13 +202,21 @@ def put_into_force_from_people(
     project: Project, camera_id: str, seen: People, *, size_px: tuple[int, int], since: datetime | None = None
 ) -> tuple[Calibrated, FromPeople]:
     """Calibrate a camera from people, write the result with its stated error, and put it into force."""
-    from vsd_analytics.engine.people_calibration import calibrate_from_people
+    from vsd_analytics.engine.people_calibration import FEW_PEOPLE, FEW_WALKS, calibrate_from_people
     from vsd_analytics.engine.people_calibration_file import write_stated_error
     from vsd_analytics.geometry.stated_errors import beside
 
     found = calibrate_from_people(seen, size_px=size_px)
     done = _put_into_force(project, camera_id, found.homography, since=since)
     write_stated_error(beside(project.site.root / done.file, "people"), found, calibration_id=done.calibration_id)
+    if found.is_of_few:
+        whom = f"about {found.n_walks} walks" if found.n_people is None else f"{found.n_people} persons"
+        least = FEW_WALKS if found.n_people is None else FEW_PEOPLE
+        project.say(
+            f"warning[W406]: camera {camera_id} is calibrated from {whom}, fewer than {least}: distances along the "
+            "view may be a quarter off. Record for ten minutes or more, and calibrate again; or measure points: "
+            f"vsd calibrate {camera_id} --draw"
+        )
     return done, found
 
 
@@ -356,6 +364,8 @@ def _people_dict(found: FromPeople) -> dict[str, object]:
         "focal_px": round(camera.focal_px, 1),
         "n_rows": found.n_rows,
         "n_people": found.n_people,
+        "n_walks": found.n_walks,
+        "is_of_few": found.is_of_few,
         "n_walkers": found.n_walkers,
         "distance_error": round(found.error, 4),
         "error_map": [

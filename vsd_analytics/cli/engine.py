@@ -27,7 +27,7 @@ from vsd_analytics.cli.located_people import (
     by_paper,
     check_calibrated,
 )
-from vsd_analytics.cli.options import json_option, parse_size, path_option
+from vsd_analytics.cli.options import FilePath, json_option, parse_size, path_option
 from vsd_analytics.cli.output import count, emit_json, plain
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
@@ -65,7 +65,7 @@ engine.add_command(probe)
 
 
 @engine.command()
-@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("source", type=FilePath())
 @click.option("--camera", "camera_id", required=True, metavar="ID", help="Camera of vsd.toml that saw them.")
 @path_option("--out", help="JSON Lines file to write (default: straight into the store).")
 @click.option(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.options import json_option, path_option
+from vsd_analytics.cli.options import FilePath, json_option, path_option
 from vsd_analytics.cli.output import count, emit_json, rounded
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("messages", type=click.Path(path_type=Path))
+@click.argument("messages", type=FilePath())
 @path_option("--truth", help="CSV of true positions: frame or ts, track_id, x_m, y_m.")
 @click.option(
     "--distance",
