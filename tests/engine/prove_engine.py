@@ -403,7 +403,7 @@ def seconds_of(people: People, xy: Array, seconds: int, rng: np.random.Generator
 
     It misses 15 % of the people, and edges of boxes are off by 2 % of the height (sd).
     """
-    begin = int(rng.integers(0, int(people.frame.max()) - seconds * 25))
+    begin = int(rng.integers(0, max(1, int(people.frame.max()) - seconds * 25)))
     frames = np.arange(begin, begin + seconds * 25, int(rng.choice([5, 25])))
     rows = np.flatnonzero(np.isin(people.frame, frames) & (rng.random(len(people.frame)) > 0.15))
     some = people.rows(rows)
