@@ -179,7 +179,7 @@ ELSEWHERE: Final[dict[str, tuple[str, str]]] = {
     "E314": ("hours that were purged by age", "retention/test_undo_import.py"),
     **dict.fromkeys(("E315", "E316", "E317", "E318", "E319", "E320"), (_MACHINES, "")),
     **dict.fromkeys(("E401", "E402", "E403", "E404", "E405", "E407"), (_CALIBRATION, "")),
-    **dict.fromkeys(("E411", "E412", "E413", "W401", "W402", "W403", "W404", "W405"), (_CALIBRATION, "")),
+    **dict.fromkeys(("E411", "E412", "E413", "W401", "W402", "W403", "W404", "W405", "W406"), (_CALIBRATION, "")),
     **dict.fromkeys(("E501", "E502", "E515", "E520", "E521", "E522"), (_REPORT, "")),
     **dict.fromkeys(("W510", "W511", "W512", "W513", "W514"), (_REPORT, "")),
     **dict.fromkeys(("E601", "E602", "E603", "E604"), ("a query that its writer corrects; E603 names the columns", "")),

@@ -233,7 +233,7 @@ class Listener:
             self._store_again_s, self._is_refused = time.monotonic() + next(self._store_waiting_s), True
             self._report_error(f"nothing can be stored, so nothing is acknowledged: {error}", state=CANNOT_STORE)
             return None
-        self._store_waiting_s, self._is_refused = self._delays_s(), False
+        self._store_waiting_s, self._store_again_s, self._is_refused = self._delays_s(), 0.0, False
         self._note_times(ready, now=now)
         self._show(ready.tables)
         self._note_stored(deliveries, ready.tables, n_segments=n_segments)
