@@ -91,7 +91,7 @@ def test_a_mapping_can_name_the_topic_and_values_of_the_message(tmp_path: Path) 
     root = project(tmp_path / "p", "cam-1", "cam-2")
     texts = acme(lambda second: f"cam-{1 + second % 2}")
     given = {"ts": "payload.t", "camera_id": "topic", "track_id": "id", "x_m": "x", "y_m": "y"}
-    result = read(root, texts, persons="payload.people", map=given, is_sure=True)  # both cameras see the same people
+    result = read(root, texts, persons="payload.people", map=given)
     assert (result.sources[0].error, result.fold.n_new) == (None, 360 + 60)
 
 

@@ -144,7 +144,7 @@ class Near:
         self.recording = recording
         self.side_m = side_m
         squares = np.floor(recording.places / side_m).astype(np.int64)
-        key = _key(squares)
+        key = key_of(squares)
         self._order = np.lexsort((recording.ts_ms, key))
         self._keys, self._starts = np.unique(key[self._order], return_index=True)
         self._ends = np.append(self._starts[1:], len(key))
@@ -171,7 +171,7 @@ class Near:
         high = np.clip(to_ms - self._first_ms + 1, 0, self._range_ms - 1)
         for dx in (-1, 0, 1):
             for dy in (-1, 0, 1):
-                key = _key(squares + np.array([dx, dy]))
+                key = key_of(squares + np.array([dx, dy]))
                 no = np.searchsorted(self._keys, key)
                 is_there = no < len(self._keys)
                 is_there[is_there] = self._keys[no[is_there]] == key[is_there]
@@ -187,7 +187,8 @@ class Near:
         return row[is_near], record[is_near], away_m[is_near]
 
 
-def _key(squares: Ints) -> Ints:
+def key_of(squares: Ints) -> Ints:
+    """Return one number for each square, from the two of its place, shape (n, 2)."""
     return np.asarray(squares[:, 0] * 2_147_483_647 + squares[:, 1])
 
 

@@ -32,6 +32,7 @@ from vsd_analytics.ingest.intake.recording import (
     Recording,
     best_match,
     fine_m,
+    key_of,
     lags_of,
 )
 from vsd_analytics.ingest.intake.stored_recordings import KeyedRecords, newest_rows, rows_of, stored_rows, table_of
@@ -45,7 +46,7 @@ SAMPLE_MAX: Final = 6_000
 """Records that are looked for."""
 CAMERA_MAX: Final = 900
 """Those of one camera."""
-DENSE_MAX: Final = 50_000
+DENSE_MAX: Final = 20_000
 """Records in succession, in which landmarks are looked for."""
 RECORDS_MIN: Final = 20
 """Fewer records show nothing."""
@@ -60,6 +61,7 @@ LAG_MAX_S: Final = 90.0
 AROUND_S: Final = 340.0
 CAMERAS_MAX: Final = 20
 LANDMARKS: Final = 32
+FINE_OF_MARKS_M: Final = 0.03
 LANDMARKS_MIN: Final = 6
 IMPORTS_MAX: Final = 100
 """Newest imports whose landmarks are looked for."""
@@ -92,7 +94,8 @@ class Door:
         if not rows:
             return []
         asked = rows_of(self.site, table, _evenly(rows, SAMPLE_MAX))
-        dense = rows_of(self.site, table, _first(rows, DENSE_MAX))
+        first = [pa.concat_tables(rows).slice(0, DENSE_MAX)]
+        dense = rows_of(self.site, table, first, keyed_ms=np.zeros(0, dtype=np.int64))
         self._kept = dense
         if len(asked.recording) < RECORDS_MIN:
             return []
@@ -107,7 +110,7 @@ class Door:
             return ""
         recording = self._kept.recording
         squares = np.floor(recording.places / 0.1).astype(np.int64)
-        _, of_row, n = np.unique(squares, axis=0, return_inverse=True, return_counts=True)
+        _, of_row, n = np.unique(key_of(squares), return_inverse=True, return_counts=True)
         n_there = n[of_row.ravel()]
         seldom = recording.at(n_there <= np.quantile(n_there, 0.3)).some(LANDMARKS)
         packed = np.column_stack([seldom.ts_ms, np.rint(seldom.places * 1000).astype(np.int64)])
@@ -168,10 +171,7 @@ class Door:
             if found is not None and _is_there(found, SURE):
                 return [self._again(camera, here, found, factor=factor)]
         seen = there.at(is_other)
-        found = best_match(here, seen, lags_ms=[0], distances_m=[VIEW_M])
-        if found is not None and _is_there(found, VIEW_SHARE):
-            return [self._second_view(camera, here, found)]
-        return []
+        return [self._second_view(camera, here, found)] if (found := _seen_by(here, seen)) is not None else []
 
     def _again(self, camera: Camera, here: Recording, found: Match, *, factor: float = 1.0) -> SourceWarning:
         other, record = found.other, found.record[found.is_near]
@@ -245,8 +245,7 @@ class Door:
             here = recording.of_camera(camera.camera_id).some(CAMERA_MAX)
             if len(here) < RECORDS_MIN or not len(there):
                 continue
-            found = best_match(here, there, lags_ms=[0], distances_m=[VIEW_M])
-            if found is not None and _is_there(found, VIEW_SHARE):
+            if (found := _seen_by(here, there)) is not None:
                 yield self._second_view(camera, here, found)
                 return
 
@@ -284,9 +283,8 @@ class Door:
         return SourceWarning(
             f"cameras {camera.camera_id} and {name} see the same people: {found.share:.0%} of the records of "
             f"{camera.camera_id} are within {VIEW_M:g} m of one of {name}, and {found.chance:.0%} at other times",
-            "without views, whoever is seen by both counts twice",
+            "without views, whoever is seen by both counts twice in all figures, until vsd.toml has them",
             f"say in vsd.toml what each camera sees: {'; '.join(lines)}",
-            is_sure=True,
             code="W231",
         )
 
@@ -301,9 +299,6 @@ class Door:
         camera = next(c for c in self.site.cameras if c.camera_id == camera_id)
         calibration = camera.calibrations[-1] if camera.calibrations else None
         return view_polygon(camera, calibration=calibration) is not None
-
-
-FINE_OF_MARKS_M: Final = 0.03
 
 
 def _other_unit(camera: Camera, change: UnitChange, where: str, *, is_inside: bool) -> SourceWarning:
@@ -345,6 +340,17 @@ def _span(lag_ms: int) -> str:
         if count and math.isclose(seconds, count * unit, abs_tol=1):
             return f"{count} {name[:-1] if count == 1 else name}"
     return f"{seconds:,.1f} s"
+
+
+def _seen_by(here: Recording, there: Recording) -> Match | None:
+    """Return how many people one other camera sees, of several; None where it is none."""
+    found = best_match(here, there, lags_ms=[0], distances_m=[VIEW_M])
+    if found is None or not _is_there(found, VIEW_SHARE):
+        return None
+    no = _by_number(found.other.camera[found.record[found.is_near]])[0]
+    # the people of many cameras together are near by chance more often
+    found = best_match(here, there.at(there.camera == no), lags_ms=[0], distances_m=[VIEW_M])
+    return found if found is not None and _is_there(found, VIEW_SHARE) else None
 
 
 def _is_there(found: Match, least: float) -> bool:
@@ -438,13 +444,9 @@ def _table_of_all(head: Sequence[Tables]) -> TableName:
 
 def _evenly(rows: Sequence[pa.Table], n: int) -> list[pa.Table]:
     """Return at most `n` rows, drawn evenly: the same ones each time."""
-    whole = pa.concat_tables(rows) if rows else None
-    if whole is None or whole.num_rows <= n:
-        return [] if whole is None else [whole]
+    whole = pa.concat_tables(rows)
+    if whole.num_rows <= n:
+        return [whole]
     edges = np.linspace(0, whole.num_rows, n + 1).astype(np.int64)
     at = edges[:-1] + (np.random.default_rng(0).random(n) * np.diff(edges)).astype(np.int64)
     return [whole.take(pa.array(at))]
-
-
-def _first(rows: Sequence[pa.Table], n: int) -> list[pa.Table]:
-    return [pa.concat_tables(rows).slice(0, n)] if rows else []
