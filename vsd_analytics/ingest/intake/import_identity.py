@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
+from datetime import UTC, datetime
 from pathlib import Path
 
 import msgspec
@@ -65,6 +66,33 @@ def reading_id(options: IngestOptions, *, kind: str) -> str:
     read = {f.name: getattr(options, f.name) for f in dataclasses.fields(options) if f.name not in left_out}
     how = [kind, read, {**options.site_map, **options.map}, sorted(set(options.clocks.values()))]
     return durable.digest(msgspec.json.encode(how, order="deterministic"))
+
+
+def import_line(
+    source: Source, kind: str, identity: tuple[str, str, str], at: datetime, run: int, landmarks: str
+) -> ImportLine:
+    """Return the line of the list of imports for a source.
+
+    Args:
+        source: The source.
+        kind: Name of the adapter.
+        identity: `import_id`, `content_id` and `reading_id`.
+        at: When it is imported.
+        run: Number of the command.
+        landmarks: A few of its first records.
+    """
+    name = source.name.encode("utf-8", "backslashreplace").decode()
+    import_id, content, reading = identity
+    return ImportLine(
+        id=import_id,
+        at=at.astimezone(UTC),
+        run=run,
+        source=name,
+        format=kind,
+        content=content,
+        reading=reading,
+        landmarks=landmarks,
+    )
 
 
 def warning_of_earlier_reading(site: Site, source: Source, reading: str) -> SourceWarning | None:

@@ -8,7 +8,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -24,6 +24,7 @@ from vsd_analytics.ingest.intake.import_identity import (
     content_id,
     content_of,
     import_id,
+    import_line,
     known_shapes,
     note_shape,
     reading_id,
@@ -34,13 +35,21 @@ from vsd_analytics.ingest.intake.pseudonyms import keys_of
 from vsd_analytics.ingest.intake.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.intake.rule_camera import with_named_camera
 from vsd_analytics.ingest.intake.second_delivery import Door
-from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, refuse_unused
+from vsd_analytics.ingest.reading.adapter import (
+    Adapter,
+    IngestOptions,
+    RawBatch,
+    Rejected,
+    Source,
+    refuse_unused,
+    uses_of,
+)
 from vsd_analytics.ingest.reading.column_hints import differing_cameras
 from vsd_analytics.ingest.reading.limits import within_bounds
 from vsd_analytics.ingest.reading.raw import n_rows, without_zones
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import ReadingRule, Site
-from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
+from vsd_analytics.store.imports import imports_of, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.store import FoldResult, Store
 from vsd_analytics.store.stretches import FAR_OFF_FIX, day_range, far_off
@@ -273,16 +282,8 @@ class _Ingest:
                 raise refused(self.source, card)
         if self.is_dry_run:
             return door
-        line = ImportLine(
-            id=new_id,
-            at=self.now.astimezone(UTC),
-            run=self.run_number,
-            source=self.source.name.encode("utf-8", "backslashreplace").decode(),
-            format=result.format,
-            content=content_id(content),
-            reading=reading_id(self.options, kind=result.format),
-            landmarks=door.landmarks(),
-        )
+        identity = (new_id, content_id(content), reading_id(self.options, kind=result.format))
+        line = import_line(self.source, result.format, identity, self.now, self.run_number, door.landmarks())
         for folder in dict.fromkeys((self.site.root / "store", self.site.acknowledged)):
             note_import(folder, line)
         result.import_id = new_id
@@ -319,7 +320,16 @@ class _Ingest:
         """Make the card of the source, and refuse what is almost surely wrong; `late` compares what follows with it."""
         sample = sample_of(head, is_whole=sum(n_rows(b.tables.values()) for b in head) < SAMPLE_ROWS)
         table = table_head(self.source, reader, self.options)
-        case = Case(self.site, self.options, sample, table, self.source.name, self.differing_cameras, self.now)
+        case = Case(
+            self.site,
+            self.options,
+            sample,
+            table,
+            self.source.name,
+            self.differing_cameras,
+            self.now,
+            uses=uses_of(reader),
+        )
         card = understand(case, name=reader.name)
         again = warning_of_earlier_reading(self.site, self.source, reading_id(self.options, kind=reader.name))
         card = card if again is None else replace(card, warnings=(*card.warnings, again))
