@@ -71,6 +71,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_cameras.py --sites 8
 	$(BIN)/python tests/invariances/prove_frame_rate.py
 	$(BIN)/python tests/ingest/prove_opening_hours.py --files 120
+	$(BIN)/python tests/ingest/prove_second_deliveries.py
 	PYTHONPATH=tests $(BIN)/python tests/warehouse/prove_accelerated.py 300
 	$(BIN)/python tests/packaging/prove_dependencies.py
 	$(BIN)/python tests/benchmarks/bench_demo.py
