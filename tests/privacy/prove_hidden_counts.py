@@ -1,7 +1,7 @@
 """Solve for every count held back from all that leaves of many weeks, in sequence; the table is in docs/privacy.md.
 
-Worlds of few violations, each with `--weeks` weeks in a row. Pages of each week are asked for while it goes on, and made
-when it is over. Then minutes are erased twice, a day arrives late, and the legal distance changes, and all pages
+Worlds of few violations, each with `--weeks` weeks in a row. Pages of each week are asked for while it goes on, and
+made when it is over. Then minutes are erased twice, a day arrives late, and the legal distance changes, and all pages
 are made again. A reader has every number of every version (`sequences`).
 """
 
