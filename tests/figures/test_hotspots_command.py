@@ -17,7 +17,6 @@ import numpy as np
 import pytest
 import shapely
 from planted_floors import LAST, QUEUE, planted, site_of, square
-from vsd_analytics.figures.week.hidden_hotspots import without_small
 
 from vsd_analytics.answer import Answers, Reason, Value
 from vsd_analytics.cli import hotspots as command
@@ -25,6 +24,8 @@ from vsd_analytics.cli import main
 from vsd_analytics.cli.answers import answers_text
 from vsd_analytics.figures.hotspot_answers import HOTSPOTS, cell_tests, hotspot_answers, outlines, window_holds
 from vsd_analytics.figures.hotspots import FloorHotspots, hotspots
+from vsd_analytics.figures.share.counts import Mask
+from vsd_analytics.figures.share.weeks import shared_spots
 from vsd_analytics.render.frame import arrow, csv_text
 from vsd_analytics.render.geojson import geojson
 from vsd_analytics.site.model import Site
@@ -201,7 +202,7 @@ def test_csv_has_no_formula_and_no_control_character(found: FloorHotspots, site:
 def test_small_counts_are_held_back(found: FloorHotspots, site: Site) -> None:
     assert found.n is not None
     few = replace(found, spots=(found.spots[0], replace(found.spots[1], n=4)))
-    shared = without_small(few, below=5, revealing=frozenset())
+    shared = shared_spots(few, Mask(5), revealing=frozenset())
     assert [s.number for s in shared.spots] == [1]
     assert (
         reason_text(shared.notes[-1])
@@ -210,10 +211,10 @@ def test_small_counts_are_held_back(found: FloorHotspots, site: Site) -> None:
     assert cell_tests(shared) == []
     [window] = answers_of(shared, site)["hotspot_window"].rows
     assert window["n_violations"] == Value.missing(Reason("hidden.gives_away"))
-    assert without_small(found, below=5, revealing=frozenset()).n is None
-    assert without_small(found, below=5, revealing=frozenset()).spots == found.spots
+    assert shared_spots(found, Mask(5), revealing=frozenset()).n is None
+    assert shared_spots(found, Mask(5), revealing=frozenset()).spots == found.spots
     telling = frozenset({found.spots[0].spot_id})
-    assert without_small(found, below=5, revealing=telling).spots == found.spots[1:]
+    assert shared_spots(found, Mask(5), revealing=telling).spots == found.spots[1:]
 
 
 def test_an_interval_that_is_missing_is_null_and_the_ratio_is_given(found: FloorHotspots, site: Site) -> None:

@@ -209,7 +209,7 @@ def test_facts_of_no_records_have_the_types_of_their_files(project: Site) -> Non
                 file = warehouse.con.sql(f"select * from read_parquet('{path}', hive_partitioning = false)")
                 assert warehouse.con.sql(_empty(relation)).types == file.types, name
                 n_files += 1
-    assert n_files == 1 + len(FACTS_WITHOUT_AREAS)
+    assert n_files == 2 + len(FACTS_WITHOUT_AREAS), "camera_days, and area_tracks of the areas that are drawn"
 
 
 def test_only_days_that_an_older_version_sealed_have_their_facts_once_more_in_one_file(project: Site) -> None:

@@ -164,7 +164,10 @@ def _build(
         )
         unneeded = (*unneeded, *beside.surplus(site))
     beside.note_use(site)
-    fingerprints = {**{h: s.fingerprint for h, s in sealed.hours.items()}, **{u.number: u.fingerprint for u in units}}
+    fingerprints = {
+        **{h: s.fingerprint for h, s in sealed.hours.items()},
+        **{u.number: u.fingerprint_of_marts for u in units},
+    }
     return BuildResult(
         len(units) - len(computed),
         reasons,

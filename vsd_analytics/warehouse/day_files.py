@@ -49,7 +49,7 @@ _AROUND_DAYS = 2
 """Rows of a day may be computed from facts AROUND_H hours off, counted from a local day that itself is up to 14 hours
 off the UTC day of its name: never more than two UTC days away."""
 _EPOCH = date(1970, 1, 1)
-_OF_AREAS = {"areas", "area_cells"}
+_OF_AREAS = {"areas", "area_cells", "area_tracks"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,7 @@ from vsd_analytics.warehouse.sqlfiles import Relation, relations
 InputHashes = Mapping[str, str]
 """Hash of each kind of input, by kind: one of the keys of `STALE_REASONS`."""
 
+DRAWN_AREAS: Final = "drawn areas"
 STALE_REASONS: Final = {
     "records": "late data",
     "sql": "SQL changed",
@@ -39,7 +40,7 @@ STALE_REASONS: Final = {
     "calibration": "calibration changed",
     "views": "views changed",
     "frame interval": "frame interval changed",
-    "drawn areas": "areas changed",
+    DRAWN_AREAS: "areas changed",
     "areas": "areas changed",
     "counted areas": "areas or capacities changed",
 }
@@ -48,7 +49,7 @@ _KIND_OF_RELATION = {
     "calibrations": "calibration",
     "owner_cells": "views",
     "camera_days": "frame interval",
-    "area_cells": "drawn areas",
+    "area_cells": DRAWN_AREAS,
     "visit_cells": "areas",
     "count_cells": "counted areas",
     "count_floors": "counted areas",
@@ -179,7 +180,7 @@ class SiteInputs:
                 "cameras": text_hash(sorted((c.camera_id, c.floor_id) for c in cameras)),
                 "calibration": text_hash(_within(window, calibrations)),
                 "views": text_hash(_within(window, [span for span in self._owners if span[0] in floors])),
-                "drawn areas": text_hash([area[:-1] for area in self._drawn if area[0] in floors]),
+                DRAWN_AREAS: text_hash([area[:-1] for area in self._drawn if area[0] in floors]),
                 "areas": text_hash([area for area in self._visited if area[0] in floors]),
                 "counted areas": text_hash([area for area in self._counted if area[0] in floors]),
             }

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store.layout import Part, unit_folder
 from vsd_analytics.store.store import Store
-from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, text_hash
+from vsd_analytics.warehouse.input_fingerprint import DRAWN_AREAS, FactInputs, InputHashes, text_hash
 
 BATCH_HOURS, BATCH_ROWS = 24, 2_000_000
 """Hours and stored rows, of pairs twice, per batch, which begins with a UTC day where it can: so most files are written
@@ -42,6 +42,14 @@ class Unit:
     inputs: InputHashes
     fingerprint: str
     hours: tuple[int, int]
+
+    @property
+    def fingerprint_of_marts(self) -> str:
+        """Return the fingerprint without the areas that are drawn, which marts that read areas have as an input anyway.
+
+        So an outline that is drawn anew renews these marts and no others.
+        """
+        return text_hash([self.number, sorted((k, v) for k, v in self.inputs.items() if k != DRAWN_AREAS)])
 
     def own_parts(self, table: TableName) -> list[Part]:
         """Return its parts of one table without those of the hours beside it."""
