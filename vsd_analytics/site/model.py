@@ -75,6 +75,8 @@ class Camera:
         has_clock: Whether the site states `clock`; else times without an offset are doubtful.
         planes: Parts of its picture with homographies of their own, for `vsd engine run`; the first that matches wins.
         source: Where `vsd engine live` gets its pictures; None = another engine sends its people.
+        ignore_px: Polygons in the picture, pixels: a mirror, a screen, a window to the street. Whoever has the feet in
+            one is left out, and the floor in it counts as not seen.
     """
 
     camera_id: str
@@ -90,6 +92,7 @@ class Camera:
     has_clock: bool = False
     planes: tuple[Plane, ...] = ()
     source: CameraSource | None = None
+    ignore_px: tuple[tuple[Point, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
