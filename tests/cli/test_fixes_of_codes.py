@@ -170,6 +170,7 @@ ELSEWHERE: Final[dict[str, tuple[str, str]]] = {
     "W209": ("settings of another engine that only its owner knows", "ingest/test_smart_social_distancing.py"),
     "W211": ("an hour that clocks have twice: an export with offsets mends it", "ingest/test_instants.py"),
     "W213": ("as W311, at the import", ""),
+    "W231": ("lines for two tables of vsd.toml, which are pasted", "ingest/test_second_deliveries.py"),
     "W229": ("a file that is cut where it changes", "ingest/test_late_look.py"),
     **dict.fromkeys(("E302", "E303", "E304", "W304", "E305", "E306", "E307", "E313"), (_DISK, "")),
     "E308": ("a broker that sends bad records all day", ""),

@@ -17,6 +17,7 @@ from vsd_analytics.live.folding import Folded, peak_mb
 from vsd_analytics.store.durable import publish
 
 FILE = Path("status") / "listen.json"
+LISTENING: Final = "listening"
 CANNOT_STORE: Final = "cannot store"
 CLOCKS_DISAGREE: Final = "clocks disagree"
 
@@ -154,20 +155,27 @@ def write_status(root: Path, status: dict[str, Any], *, file: Path = FILE) -> No
     """Write a heartbeat to `<project>/status/listen.json`; a reader sees all of the old one or of the new one.
 
     It is no record, so it need not survive a power cut, and a disk that refuses it stops nothing. A full disk has no
-    room for a second file. Then the blocks of the old one are written again, or nobody would read that the disk is
-    full.
+    room for a second file: what is wrong is then written into the blocks of the old one, which would say that all is
+    well.
 
     Args:
         root: The project folder.
         status: The content.
         file: What it is written to instead.
     """
-    text = json.dumps(status, ensure_ascii=False, indent=1)
     try:
-        publish(root / file, text.encode("utf-8", "replace"), is_synced=False)
-    except OSError:
+        publish(root / file, _as_bytes(status, indent=1), is_synced=False)
+    except OSError as refused:
+        why = str(refused.strerror or refused)
+        if status.get("state") == LISTENING:
+            status = {**status, "state": CANNOT_STORE}
+        status = {**status, "error": status.get("error") or f"the disk refused the status: {why}"}
         with contextlib.suppress(OSError):
-            _write_in_place(root / file, json.dumps(status, ensure_ascii=False).encode("utf-8", "replace"))
+            _write_in_place(root / file, _as_bytes(status))
+
+
+def _as_bytes(status: dict[str, Any], *, indent: int | None = None) -> bytes:
+    return json.dumps(status, ensure_ascii=False, indent=indent).encode("utf-8", "replace")
 
 
 def _write_in_place(path: Path, data: bytes) -> None:
