@@ -438,7 +438,7 @@ def few(folder: Path, n: int, seed: int) -> None:
     ]:
         off_by, is_few = np.array([error for error, _ in results]), np.array([warned for _, warned in results])
         others = f"{np.sum(off_by[~is_few] > 0.1)} of {np.sum(~is_few)}"
-        counts = f"{len(results)} of {n} | {np.sum(off_by > 0.1)} | {is_few.sum()} | {others}"
+        counts = f"{len(results)} | {np.sum(off_by > 0.1)} | {is_few.sum()} | {others}"
         print(f"| {has_ids} | {seconds or 'all'} | {counts} |")
         if not seconds:
             good = off_by <= 0.1
