@@ -77,7 +77,7 @@ def test_the_command_prints_matrix_and_routes_in_three_formats(shop: Path, capsy
 
 
 def test_a_week_without_records_is_unknown_and_names_the_camera(shop: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code, text, _ = vsd(shop, capsys, "--week", "2026-W47")
+    code, text, _ = vsd(shop, capsys, "--exact", "--week", "2026-W47")
     assert code == 1
     assert "nothing was recorded by cam:" in text
 

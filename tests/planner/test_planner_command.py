@@ -49,7 +49,7 @@ def test_a_page_holds_at_most_twelve_weeks(vsd) -> None:
 
 
 def test_a_week_without_records_has_a_page_that_says_so(vsd, tmp_path: Path) -> None:
-    code, out, _ = vsd("--week", "2026-W47", "--before", "2026-W44", "--out", str(tmp_path), "--json")
+    code, out, _ = vsd("--exact", "--week", "2026-W48", "--before", "2026-W47", "--out", str(tmp_path), "--json")
     assert code == 0
     (told,) = json.loads(out)["planners"]
     assert told["before"] is None

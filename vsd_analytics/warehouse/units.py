@@ -47,7 +47,7 @@ class Unit:
     def fingerprint_of_marts(self) -> str:
         """Return the fingerprint without the areas that are drawn, which marts that read areas have as an input anyway.
 
-        So an outline that is drawn anew renews these marts and no others.
+        An outline that changes renews these marts, and others stay.
         """
         return text_hash([self.number, sorted((k, v) for k, v in self.inputs.items() if k != DRAWN_AREAS)])
 
