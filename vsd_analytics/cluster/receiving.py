@@ -35,6 +35,7 @@ from vsd_analytics.cluster.exchange import (
     site_notice,
 )
 from vsd_analytics.errors import StoreError
+from vsd_analytics.ingest.intake.camera_lives import NOT_THERE, DescribedLives
 from vsd_analytics.ingest.intake.pseudonyms import Pseudonyms
 from vsd_analytics.ingest.intake.sealed_hours import FORGOTTEN
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
@@ -168,6 +169,7 @@ class _Desk:
         self.site, self.keys, self.result = site, keys, result
         self.store = Store(site.acknowledged, site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
         self._pseudonyms = Pseudonyms(site, keys)
+        self._lives = DescribedLives(site)
         self._cameras = pa.array([camera.camera_id for camera in site.cameras], pa.string())
         self._last_ms = int((now.timestamp() + site.settings.future_max_s) * 1000)
         self._run = next_run(self.store.root)
@@ -211,6 +213,8 @@ class _Desk:
         is_future = ts_ms > self._last_ms
         if is_future.any():
             bad[FUTURE] = (is_future, "its time lies beyond the clock of this machine")
+        if self._lives and (is_outside := self._lives.are_outside(rows).to_numpy(zero_copy_only=False)).any():
+            bad[NOT_THERE] = (is_outside, self._lives.detail)
         if self.site.settings.pseudonyms:
             closed = self.keys.closed()
             is_closed = self._pseudonyms.of_days(ts_ms, closed) & ~is_future

@@ -94,7 +94,9 @@ def examine_listener(site: Site, *, status: Mapping[str, Any] | None, now: datet
         lag = "" if lag_s is None else f", newest message {lag_s:,.0f} s old"
         yield Finding(name, "ok", f"listening since {status['connected_since']}: {counts}{lag}")
     silence = timedelta(seconds=site.settings.coverage_gap_s)
-    silent = [c.camera_id for c in site.cameras if c.camera_id not in last or at - last[c.camera_id] > silence]
+    today = at.astimezone(site.zone).date()
+    there = [c for c in site.cameras if c.is_there(today, today)]
+    silent = [c.camera_id for c in there if c.camera_id not in last or at - last[c.camera_id] > silence]
     if silent and (at - datetime.fromisoformat(status["started"])) > silence:
         detail = f"silent for more than {silence.total_seconds() / 60:g} min: {', '.join(silent)}"
         yield Finding("live cameras", "needs you", detail, "look at their engines: each processed frame is a message")

@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from vsd_analytics.ingest.checks.crowds import Crowds
+from vsd_analytics.ingest.intake.camera_lives import NOT_THERE, DescribedLives
 from vsd_analytics.ingest.intake.pseudonyms import Pseudonyms
 from vsd_analytics.ingest.intake.sealed_hours import FORGOTTEN, ClosedTimes
 from vsd_analytics.ingest.reading.adapter import RawBatch, Rejected
@@ -71,6 +72,7 @@ class Normaliser:
         self._settings = site.settings
         self._first_ms = int(datetime(site.settings.earliest_year, 1, 1, tzinfo=UTC).timestamp() * 1000)
         self._last_ms = int((now.timestamp() + site.settings.future_max_s) * 1000)
+        self._lives = DescribedLives(site)
         self._cameras = {c.camera_id: c.camera_id for c in site.cameras}
         for camera in site.cameras:
             self._cameras.update(dict.fromkeys(camera.engine_ids, camera.camera_id))
@@ -134,6 +136,7 @@ class Normaliser:
                 f"no [[camera]] of vsd.toml has this id or engine_ids (known: {shown})",
                 lambda r: pc.is_null(r["camera_id"]),
             ),
+            *([(NOT_THERE, self._lives.detail, self._lives.are_outside)] if self._lives else []),
         ]
 
     def _closed_checks(self) -> list[Check]:
