@@ -18,8 +18,8 @@ from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.store.camera_floors import FILE as FLOORS
 from vsd_analytics.store.camera_floors import note_floors, noted_floors
+from vsd_analytics.store.erasures import RecordScope, rows_in_scope
 from vsd_analytics.store.layout import HOUR_MS, Part, list_days
-from vsd_analytics.store.removal import RecordScope, rows_in_scope
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.dimensions import FOREVER_MS, camera_life

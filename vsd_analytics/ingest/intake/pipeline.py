@@ -42,6 +42,7 @@ from vsd_analytics.ingest.reading.table_rows import LEFT_OUT
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import ReadingRule, Site
 from vsd_analytics.store.camera_floors import note_floors
+from vsd_analytics.store.erasures import ERASED
 from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.store import FoldResult, Store
@@ -246,6 +247,8 @@ class _Ingest:
                     result.n_records[name] += rows.num_rows
                     result.cameras.update(rows["camera_id"].unique().to_pylist())
                     _note_times(result, rows["ts"])
+            if n_erased := result.n_dropped.get(ERASED, 0):
+                result.notes.append(f"W312: {n_erased:,} of its records were {ERASED} before, and are not stored again")
             if not result.n_records and not quarantine.counts and not result.notes:
                 result.notes.append(f"W212: no record was found in it{_left_out(result)}")
             if result.is_new_shape and result.card is not None and result.n_records and not self.is_dry_run:
