@@ -60,7 +60,8 @@ def purge(
     on. By camera and time, everything is deleted as if it had never come. With a --reason, such as a person's request,
     that lasts: the same records are left out when a file, a node, a bucket or the quarantine brings them again; --lift
     ends it. Without a --reason they can be ingested again, corrected. Records in quarantine are deleted too, also those
-    that may be meant because their camera or time is unreadable. By import, what one file alone brought is deleted; what others brought as well stays.
+    that may be meant because their camera or time is unreadable. By import, what one file alone brought is deleted;
+    what others brought as well stays.
 
     \b
     Example:
