@@ -98,7 +98,7 @@ def print_total(result: IngestResult, *, is_dry_run: bool) -> None:
     parts += [f"{count(n_second, 'second sighting')} left out"] if n_second else []
     parts += [f"{result.n_rejected:,} quarantined"] if result.n_rejected else []
     # commands that run at the same time share the spool: whoever folds first stores the records of all
-    n_folded = sum(c.n_new + c.n_known + c.n_second + c.n_sealed for c in tables.values())
+    n_folded = sum(c.n_new + c.n_known + c.n_second + c.n_sealed + c.n_erased for c in tables.values())
     n_others = n_folded - sum(sum(source.n_records.values()) for source in result.sources)
     if not n_ready and n_others > 0:
         parts.append(f"with {count(n_others, 'record')} that waited or came from other commands")
@@ -135,7 +135,13 @@ def _warn_of_sealed(fold: FoldResult) -> None:
 def stored_dict(fold: FoldResult) -> dict[str, dict[str, int]]:
     """Return what a fold did with the records of each table, as `--json` prints it."""
     return {
-        t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second, "sealed": c.n_sealed}
+        t: {
+            "new": c.n_new,
+            "known": c.n_known,
+            "second_sightings": c.n_second,
+            "sealed": c.n_sealed,
+            "erased": c.n_erased,
+        }
         for t, c in fold.tables.items()
     }
 

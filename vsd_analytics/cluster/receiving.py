@@ -35,12 +35,14 @@ from vsd_analytics.cluster.exchange import (
     site_notice,
 )
 from vsd_analytics.errors import StoreError
+from vsd_analytics.ingest.intake.camera_lives import NOT_THERE, DescribedLives
 from vsd_analytics.ingest.intake.pseudonyms import Pseudonyms
 from vsd_analytics.ingest.intake.sealed_hours import FORGOTTEN
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable, late_records, quarantine
 from vsd_analytics.store.day_chain import read_chain
+from vsd_analytics.store.erasures import KnownErasures, are_erased
 from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
 from vsd_analytics.store.outbox import IMPORTS
 from vsd_analytics.store.owners import OWNER
@@ -66,6 +68,7 @@ class Received:
         n_records: Records in them, by node.
         n_again: Files that were there again after their receipt.
         n_damaged: Files whose bytes did not match their name; the node writes them again.
+        n_erased: Records left out because they were erased here on request.
         n_quarantined: Records put into quarantine, by reason; those of sealed hours are in `fold`.
         held: Files that this site cannot use now, each with the reason.
         nodes: What each node said last.
@@ -76,6 +79,7 @@ class Received:
     n_records: Counter[str] = field(default_factory=Counter)
     n_again: int = 0
     n_damaged: int = 0
+    n_erased: int = 0
     n_quarantined: Counter[str] = field(default_factory=Counter)
     held: dict[str, str] = field(default_factory=dict)
     nodes: list[NodeNotice] = field(default_factory=list)
@@ -168,6 +172,8 @@ class _Desk:
         self.site, self.keys, self.result = site, keys, result
         self.store = Store(site.acknowledged, site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
         self._pseudonyms = Pseudonyms(site, keys)
+        self._lives = DescribedLives(site)
+        self._erasures = KnownErasures(self.store.root)
         self._cameras = pa.array([camera.camera_id for camera in site.cameras], pa.string())
         self._last_ms = int((now.timestamp() + site.settings.future_max_s) * 1000)
         self._run = next_run(self.store.root)
@@ -189,6 +195,10 @@ class _Desk:
         return True
 
     def _store(self, table: TableName, rows: pa.Table, data: bytes, match: re.Match[str]) -> None:
+        self._erasures.refresh()
+        is_erased = are_erased(rows, self._erasures.every)
+        self.result.n_erased += is_erased.true_count
+        n_all, rows = rows.num_rows, rows.filter(pc.invert(is_erased))
         bad = self._bad(rows)
         is_good = np.ones(rows.num_rows, dtype=bool)
         folder = self.site.root / quarantine.FOLDER
@@ -198,7 +208,7 @@ class _Desk:
             late_records.to_quarantine(folder, table, late, source=source, reason=reason, detail=detail)
             self.result.n_quarantined[reason] += late.num_rows
             is_good &= ~mask
-        if is_good.all():
+        if is_good.all() and len(is_good) == n_all:
             durable.publish(self.store.root / "live" / table / f"{match['digest']}.parquet", data)
         else:
             engines = engines_in(rows.schema.metadata)
@@ -211,6 +221,8 @@ class _Desk:
         is_future = ts_ms > self._last_ms
         if is_future.any():
             bad[FUTURE] = (is_future, "its time lies beyond the clock of this machine")
+        if self._lives and (is_outside := self._lives.are_outside(rows).to_numpy(zero_copy_only=False)).any():
+            bad[NOT_THERE] = (is_outside, self._lives.detail)
         if self.site.settings.pseudonyms:
             closed = self.keys.closed()
             is_closed = self._pseudonyms.of_days(ts_ms, closed) & ~is_future

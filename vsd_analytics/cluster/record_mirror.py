@@ -12,16 +12,19 @@ then has the very files of the store. Every command works on them, with the same
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path, PurePosixPath
 
 import msgspec
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from vsd_analytics.cluster import bucket
 from vsd_analytics.errors import StoreError, UsageError, Where
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable
+from vsd_analytics.store.erasures import Erasure, are_erased, erasures
 from vsd_analytics.store.layout import segment_paths
 from vsd_analytics.store.removal import reading, removing
 from vsd_analytics.store.repeats import AGAIN
@@ -86,18 +89,21 @@ def fetch_records(site: Site, url: str, s3: bucket.Bucket) -> tuple[int, int]:
 
     Raises:
         UsageError: E101, the project has records of its own.
+        StoreError: E322, records in the bucket were erased here on request.
         StoreError: E318, the bucket cannot be read; E319, it is that of another site or is not whole.
     """
     name, prefix = bucket.place(url)
     with bucket.refusals(url):
         moment = _moment(bucket.content(s3, name, f"{prefix}/{LIST}"), site, url)
         own_records = _refuse_own_records(site)
+        erased = erasures(site.root / "store")
         lacking = {path: digest for path, digest in moment.files.items() if own_records.get(path) != digest}
         _note(site, {**own_records, **moment.files})  # first, so that what a stop leaves is known as fetched
         for path, digest in sorted(lacking.items(), key=lambda item: (item[0].endswith(".json"), item[0])):
             data = bucket.content(s3, name, f"{prefix}/{RECORDS}/{digest}")
             if data is None or durable.digest(data) != digest:
                 raise _not_whole(url, "a file is gone or damaged: a newer moment may be there")
+            _refuse_erased(path, data, erased, url)
             durable.publish(site.root / path, data)
     gone = sorted(own_records.keys() - moment.files.keys())
     if gone:
@@ -153,6 +159,22 @@ def _refuse_own_records(site: Site) -> Mapping[str, str]:
             fix="fetch into a new folder with a copy of vsd.toml",
         )
     return {name: noted[name] for name in here if durable.file_digest(site.root / name) == noted[name]}
+
+
+def _refuse_erased(path: str, data: bytes, erased: Collection[Erasure], url: str) -> None:
+    """Raise StoreError E322 where a stored part holds records that were erased in this project."""
+    if not erased or not path.startswith("store/"):
+        return
+    rows = pq.read_table(pa.BufferReader(data), columns=["camera_id", "ts"])
+    if are_erased(rows, erased).true_count:
+        raise StoreError(
+            f"the records in {url} hold some that were deleted here on request",
+            code="E322",
+            where=Where(path),
+            why="fetched, they would be here again",
+            fix="at the site: vsd purge with the same --camera, --range and --reason, then vsd build --publish URL "
+            "--records; or here, if the erasure was a mistake: vsd purge with them and --lift",
+        )
 
 
 def _note(site: Site, files: Mapping[str, str]) -> None:

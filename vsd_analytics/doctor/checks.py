@@ -137,8 +137,16 @@ def _project(
     yield _plans(site)
     for camera in site.cameras:
         yield _calibration(camera, now=now)
+    yield from _areas(site)
     yield _pictures(site)
     yield _log(site)
+
+
+def _areas(site: Site) -> Iterator[Finding]:
+    from vsd_analytics.warehouse.agreement import areas_off
+
+    for off in areas_off(site):
+        yield Finding("areas", "needs you", f"{off.what}: {off.why}", off.fix or "")
 
 
 def _file_system(folder: Path) -> Finding:

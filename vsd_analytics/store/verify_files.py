@@ -27,7 +27,8 @@ from vsd_analytics.store.store import Store
 
 _PART = re.compile(r"site=([^/]+)/date=(\d{4}-\d{2}-\d{2})/(?:[01]\d|2[0-3])-[0-9a-f]{16}(?:[0-9a-f]{96})?\.parquet")
 _OTHERS = re.compile(
-    r"\.lock|\.purge\.lock|\.ballast|purge/[0-9a-f]{16}\.json|imports\.jsonl|live/(.+)/[0-9a-f]{16}\.(?:arrow|parquet)"
+    r"\.lock|\.purge\.lock|\.ballast|purge/[0-9a-f]{16}\.json|(?:imports\.jsonl|(?:floors|erasures|fetched)\.json)"
+    r"|live/(.+)/[0-9a-f]{16}\.(?:arrow|parquet)"
 )
 _RESTORE = "restore it from a backup; without one move it away and ingest the files of its hour again"
 _AGAIN = "move it away and ingest its source again: records that are stored already are recognised"

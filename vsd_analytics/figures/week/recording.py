@@ -69,7 +69,7 @@ def seen_area_m2(data: WeekData) -> float | None:
 
 
 def _camera_day(data: WeekData, camera: int, day: date, chosen: Ints) -> CameraDay:
-    open_s, recorded_s = data.hours.open_s[chosen], data.hours.recorded_s[camera, chosen]
+    open_s, recorded_s = data.hours.scheduled_s[camera, chosen], data.hours.recorded_s[camera, chosen]
     shares: list[float | None] = [None] * 24
     for hour in range(24):
         same = data.hours.hour[chosen] == hour

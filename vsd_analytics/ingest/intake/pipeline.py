@@ -40,6 +40,8 @@ from vsd_analytics.ingest.reading.limits import within_bounds
 from vsd_analytics.ingest.reading.raw import n_rows, without_zones
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import ReadingRule, Site
+from vsd_analytics.store.camera_floors import note_floors
+from vsd_analytics.store.erasures import ERASED
 from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.store import FoldResult, Store
@@ -73,6 +75,7 @@ class SourceResult:
         error: Why the rest of the source could not be read, if so.
         first_ms, last_ms: Instants of the first and last record (UTC milliseconds), None without records.
         days: Records by UTC day number.
+        cameras: Cameras with records.
         card: What was understood of it; None when nothing could be read.
         is_new_shape: Whether the project has imported no file with such columns before.
         import_id: Its id in the list of imports; "" for a dry run, or when nothing was read.
@@ -90,6 +93,7 @@ class SourceResult:
     first_ms: int | None = None
     last_ms: int | None = None
     days: Counter[int] = field(default_factory=Counter)
+    cameras: set[str] = field(default_factory=set)
     card: SourceProfile | None = None
     is_new_shape: bool = False
     import_id: str = ""
@@ -183,6 +187,9 @@ def ingest(
             if on_source is not None:
                 on_source(result)
         fold = target.fold(on_rows=on_rows) if is_folding or is_dry_run else FoldResult()
+    if not is_dry_run:
+        floors = {c: site.camera(c).floor_id for result in results for c in result.cameras}
+        note_floors(site.root / "store", floors, described={f.floor_id for f in site.floors})
     return IngestResult(results, FoldResult(), fold) if is_dry_run else IngestResult(results, fold)
 
 
@@ -237,7 +244,10 @@ class _Ingest:
                         result.notes += [note] if note is not None else []
                     self.store.append(name, rows, engines=engines, import_id=import_id)
                     result.n_records[name] += rows.num_rows
+                    result.cameras.update(rows["camera_id"].unique().to_pylist())
                     _note_times(result, rows["ts"])
+            if n_erased := result.n_dropped.get(ERASED, 0):
+                result.notes.append(f"W312: {n_erased:,} of its records were {ERASED} before, and are not stored again")
             is_empty = not result.n_records and not quarantine.counts and not result.notes
             if is_empty and not (result.card is not None and result.card.warnings):
                 result.notes.append("W212: no record was found in it")
