@@ -88,6 +88,7 @@ def print_total(result: IngestResult, *, is_dry_run: bool) -> None:
         return
     warn_of_full_disk(result.fold)
     _warn_of_sealed(result.fold)
+    warn_of_erased(result.fold.n_erased)
     tables = result.fold.tables
     n_new = result.fold.n_new
     n_known = sum(c.n_known for c in tables.values())
@@ -114,6 +115,18 @@ def warn_of_full_disk(fold: FoldResult) -> None:
             "the disk is full: the ballast of the store was given up to put acknowledged records in their place",
             code="W304",
             fix="free some space soon (df -h); the ballast comes back by itself",
+        )
+        click.echo(render_error(warning, word="warning"), err=True)
+
+
+def warn_of_erased(n_records: int) -> None:
+    """Warn (W312) of records that came again after they were erased on request, and are not stored."""
+    if n_records:
+        warning = VsdError(
+            f"{count(n_records, 'record')} left out: deleted on request before",
+            code="W312",
+            why="vsd purge with --camera, --range and --reason keeps its records out",
+            fix="nothing; if that purge was a mistake, repeat it with --lift and bring the records again",
         )
         click.echo(render_error(warning, word="warning"), err=True)
 

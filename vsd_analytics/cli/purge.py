@@ -104,7 +104,7 @@ def purge(
         elif span is not None:
             first_ms, after_ms = parse_span(span, project=project)
             if is_lifting:
-                n_lifted = purge.lift_erasure(
+                purge.lift_range(
                     project.site,
                     camera_id=camera_id_of(project, camera),
                     first_ms=first_ms,
@@ -112,9 +112,9 @@ def purge(
                     terms=terms,
                 )
                 if as_json:
-                    emit_json({"dry_run": dry_run, "lifted": n_lifted})
+                    emit_json({"dry_run": dry_run, "lifted": 1})
                 else:
-                    click.echo(f"{count(n_lifted, 'erasure')} {'would be ' if dry_run else ''}lifted")
+                    click.echo(f"the erasure {'would be' if dry_run else 'is'} lifted: bring its records again")
                 return
             found["range"] = purge.purge_range(
                 project.site, camera_id=camera_id_of(project, camera), first_ms=first_ms, after_ms=after_ms, terms=terms

@@ -15,7 +15,7 @@ from pathlib import Path
 from vsd_analytics.config.project import FILE, find_project, load_site
 from vsd_analytics.doctor.finding import Finding
 from vsd_analytics.doctor.nodes import examine_exchange
-from vsd_analytics.errors import ConfigError, VsdError
+from vsd_analytics.errors import ConfigError, StoreError, VsdError
 from vsd_analytics.report.pages.pdf import find_chromium
 from vsd_analytics.settings import SETTINGS, Settings
 from vsd_analytics.site.model import Camera, Site
@@ -137,16 +137,18 @@ def _project(
     yield _plans(site)
     for camera in site.cameras:
         yield _calibration(camera, now=now)
-    yield from _areas(site)
+    yield from _agreement(site)
     yield _pictures(site)
     yield _log(site)
 
 
-def _areas(site: Site) -> Iterator[Finding]:
-    from vsd_analytics.warehouse.agreement import areas_off
+def _agreement(site: Site) -> Iterator[Finding]:
+    """Yield a finding for each thing stored that vsd.toml does not describe; damage is reported by other checks."""
+    from vsd_analytics.warehouse.agreement import stored_disagreements
 
-    for off in areas_off(site):
-        yield Finding("areas", "needs you", f"{off.what}: {off.why}", off.fix or "")
+    with suppress(StoreError):
+        for problem in stored_disagreements(site):
+            yield Finding(FILE, "needs you", f"{problem.what}: {problem.why}", problem.fix or "")
 
 
 def _file_system(folder: Path) -> Finding:

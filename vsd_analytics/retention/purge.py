@@ -20,7 +20,7 @@ from vsd_analytics.retention.sealing import Sealer, all_parts
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable, quarantine
-from vsd_analytics.store.erasures import Erasure, RecordScope, erasures, lift_erasures, reason_hash, rows_in_scope
+from vsd_analytics.store.erasures import Erasure, RecordScope, erasures, reason_hash, rows_in_scope
 from vsd_analytics.store.layout import HOUR_MS, Part, date_of_hour
 from vsd_analytics.store.removal import Intent, remove_records, removing
 from vsd_analytics.store.seals import FOLDER, Seals
@@ -194,7 +194,9 @@ def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: i
             n_quarantined=len(in_quarantine.lines),
             n_doubtful=in_quarantine.n_doubtful,
         )
-        if terms.is_dry_run or (purged.is_nothing and terms.reason is None):
+        erasure = None if terms.reason is None else Erasure(which, reason_hash(terms.reason))
+        is_noted = erasure is None or erasure in erasures(store.root)
+        if terms.is_dry_run or (purged.is_nothing and is_noted):
             return purged
         what = {"camera_id": camera_id, "from": _iso(first_ms), "to": _iso(after_ms)}
         spare_other_days(site, hours)
@@ -210,14 +212,14 @@ def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: i
             },
             unseal=tuple(sealed),
             quarantined=tuple(sorted(map(durable.digest, in_quarantine.lines))),
-            erasure=None if terms.reason is None else Erasure(which, reason_hash(terms.reason)),
+            erasure=erasure,
         )
         remove_records(store.root, intent)
         return purged
 
 
-def lift_erasure(site: Site, *, camera_id: str | None, first_ms: int, after_ms: int, terms: Terms) -> int:
-    """Let records of an erasure come again, when it was made by mistake; return how many erasures were lifted.
+def lift_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: int, terms: Terms) -> None:
+    """Let the records of an erasure come again, when it was made by mistake; purge.jsonl logs it.
 
     Args:
         site: The project.
@@ -231,17 +233,17 @@ def lift_erasure(site: Site, *, camera_id: str | None, first_ms: int, after_ms: 
     """
     store = Store(site.root / "store", site_id=site.site_id)
     erasure = Erasure(RecordScope(camera_id, first_ms, after_ms), reason_hash(terms.reason or ""))
-    if terms.is_dry_run:
-        return sum(known == erasure for known in erasures(store.root))
     with removing(store.root, on_wait=terms.on_wait):
-        n_lifted = lift_erasures(store.root, lambda known: known == erasure)
-    if not n_lifted:
-        raise UsageError(
-            "there is no such erasure",
-            why="camera, range and reason must be those of the purge that made it; purge.jsonl has them",
-            fix='vsd purge --camera ID --range A..B --reason "TEXT OF THEN" --lift',
-        )
-    return n_lifted
+        if erasure not in erasures(store.root):
+            raise UsageError(
+                "there is no such erasure",
+                why="camera, range and reason must be those of the purge that made it; purge.jsonl has them",
+                fix='vsd purge --camera ID --range A..B --reason "TEXT OF THEN" --lift',
+            )
+        if not terms.is_dry_run:
+            what = {"lifted": True, "camera_id": camera_id, "from": _iso(first_ms), "to": _iso(after_ms)}
+            entry = audit_line(terms, Purged(), what)
+            remove_records(store.root, Intent(site_id=site.site_id, entry=entry, erasure=erasure, is_lifted=True))
 
 
 def forget_keys(site: Site, *, before: date | None = None, purged: date | None = None, terms: Terms) -> Purged:

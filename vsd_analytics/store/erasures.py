@@ -7,7 +7,7 @@ are dropped before they are stored, quarantined or fetched. They do not go to qu
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -88,13 +88,11 @@ def note_erasure(store: Path, erasure: Erasure) -> None:
     _replace(store, {*erasures(store), erasure})
 
 
-def lift_erasures(store: Path, is_lifted: Callable[[Erasure], bool]) -> int:
-    """Remove erasures from the list, durably; return how many."""
+def lift_erasure(store: Path, erasure: Erasure) -> None:
+    """Remove an erasure from the list, durably; a second time changes nothing."""
     known = erasures(store)
-    stay = {erasure for erasure in known if not is_lifted(erasure)}
-    if len(stay) < len(known):
-        _replace(store, stay)
-    return len(known) - len(stay)
+    if erasure in known:
+        _replace(store, (each for each in known if each != erasure))
 
 
 def _replace(store: Path, every: Iterable[Erasure]) -> None:

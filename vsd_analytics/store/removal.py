@@ -26,7 +26,7 @@ import pyarrow.compute as pc
 from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import durable, file_locks, quarantine
-from vsd_analytics.store.erasures import Erasure, RecordScope, note_erasure
+from vsd_analytics.store.erasures import Erasure, RecordScope, lift_erasure, note_erasure
 from vsd_analytics.store.imports import imports_of, note_taken_back, order_of
 from vsd_analytics.store.part_files import HASH_DIFFERS, read_owned
 from vsd_analytics.store.published import withdraw
@@ -65,6 +65,7 @@ class Intent:
         forget: Site days whose keys are destroyed.
         quarantined: Hashes of the lines to remove from the quarantine, whatever file they are in by then.
         erasure: Records that must not come back.
+        is_lifted: They may come back: the erasure was a mistake.
     """
 
     site_id: SiteName
@@ -78,6 +79,7 @@ class Intent:
     forget: tuple[date, ...] = ()
     quarantined: tuple[Digest, ...] = ()
     erasure: Erasure | None = None
+    is_lifted: bool = False
 
 
 @contextlib.contextmanager
@@ -191,8 +193,8 @@ def _is_inside(project: Path, name: str) -> bool:
 def _carry_out(store: Path, intent: Intent) -> None:
     project = store.parent
     withdraw(project)
-    if intent.erasure is not None:
-        note_erasure(store, intent.erasure)
+    if intent.erasure is not None:  # before records go: whatever stops this, they cannot come back
+        (lift_erasure if intent.is_lifted else note_erasure)(store, intent.erasure)
     touched: set[Path] = set()
     if intent.which is not None:
         for table, names in intent.rewrite.items():

@@ -6,10 +6,10 @@ camera with another floor would carry its past there. So nothing is computed unt
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from datetime import date, datetime, timedelta
-from typing import TYPE_CHECKING
 
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import ConfigError, StoreError, VsdError, Where
@@ -22,15 +22,13 @@ from vsd_analytics.store.erasures import RecordScope, rows_in_scope
 from vsd_analytics.store.layout import HOUR_MS, Part, list_days
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.store import Store
+from vsd_analytics.warehouse.camera_days import day_path, day_units, read_days, weeks_of_days
 from vsd_analytics.warehouse.dimensions import FOREVER_MS, camera_life
-from vsd_analytics.warehouse.sealed import SealedRange
-
-if TYPE_CHECKING:
-    from vsd_analytics.warehouse.camera_days import KnownDay
+from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
+from vsd_analytics.warehouse.units import PartIndex
 
 CODE = "E321"
 FILE = "vsd.toml"
-DAY_MS = 24 * HOUR_MS
 SAMPLED_PARTS = 24
 """Files of person records whose extent is read where neither plan nor views tell how far a floor reaches."""
 FARTHEST_M = 100.0
@@ -39,28 +37,15 @@ UNITS_M = {"centimetres": 0.01, "millimetres": 0.001, "feet": 0.3048}
 """Units in which corners are given by mistake, in metres."""
 
 
-def refuse_disagreement(site: Site, days: Mapping[int, KnownDay], sealed: SealedRange) -> None:
+def refuse_disagreement(site: Site, cameras_of: Mapping[int, Collection[str]], sealed: SealedRange) -> None:
     """Raise ConfigError E321 where vsd.toml does not describe what is stored of some UTC days; else note the floors.
 
     Args:
         site: The project.
-        days: The fact `camera_days` by UTC day number.
+        cameras_of: Cameras with records by UTC day number.
         sealed: Hours whose records were purged and whose facts stay.
     """
-    present = _present(days, sealed)
-    store = site.root / "store"
-    cameras = {camera.camera_id: camera for camera in site.cameras}
-    problems: list[VsdError] = []
-    for camera_id in present:
-        camera = cameras.get(camera_id)
-        if camera is None:
-            problems.append(_undescribed(site, camera_id))
-        elif moved := _moved(site, camera, noted_floors(store).get(camera_id)):
-            problems.append(moved)
-        elif outside := _outside_life(site, camera, days, sealed):
-            problems.append(outside)
-    problems += areas_off(site)
-    if problems:
+    if problems := disagreements(site, cameras_of, sealed):
         n = len(problems)
         raise ConfigError(
             f"{FILE} does not describe what is stored",
@@ -70,13 +55,53 @@ def refuse_disagreement(site: Site, days: Mapping[int, KnownDay], sealed: Sealed
             why="figures of days that are over would change without a word",
             fix=f"change {FILE} as {'it says' if n == 1 else 'they say'} above; docs/camera-life.md",
         )
-    note_floors(store, {c: cameras[c].floor_id for c in present}, described={f.floor_id for f in site.floors})
+    floors = {camera.camera_id: camera.floor_id for camera in site.cameras}
+    described = {floor.floor_id for floor in site.floors}
+    note_floors(site.root / "store", {c: floors[c] for c in _present(cameras_of, sealed)}, described=described)
 
 
-def _present(days: Mapping[int, KnownDay], sealed: SealedRange) -> list[str]:
+def disagreements(site: Site, cameras_of: Mapping[int, Collection[str]], sealed: SealedRange) -> list[VsdError]:
+    """Return what vsd.toml does not describe, each with the lines that repair it; see `refuse_disagreement`."""
+    noted = noted_floors(site.root / "store")
+    cameras = {camera.camera_id: camera for camera in site.cameras}
+    problems: list[VsdError] = []
+    for camera_id in _present(cameras_of, sealed):
+        camera = cameras.get(camera_id)
+        if camera is None:
+            problems.append(_undescribed(site, camera_id))
+        elif moved := _moved(site, camera, noted.get(camera_id)):
+            problems.append(moved)
+        elif outside := _outside_life(site, camera, cameras_of, sealed):
+            problems.append(outside)
+    return [*problems, *areas_off(site)]
+
+
+def stored_disagreements(site: Site) -> list[VsdError]:
+    """Return what vsd.toml does not describe of everything stored; nothing is computed or written.
+
+    Raises:
+        StoreError: E302, E313, a file is damaged.
+    """
+    store = Store(site.root / "store", site_id=site.site_id)
+    index = PartIndex(store, first_hour=None, last_hour=None)
+    units = {unit.number: unit for unit in day_units(index, index.hours(), site=site)}
+    paths = weeks_of_days(site).resting({number: day_path(site, unit) for number, unit in units.items()})
+    known = read_days(site, [units[number] for number, path in paths.items() if path.exists()])
+    cameras_of: dict[int, Collection[str]] = {number: day.cameras for number, day in known.items()}
+    for number in units.keys() - known.keys():
+        cameras_of[number] = {c for t in TABLES for part in units[number].parts[t] for c in _cameras_in(part)}
+    return disagreements(site, cameras_of, sealed_range(site, None, None))
+
+
+def _cameras_in(part: Part) -> list[str]:
+    with pq.ParquetFile(part.path) as file:
+        cameras: list[str] = pc.unique(file.read(columns=["camera_id"])["camera_id"]).to_pylist()
+    return cameras
+
+
+def _present(cameras_of: Mapping[int, Collection[str]], sealed: SealedRange) -> list[str]:
     """Return the cameras with records, in order."""
-    of_days = (day.cameras for day in days.values())
-    return sorted(frozenset().union(*of_days, *(unit.last_ms for unit in sealed.hours.values())))
+    return sorted({c for of_day in (*cameras_of.values(), *(u.last_ms for u in sealed.hours.values())) for c in of_day})
 
 
 def _local_days(site: Site, camera_id: str) -> tuple[date, date]:
@@ -121,12 +146,14 @@ def _moved(site: Site, camera: Camera, noted: str | None) -> VsdError | None:
     )
 
 
-def _outside_life(site: Site, camera: Camera, days: Mapping[int, KnownDay], sealed: SealedRange) -> VsdError | None:
+def _outside_life(
+    site: Site, camera: Camera, cameras_of: Mapping[int, Collection[str]], sealed: SealedRange
+) -> VsdError | None:
     from_ms, to_ms = camera_life(site, camera)
     if (from_ms, to_ms) == (-FOREVER_MS, FOREVER_MS):
         return None
-    is_late = next(_hours(camera, days, sealed, to_ms, FOREVER_MS), None) is not None
-    if not is_late and next(_hours(camera, days, sealed, -FOREVER_MS, from_ms), None) is None:
+    is_late = _is_recorded(site, camera, cameras_of, sealed, to_ms, FOREVER_MS)
+    if not is_late and not _is_recorded(site, camera, cameras_of, sealed, -FOREVER_MS, from_ms):
         return None
     first, last = _local_days(site, camera.camera_id)
     key, stated, day = ("to", camera.end_day, last) if is_late else ("from", camera.first_day, first)
@@ -141,21 +168,26 @@ def _outside_life(site: Site, camera: Camera, days: Mapping[int, KnownDay], seal
     )
 
 
-def _hours(
-    camera: Camera, days: Mapping[int, KnownDay], sealed: SealedRange, first_ms: int, after_ms: int
-) -> Iterator[int]:
-    """Yield the UTC hours in which a camera has records in [first_ms, after_ms)."""
-    for hour, unit in sealed.hours.items():
-        if first_ms <= unit.last_ms.get(camera.camera_id, after_ms) < after_ms:
-            yield hour
+def _is_recorded(
+    site: Site,
+    camera: Camera,
+    cameras_of: Mapping[int, Collection[str]],
+    sealed: SealedRange,
+    first_ms: int,
+    after_ms: int,
+) -> bool:
+    """Tell whether a camera has records in [first_ms, after_ms)."""
+    if any(first_ms <= unit.last_ms.get(camera.camera_id, after_ms) < after_ms for unit in sealed.hours.values()):
+        return True
     which = RecordScope(camera.camera_id, first_ms, after_ms)
-    for number, day in days.items():
-        start, end = number * DAY_MS, (number + 1) * DAY_MS
-        if camera.camera_id not in day.cameras or start >= after_ms or end <= first_ms:
-            continue
-        parts = (part for table in TABLES for part in day.unit.own_parts(table))
-        near = (p for p in parts if p.hour * HOUR_MS < after_ms and (p.hour + 1) * HOUR_MS > first_ms)
-        yield from (p.hour for p in near if rows_in_scope(p.path, which))
+    store = Store(site.root / "store", site_id=site.site_id)
+    for number, cameras in cameras_of.items():
+        first, last = max(number * 24, first_ms // HOUR_MS), min(number * 24 + 23, (after_ms - 1) // HOUR_MS)
+        if camera.camera_id in cameras and first <= last:
+            parts = (part for table in TABLES for part in store.parts(table, first_hour=first, last_hour=last))
+            if any(rows_in_scope(part.path, which) for part in parts):
+                return True
+    return False
 
 
 def areas_off(site: Site) -> Iterator[VsdError]:

@@ -130,7 +130,7 @@ def _build(
     check = _Checker(store)
     day_units_of = day_units(index, [*hours, *sealed.hours], site=site)
     days = _fresh_days(site, day_units_of, check, spread)
-    refuse_disagreement(site, days, sealed)
+    refuse_disagreement(site, {number: day.cameras for number, day in days.items()}, sealed)
     units = hour_units(site, index, hours, days)
     files = FactDays(site, units, facts=facts, is_trusting=is_trusting)
     files.take_apart()
