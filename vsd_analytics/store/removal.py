@@ -142,7 +142,7 @@ def remove_records(store: Path, intent: Intent) -> None:
     """
     data = msgspec.json.encode(intent, order="deterministic")
     # from here on the removal will happen: a crash before this line removes nothing, one after it is rolled forward
-    durable.publish(store / "purge" / f"{durable.digest(data)}.json", data)
+    durable.publish(store / "purge" / f"{durable.digest(data)}.json", data, is_private=True)  # a reason may name people
     _finish(store)
 
 
