@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -135,10 +135,12 @@ def _project(
     yield from _watch(site)
     yield from _live(site, now=now, environ=environ, broker_config=broker_config)
     yield _plans(site)
-    for camera in site.cameras:
+    today = now.astimezone(site.zone).date()
+    there = [c for c in site.cameras if c.end_day is None or c.end_day > today]
+    for camera in there:
         yield _calibration(camera, now=now)
     yield from _agreement(site)
-    yield _pictures(site)
+    yield _pictures(there)
     yield _log(site)
 
 
@@ -285,8 +287,8 @@ def _plans(site: Site) -> Finding:
     )
 
 
-def _pictures(site: Site) -> Finding:
-    without = [c for c in site.cameras if c.picture is None]
+def _pictures(cameras: Sequence[Camera]) -> Finding:
+    without = [c for c in cameras if c.picture is None]
     if not without:
         return Finding("camera pictures", "ok", "every camera has one")
     detail = f"none for {', '.join(c.camera_id for c in without)}"

@@ -59,6 +59,11 @@ class Hours:
         """Return the weekday of each hour, 0 Monday to 6 Sunday."""
         return (self.day - 1) % 7
 
+    def all_counted(self, cameras: Flags) -> Flags:
+        """Return the hours in which each of some cameras that is there counts, and one at least, shape (n_hours,)."""
+        counts, is_there = self.is_counted[cameras], self.scheduled_s[cameras] > 0
+        return np.asarray((counts | ~is_there).all(axis=0) & counts.any(axis=0))
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:

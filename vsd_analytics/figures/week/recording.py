@@ -25,6 +25,8 @@ def coverage(data: WeekData) -> Coverage:
     missing, gaps = _messages(data)
     cameras = []
     for i, camera in enumerate(data.cameras):
+        if camera not in data.present:
+            continue
         days = tuple(_camera_day(data, i, day, now[data.hours.day[now] == day.toordinal()]) for day in data.week_days)
         scheduled, recorded = sum(d.scheduled_h for d in days), sum(d.recorded_h for d in days)
         cameras.append(
@@ -64,7 +66,7 @@ def seen_area_m2(data: WeekData) -> float | None:
     bounds = camera_views.plan_bounds(data.floor)
     if bounds is None:
         return None
-    hidden = camera_views.unseen(data.floor, cameras=data.cameras, bounds=bounds)
+    hidden = camera_views.unseen(data.floor, cameras=data.present, bounds=bounds)
     return None if hidden is None else float(shapely.box(*bounds).area - sum(p.area for p in hidden))
 
 
