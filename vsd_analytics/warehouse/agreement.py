@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from datetime import date, datetime, timedelta
 
+import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
@@ -24,6 +25,7 @@ from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.camera_days import day_path, day_units, read_days, weeks_of_days
 from vsd_analytics.warehouse.dimensions import FOREVER_MS, camera_life
+from vsd_analytics.warehouse.factfiles import damaged_facts
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.units import PartIndex
 
@@ -83,6 +85,14 @@ def stored_disagreements(site: Site) -> list[VsdError]:
         StoreError: E302, E313, a file is damaged.
     """
     store = Store(site.root / "store", site_id=site.site_id)
+    try:
+        return _stored_disagreements(site, store)
+    except (pa.ArrowException, UnicodeDecodeError) as error:
+        store.refuse_damaged()
+        raise damaged_facts(error) from None
+
+
+def _stored_disagreements(site: Site, store: Store) -> list[VsdError]:
     index = PartIndex(store, first_hour=None, last_hour=None)
     units = {unit.number: unit for unit in day_units(index, index.hours(), site=site)}
     paths = weeks_of_days(site).resting({number: day_path(site, unit) for number, unit in units.items()})
