@@ -366,13 +366,42 @@ PART_BEGINS: Final = "<!-- Made by `make docs` from the headers of the SQL files
 PART_ENDS: Final = "<!-- Written by hand from here on. -->"
 
 
-def with_part(page: str, part: str) -> str:
+README_BEGINS: Final = "<!-- Made by `make docs` from the adapters; edit there, and the headings of docs/guide.md. -->"
+
+
+def formats_markdown(guide: str) -> str:
+    """Return the list of formats in `README.md`: every adapter, with what it reads and what its positions are.
+
+    Args:
+        guide: Text of `docs/guide.md`, which has a heading `### NAME: WHAT` for each format.
+
+    Raises:
+        ValueError: The guide says nothing of a format.
+    """
+    from vsd_analytics.ingest.formats.adapters import GENERAL, SPECIFIC, adapter
+
+    headings = dict(re.findall(r"(?m)^### ([\w-]+): (.+)$", guide))
+    names = [name for name in (*SPECIFIC, *GENERAL) if name != "table"]  # it is positions or pairs
+    if lacking := [name for name in names if name not in headings]:
+        raise ValueError(f"docs/guide.md has no heading of {', '.join(lacking)}")
+    rows = [
+        (
+            f"[`{name}`](docs/guide.md#{_anchor(f'{name}: {headings[name]}')})",
+            headings[name],
+            adapter(name).coordinates,
+        )
+        for name in names
+    ]
+    return _table(("`--format`", "what it reads", "positions"), rows)
+
+
+def with_part(page: str, part: str, begins_with: str = PART_BEGINS) -> str:
     """Return a page with its generated part replaced.
 
     Raises:
         ValueError: The page lacks the lines that mark the part.
     """
-    before, begins, rest = page.partition(PART_BEGINS)
+    before, begins, rest = page.partition(begins_with)
     _, ends, after = rest.partition(PART_ENDS)
     if not (begins and ends):
         raise ValueError("the page lacks the marks of its generated part")
@@ -404,6 +433,10 @@ def write_pages(folder: Path) -> list[Path]:
     for name, make in PARTS.items():
         if (folder / name).exists():
             made[name] = with_part((folder / name).read_text(encoding="utf-8"), make())
+    readme, guide = folder / "../README.md", folder / "guide.md"
+    if readme.exists() and guide.exists():
+        part = formats_markdown(guide.read_text(encoding="utf-8"))
+        made["../README.md"] = with_part(readme.read_text(encoding="utf-8"), part, README_BEGINS)
     for name, text in made.items():
         path = folder / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:

@@ -322,7 +322,6 @@ MASKS_OF_THEIR_OWN = {
     "report/pages/today.py",
     "figures/close_by_crowding.py",
     "figures/flow.py",
-    "figures/hotspot_export.py",
     "figures/links.py",
     "figures/masked_tables.py",
     "figures/today.py",

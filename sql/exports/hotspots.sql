@@ -9,8 +9,8 @@
 --   kind                  tested: a hotspot of a test over 28 days (M20); busiest: the busiest area, without a test
 --   name                  area it lies in
 --   area_id               area of vsd.toml; null outside areas
---   x_m                   its middle in floor metres, x to the right
---   y_m                   y up
+--   peak_x_m              middle of its cell with the most, floor metres, x to the right
+--   peak_y_m              y up
 --   ratio                 time too close over what the crowd of the place explains
 --   ratio_lo              lower end of its 95 % interval
 --   ratio_hi              upper end
@@ -35,8 +35,8 @@ select
     kind,
     card ->> '$.name' as name,
     card ->> '$.area_id' as area_id,
-    cast(card ->> '$.at[0]' as double) as x_m,
-    cast(card ->> '$.at[1]' as double) as y_m,
+    cast(card ->> '$.at[0]' as double) as peak_x_m,
+    cast(card ->> '$.at[1]' as double) as peak_y_m,
     cast(card ->> '$.ratio.value' as double) as ratio,
     cast(card ->> '$.ratio.lo' as double) as ratio_lo,
     cast(card ->> '$.ratio.hi' as double) as ratio_hi,

@@ -15,6 +15,7 @@ from markdown_pages import PAGES, REPOSITORY, anchors, commands, links
 from vsd_analytics.cli import COMMANDS, cli
 from vsd_analytics.cli.explain import explanations
 from vsd_analytics.errors import VsdError
+from vsd_analytics.ingest.formats.adapters import GENERAL, SPECIFIC
 
 GENERATED = sorted(reference.PAGES)
 SOURCES = sorted((REPOSITORY / "vsd_analytics").rglob("*.py"))
@@ -39,6 +40,14 @@ def test_generated_part_of_a_page_is_what_the_code_says(name: str) -> None:
     text = (REPOSITORY / "docs" / name).read_text(encoding="utf-8")
     is_current = reference.with_part(text, reference.PARTS[name]()) == text
     assert is_current, f"a part of docs/{name} follows SQL headers: run `make docs`, see git diff"
+
+
+def test_the_readme_lists_the_formats_of_the_registry() -> None:
+    readme, guide = ((REPOSITORY / name).read_text(encoding="utf-8") for name in ("README.md", "docs/guide.md"))
+    part = reference.formats_markdown(guide)
+    assert reference.with_part(readme, part, reference.README_BEGINS) == readme, "run `make docs`, see git diff"
+    headings = re.findall(r"(?m)^### ([\w-]+): ", guide.partition("\n## Formats\n")[2].partition("\n## ")[0])
+    assert {*headings} - {"Profiles"} == {*SPECIFIC, *GENERAL} - {"table"}
 
 
 def test_every_command_has_help_an_example_and_an_entry() -> None:

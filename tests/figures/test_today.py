@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import date, datetime, timedelta
 from pathlib import Path
 
@@ -11,9 +12,10 @@ import pandas as pd
 import pytest
 from planted_hours import MONDAY, of, planted, site_of
 
-from vsd_analytics.answer import Reason
+from vsd_analytics.answer import Answers, Reason, Value, check_sums, value_of
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.today import Today, today
+from vsd_analytics.figures.today_answers import today_answers
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.usual import usual_range
 
@@ -189,6 +191,49 @@ def test_a_camera_that_began_in_the_running_hour_is_not_silent(tmp_path: Path) -
     site = site_of(tmp_path)
     assert card(site, SATURDAY, 11, 5, change=begin).silent == ()
     assert [c.camera_id for c in card(site, SATURDAY, 11, change=begin).silent] == ["cam-2"], "11:05 has not come"
+
+
+def answers(found: Today, site: Site) -> Answers:
+    made = today_answers(found, site, inputs="")
+    check_sums(made)
+    return Answers(made)
+
+
+def test_answers_have_both_days_and_every_open_hour_and_days_are_the_sums_of_their_hours(tmp_path: Path) -> None:
+    site = site_of(tmp_path)
+    found = card(site, SATURDAY, 11)
+    tables = answers(found, site)
+    days, hours = tables["today_days"], tables["today_hours"]
+    assert [row["local_date"] for row in days.rows] == [SATURDAY - timedelta(days=1), SATURDAY]
+    for level in (found.yesterday, found.so_far):
+        assert level is not None
+        assert days.value("n_violations", local_date=level.day).value == level.violations
+        assert next(days.where(local_date=level.day))["position"] == level.position is not None
+    assert len(hours.rows) == len(found.hours)
+    to_come = [row for row in hours.rows if not row["is_over"]]
+    assert to_come
+    for row in to_come:
+        assert row["n_violations"] == row["people_seen"] == Value.missing(Reason("today.not_over"))
+        assert value_of(row, "people").lo is not None
+
+
+def test_a_sum_of_a_day_that_is_not_that_of_its_hours_is_refused(tmp_path: Path) -> None:
+    site = site_of(tmp_path)
+    found = card(site, SATURDAY, 11)
+    assert found.yesterday is not None
+    wrong = replace(found, yesterday=replace(found.yesterday, violations=(found.yesterday.violations or 0) + 1))
+    with pytest.raises(ValueError, match="today_days"):
+        answers(wrong, site)
+
+
+def test_a_closed_day_and_an_hour_without_data_have_a_row_that_says_why(tmp_path: Path) -> None:
+    site = site_of(tmp_path, closed=frozenset({SATURDAY - timedelta(days=1)}))
+    tables = answers(card(site, SATURDAY, 12, change=without(SATURDAY, 10)), site)
+    closed, _ = tables["today_days"].rows
+    assert closed["is_open"] is False
+    assert closed["n_violations"] == Value.missing(Reason("today.closed"))
+    n = tables["today_hours"].value("n_violations", local_date=SATURDAY, local_hour=10)
+    assert n == Value.missing(Reason("recorded.nothing"))
 
 
 def test_an_unknown_floor_is_refused(tmp_path: Path) -> None:

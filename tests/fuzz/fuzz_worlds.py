@@ -248,6 +248,8 @@ def worlds() -> list[World]:
               options={"camera": "cam-1", "size_px": engine_files.SIZE}),
         World("azure-spatial-analysis", "a.jsonl.gz", _lines(engine_files.lines(engine_files.azure(walked))),
               pack=gzip.compress),
+        World("otvision", "a.ottrk", files={"": bz2.compress(json.dumps(engine_files.otvision(shares)).encode())},
+              pack=lambda files: files[""], options={"camera": "cam-1"}),
         World("onvif", "a.xml", files={"": engine_files.onvif(shares, per_document=3, in_pixels=True)},
               pack=lambda files: b"".join(files.values()), options={"camera": "cam-1"}),
         World("sociopatterns", "a.dat", _lines(engine_files.contacts(walked)), pack=same,

@@ -356,3 +356,49 @@ def supervision_json(people: list[list[Person]]) -> bytes:
     """Return the file of `JSONSink`, whose values are partly texts."""
     rows = [{**row, "confidence": "0.8", "class_id": str(row["class_id"])} for row in supervision_rows(people)]
     return json.dumps(rows, indent=4).encode()
+
+
+def otvision(people: list[list[Person]], *, version: str = "1.2", is_share: bool = False) -> dict[str, Any]:
+    """Return OTVision's tracks; positions are shares of a picture of `SIZE`. Each frame has a car."""
+    across, down = (1, 1) if is_share else SIZE
+    width, height = 0.03 * across, 0.2 * down
+    is_centred = version == "1.0"
+
+    def detection(kind: str, track: str, x: float, y: float, k: int) -> dict[str, Any]:
+        corner = (x * across - width / 2, y * down - height)
+        place = (corner[0] + width / 2, corner[1] + height / 2) if is_centred else corner
+        occurrence = at(k).timestamp() if version == "1.2" else f"{at(k):%Y-%m-%d %H:%M:%S.%f}"
+        return {
+            "class": kind,
+            "confidence": 0.8,
+            **dict(zip("xywh", (*place, width, height), strict=True)),
+            "interpolated-detection": False,
+            "first": k == 0,
+            "finished": False,
+            "track-id": int(track),
+            "frame": k + 1,
+            "occurrence": occurrence,
+            "input_file_path": "hall_2025-11-10_09-00-00.mp4",
+        }
+
+    detections = [
+        d
+        for k, each in enumerate(people)
+        for d in (
+            *(detection("person", track, x, y, k) for track, x, y in each),
+            *([detection("car", "900", 0.5, 0.5, k)] if k % 5 != 4 else []),
+        )
+    ]
+    video = {
+        "filename": "hall_2025-11-10_09-00-00",
+        "filetype": ".mp4",
+        "width": SIZE[0],
+        "height": SIZE[1],
+        "recorded_fps": 1.0,
+        "actual_fps": 1.0,
+        "number_of_frames": len(people),
+        "recorded_start_date": START.timestamp() if version == "1.2" else f"{START:%Y-%m-%d %H:%M:%S.%f}",
+    }
+    detector = {"otvision_version": "v1.0", "model": {"name": "YOLOv8"}, "normalized_bbox": is_share}
+    metadata = {"otdet_version": version, "video": video, "detection": detector, "ottrk_version": "1.1"}
+    return {"metadata": metadata, "data": {"detections": detections}}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bz2
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -24,6 +25,7 @@ from engine_files import (
     lines,
     nvidia,
     onvif,
+    otvision,
     supervision_csv,
     supervision_json,
     trajectories,
@@ -95,6 +97,14 @@ FORMATS = {
         [[(f"8e653185-{t}", x, y) for t, x, y in each] for each in SHARES], {"size_px": SIZE}, is_picture=True,
         left_out={"not a person": sum(map(bool, SHARES))},
     ),
+    **{
+        f"otvision {version}{', shares' * is_share}": Format(
+            "otvision", "hall.ottrk",
+            bz2.compress(json.dumps(otvision(SHARES, version=version, is_share=is_share)).encode()),
+            **PICTURE, left_out={"not a person": sum(map(bool, SHARES))},
+        )
+        for version, is_share in (("1.2", False), ("1.1", False), ("1.0", False), ("1.2", True))
+    },
     "azure": Format("azure-spatial-analysis", "a.jsonl", lines(azure(METRES)), METRES, has_ids=False),
     "azure, not calibrated": Format(
         "azure-spatial-analysis", "a.json", json.dumps(azure(METRES, is_calibrated=False)[0], indent=1).encode()

@@ -17,6 +17,7 @@ import duckdb
 import numpy as np
 import pytest
 
+from vsd_analytics.api.project import open_project
 from vsd_analytics.cli import main
 from vsd_analytics.config.project import load_site
 from vsd_analytics.figures.hotspots import FloorHotspots, days_needed, hotspots
@@ -24,6 +25,8 @@ from vsd_analytics.figures.operator_counts import hours
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
+PLACE = ("area_m2", "x_m", "y_m", "peak_x_m", "peak_y_m")
+"""Where a hotspot is."""
 Key = tuple[str, ...]
 """What a number is, and of which place, hour or day."""
 IN_RATES = (
@@ -109,6 +112,8 @@ def outputs(root: Path, monday: date, folder: Path) -> Outputs:
     note("vsd hotspots", _spots(command(root, "hotspots", "--week", week)))
     note("Python hotspots", _floor_hotspots(found))
     note("planner hotspots", _floor_hotspots(planner.hotspots))
+    note("page hotspots", _page_spots(page))
+    note("Python table of hotspots", _python_spots(open_project(root).week(week).hotspots))
     return Outputs(numbers, page, planner, found, stored, float(site.settings.hotspot_min_ratio))
 
 
@@ -192,13 +197,15 @@ def _groups(told: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
 
 def _today(told: Mapping[str, Any], day: date) -> Iterator[tuple[Key, Any]]:
     (card,) = told["today"]
-    if card["so_far"] is not None and card["so_far"]["violations"]:
-        yield ("day", str(day)), card["so_far"]["violations"]
+    answers = {name: answer["rows"] for name, answer in card["answers"].items()}
+    [so_far] = [row for row in answers["today_days"] if row["local_date"] == str(day)]
+    if so_far["n_violations"]["value"]:
+        yield ("day", str(day)), so_far["n_violations"]["value"]
     zone = datetime.fromisoformat(card["at"]).tzinfo
-    for row in card["hours"]:
-        if row["day"] == str(day) and row["violations"] is not None:
-            start = datetime(day.year, day.month, day.day, row["hour"], tzinfo=zone)
-            yield ("hour", str(round(start.timestamp()))), row["violations"]
+    for row in answers["today_hours"]:
+        if row["local_date"] == str(day) and row["n_violations"]["value"] is not None:
+            start = datetime(day.year, day.month, day.day, row["local_hour"], tzinfo=zone)
+            yield ("hour", str(round(start.timestamp()))), row["n_violations"]["value"]
 
 
 def _duckdb(path: Path) -> Iterator[tuple[Key, Any]]:
@@ -246,8 +253,8 @@ def _sql(warehouse: Any) -> Iterator[tuple[Key, Any]]:
 def _hotspots_csv(rows: list[dict[str, str]]) -> Iterator[tuple[Key, Any]]:
     for row in rows:
         if row["kind"] == "tested" and row["ratio"]:
-            for name in ("ratio", "excess_min_per_week"):
-                yield ("hotspot", row["number"], name), float(row[name])
+            for name in ("excess_ratio", "excess_min_per_week", "peak_x_m", "peak_y_m"):
+                yield ("hotspot", row["number"], name), float(row["ratio" if name == "excess_ratio" else name])
 
 
 def _compare(told: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
@@ -296,15 +303,33 @@ def _planner_sums(planner: PlannerData) -> Iterator[tuple[Key, Any]]:
 
 def _spots(told: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
     yield ("hotspots from",), told["first"]
-    for spot in told["hotspots"]:
-        for name in ("ratio", "area_m2", "x_m", "y_m", "n", "excess_min_per_week"):
-            yield ("hotspot", str(spot["number"]), name), spot[name]
+    yield from _spot_rows(told["answers"]["hotspots"]["rows"])
+
+
+def _page_spots(page: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
+    yield from _spot_rows(page["answers"]["hotspots"]["rows"])
+
+
+def _spot_rows(rows: Any) -> Iterator[tuple[Key, Any]]:
+    for row in rows:
+        for name in ("excess_ratio", "n_violations", "excess_min_per_week"):
+            if row[name]["value"] is not None:
+                yield ("hotspot", str(row["rank"]), name), row[name]["value"]
+        for name in PLACE:
+            yield ("hotspot", str(row["rank"]), name), row[name]
+
+
+def _python_spots(table: Any) -> Iterator[tuple[Key, Any]]:
+    for row in table:
+        for name in ("excess_ratio", "n_violations", "excess_min_per_week", *PLACE):
+            yield ("hotspot", str(row["rank"]), name), row[name]
 
 
 def _floor_hotspots(found: FloorHotspots) -> Iterator[tuple[Key, Any]]:
     yield ("hotspots from",), str(found.first)
     for spot in found.spots:
-        for name in ("ratio", "n", "excess_min_per_week"):
-            yield ("hotspot", str(spot.number), name), getattr(spot, name)
-        for name in ("area_m2", "x_m", "y_m"):
+        for name, field in (("excess_ratio", "ratio"), ("n_violations", "n")):
+            yield ("hotspot", str(spot.number), name), getattr(spot, field)
+        yield ("hotspot", str(spot.number), "excess_min_per_week"), spot.excess_min_per_week
+        for name in PLACE:
             yield ("hotspot", str(spot.number), name), getattr(spot.place, name)

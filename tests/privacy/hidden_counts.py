@@ -275,12 +275,12 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
         if row["reading"] == "all" and row["n_violations"]["value"] is not None:
             known.exact(every, row["n_violations"]["value"], f"{source} M9")
     shapes = spot_points(world, week)
-    for row in tables["hotspots"]:
+    for row in (*tables["hotspots"], *tables["past_hotspots"]):
         if row["spot_id"] not in shapes:
             continue
         near, people = shapes[row["spot_id"]]
         window = [k for of in (week - 1, week) for k in keys_of(of)]
-        n, close_h = row["n_violations"]["value"], row["violation_h"]["value"]
+        n, close_h = row["n_violations"]["value"], row.get("violation_h", {}).get("value")
         if n is not None:
             known.exact([k for k in window if k[1] in near], n, f"{source} M20.n")
         if (

@@ -313,8 +313,9 @@ class Days:
     def hotspots(self) -> Table:
         """Return the hotspots of the 28 days that end with these days: where time too close exceeds the crowd's share.
 
-        Columns: `floor_id`, `number`, `area_id`, `x_m`, `y_m`, `ratio` with `ratio_lo` and `ratio_hi`,
-        `excess_min_per_week`, `n_violations`, `state`, `since`.
+        Columns: `floor_id`, `spot_id`, `rank`, `change` (new or persisting), `since`, `area_id`, `x_m`, `y_m` (mean of
+        its cells), `peak_x_m`, `peak_y_m` (the cell with the most), `excess_ratio` and `excess_min_per_week` with `_lo`
+        and `_hi`, `n_violations`, and others of `vsd hotspots`.
 
         Example:
             >>> print(week.hotspots.note)

@@ -10,19 +10,14 @@ import pyarrow as pa
 from vsd_analytics.api.table import Table
 from vsd_analytics.figures import close_time, compare, rates
 from vsd_analytics.figures import hotspots as hotspot_figures
+from vsd_analytics.figures.hotspot_answers import hotspot_answers, window_holds
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.render.frame import arrow
 from vsd_analytics.site.model import Area, Floor, Site
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.warehouse.warehouse import open_warehouse
 from vsd_analytics.wording.reasons import reason_text
-
-_HOTSPOTS = pa.schema(
-    [("floor_id", pa.string()), ("number", pa.int64()), ("area_id", pa.string())]
-    + [(name, pa.float64()) for name in ("x_m", "y_m", "ratio", "ratio_lo", "ratio_hi", "excess_min_per_week")]
-    + [("n_violations", pa.int64()), ("state", pa.string()), ("since", pa.date32())]
-)
-"""Columns of `hotspots`, which a table without rows has too."""
 
 
 def area_table(site: Site, first: date, last: date, *, title: str) -> Table:
@@ -62,32 +57,18 @@ def area_table(site: Site, first: date, last: date, *, title: str) -> Table:
 
 def hotspot_table(site: Site, until: date) -> Table:
     """Return one row for each hotspot of the 28 days to `until`; columns as of `Days.hotspots`."""
-    rows: list[dict[str, Any]] = []
+    tables = []
     notes = []
     with open_warehouse(site, *hotspot_figures.days_needed(site, until)) as warehouse:
         for floor in site.floors:
-            hotspots = hotspot_figures.hotspots(warehouse, floor_id=floor.floor_id, until=until)
-            if hotspots.state != "ok":
-                notes.append(f"{floor.name}: {reason_text(hotspots.reason)}")
-            rows += [
-                {
-                    "floor_id": floor.floor_id,
-                    "number": spot.number,
-                    "area_id": spot.place.area_id,
-                    "x_m": spot.place.x_m,
-                    "y_m": spot.place.y_m,
-                    "ratio": spot.ratio,
-                    "ratio_lo": spot.lo,
-                    "ratio_hi": spot.hi,
-                    "excess_min_per_week": spot.excess_min_per_week,
-                    "n_violations": spot.n,
-                    "state": spot.state,
-                    "since": spot.since,
-                }
-                for spot in hotspots.spots
-            ]
-    rows_typed = pa.Table.from_pylist(rows, schema=_HOTSPOTS)
-    return Table(rows_typed, title=f"Hotspots until {until}", note="; ".join(notes))
+            found = hotspot_figures.hotspots(warehouse, floor_id=floor.floor_id, until=until)
+            holds = window_holds(site, found, inputs=warehouse.inputs_digest)
+            answer = hotspot_answers(found, holds)[0]
+            tables.append(arrow(answer))
+            if answer.nothing is not None:
+                notes.append(f"{floor.name}: {reason_text(answer.nothing)}")
+    rows = pa.concat_tables(tables, promote_options="permissive")
+    return Table(rows, title=f"Hotspots until {until}", note="; ".join(notes))
 
 
 def _estimate(name: str, estimate: RateEstimate) -> dict[str, Any]:

@@ -43,16 +43,31 @@ def print_answers(
         notes: Warnings on what does not compare.
         beside: What else the JSON object has.
     """
-    from vsd_analytics.cli.ranges import noted, warn
+    if as_json:
+        emit_json(answers_json(answers, days=days, notes=notes, beside=beside))
+        return
+    from vsd_analytics.cli.ranges import warn
+
+    warn(notes)
+    click.echo(answers_text(answers, layouts))
+
+
+def answers_json(
+    answers: Answers, *, days: tuple[date, date], notes: Sequence[str], beside: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return the JSON object that `print_answers` prints; arguments as there."""
+    from vsd_analytics.cli.ranges import noted
     from vsd_analytics.render.json_form import as_json as answer_json
     from vsd_analytics.render.significant import rounded
+
+    printed = {answer.name: rounded(answer_json(answer)) for answer in answers}
+    return noted({"first": days[0], "last": days[1], **(beside or {}), "answers": printed}, notes)
+
+
+def answers_text(answers: Answers, layouts: Mapping[str, Layout]) -> str:
+    """Return the text that `print_answers` prints; arguments as there."""
     from vsd_analytics.render.text import remarks, text, title
 
-    if as_json:
-        printed = {answer.name: rounded(answer_json(answer)) for answer in answers}
-        emit_json(noted({"first": days[0], "last": days[1], **(beside or {}), "answers": printed}, notes))
-        return
-    warn(notes)
     sections, printed_before = [], set[str]()
     for answer, layout in ((answers[name], layouts[name]) for name in layouts if name in answers):
         lines = [line for line in remarks(answer, layout) if line not in printed_before]
@@ -62,7 +77,7 @@ def print_answers(
         if lines:
             holds = answer.holds_for
             sections.append("\n".join([f"{title(answer)}, {holds.first} to {holds.last}", "", *lines]))
-    click.echo(plain("\n\n".join(sections)))
+    return plain("\n\n".join(sections))
 
 
 def has_value(answers: Answers, name: str, columns: Iterable[str]) -> bool:

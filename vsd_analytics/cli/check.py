@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from vsd_analytics.cli.file_options import file_options, ingest_options
 from vsd_analytics.cli.ingest import read_files
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.config.drawing import is_drawing
 from vsd_analytics.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -37,6 +39,10 @@ def check(
     With --picture, the first positions of a file are drawn as they are understood: look at it once per kind of file. No
     number tells that an axis points the other way, or that positions are of heads.
 
+    An architect's drawing (DXF) becomes a floor plan: --picture writes it as SVG, and the lines for vsd.toml are
+    printed. --where "layer = 'A-WALL'" chooses layers, --unit says the unit where the drawing does not. Needs the extra
+    dxf.
+
     With --save, a file that can be read gets a profile: a [[source]] of vsd.toml, appended at its end. From then on
     check and ingest read files of such a name in the same way. Options of the command win over a profile.
 
@@ -45,7 +51,14 @@ def check(
       vsd check export/*.csv
       vsd check till-2026-11-09.csv --map ts=time --unit mm --save tills
       vsd check till-2026-11-09.csv --picture where.svg
+      vsd check architect.dxf --where "layer = 'A-WALL'" --picture plans/ground.svg
     """
+    if any(is_drawing(Path(file)) for file in files):
+        from vsd_analytics.cli.drawing import check_drawing
+
+        if len(files) != 1 or save is not None:
+            raise UsageError("a drawing is checked alone", fix=f"vsd check {shlex.quote(files[0])} --picture plan.svg")
+        return check_drawing(Path(files[0]), picture, given, as_json=as_json)
     if picture is not None:
         _draw(project, files, picture, given)
     if save is None:

@@ -55,9 +55,9 @@ def run(command: click.Command, arguments: list[str], *, is_own_process: bool = 
     except click.ClickException as error:
         if isinstance(error, click.UsageError) and error.ctx is not None and not as_json:
             click.echo(error.ctx.get_usage(), err=True)
-        _print_error(
-            UsageError(error.format_message(), fix="see vsd --help, or the command's own --help"), as_json=as_json
-        )
+        near: list[str] = list(getattr(error, "possibilities", None) or ())
+        fix = f"write {near[0]}" if near else "see vsd --help, or the command's own --help"
+        _print_error(UsageError(error.format_message(), fix=fix), as_json=as_json)
         return 2
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -184,24 +185,32 @@ def _zone(name: str) -> str:
 def renames_of(given: Sequence[str]) -> dict[str, str]:
     """Return the column renames of `--map`, ours to theirs.
 
+    A column that a later `--map` calls something else is no longer what an earlier one called it.
+
     Raises:
         UsageError: E101, one is not OURS=THEIRS, or no column of ours is called so.
     """
     from vsd_analytics.config.reader import nearest
 
-    renames = {}
-    for text in (part for r in given for part in r.split(",")):
+    renames: dict[str, str] = {}
+    said_at: dict[str, int] = {}
+    for at, text in ((at, part) for at, option in enumerate(given) for part in option.split(",")):
         ours, equals, theirs = text.partition("=")
         if not equals or not ours.strip() or not theirs.strip():
             raise UsageError(f"--map {text!r} is not OURS=THEIRS", fix="--map ts=time")
         if ours.strip() not in FILE_COLUMNS:
-            near = nearest(ours.strip(), FILE_COLUMNS)
+            begin = (name for name in FILE_COLUMNS if name.startswith(ours.strip().lower()))
+            near = nearest(ours.strip(), FILE_COLUMNS) or next(begin, None)
             raise UsageError(
                 f"--map {text!r}: no column of ours is called {ours.strip()!r}",
                 why=f"ours: {', '.join(FILE_COLUMNS)}",
-                fix=f"--map {near or 'ts'}={theirs.strip()}",
+                fix=f"--map {shlex.quote(f'{near}={theirs.strip()}')}"
+                if near
+                else "write the name of one of our columns",
             )
+        renames = {o: t for o, t in renames.items() if t != theirs.strip() or said_at[o] == at}
         renames[ours.strip()] = theirs.strip()
+        said_at[ours.strip()] = at
     return renames
 
 

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from typing import Any, Final
 
 import click
 
-from vsd_analytics.cli.estimates import why_none, with_limits
+from vsd_analytics.cli.answers import answers_json, answers_text
 from vsd_analytics.cli.options import choice_option, floor_option, json_option, range_options
-from vsd_analytics.cli.output import emit_json, plain, table
+from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import purged_hours_notes, resolve, warehouse_of, warn
+from vsd_analytics.render.text import Layout, TableLayout
 from vsd_analytics.site.places import known_floor
-from vsd_analytics.wording.reasons import encode_reason, reason_text
+from vsd_analytics.wording.reasons import reason_text
 
-if TYPE_CHECKING:
-    from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpot
+_PLACE: Final = ("name", "nearest_name", "nearest_m")
+LAYOUTS: Final[dict[str, Layout]] = {
+    "hotspots": (
+        TableLayout(("rank", *_PLACE, "excess_ratio", "excess_min_per_week", "change", "since", "is_since_first")),
+    ),
+    "past_hotspots": (
+        TableLayout((*_PLACE, "change", "changed_on", "excess_ratio_before", "excess_ratio", "n_violations")),
+    ),
+    "hotspot_window": (TableLayout(("n_days", "n_violations", "exposure_h", "compared_with")),),
+}
 
 
 @click.command()
@@ -61,10 +68,14 @@ def hotspots(
       vsd hotspots --week last
       vsd hotspots --week last --format geojson --out hotspots.geojson
     """
-    from vsd_analytics.figures import hotspot_export
+    from vsd_analytics.answer import Answers
+    from vsd_analytics.figures import hotspot_answers as as_answers
     from vsd_analytics.figures import hotspots as analysis
     from vsd_analytics.figures.week.data import WeekData
-    from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
+    from vsd_analytics.figures.week.hidden_hotspots import revealing_spots, without_small
+    from vsd_analytics.render.frame import csv_text
+    from vsd_analytics.render.geojson import geojson
+    from vsd_analytics.render.significant import rounded
 
     floor = known_floor(project.site, floor_id)
     _, until = resolve(project, week=week, days=days)
@@ -74,25 +85,28 @@ def hotspots(
         found = analysis.hotspots(warehouse, floor_id=floor.floor_id, until=until)
         monday = until - timedelta(days=until.weekday())
         revealing = revealing_spots(WeekData(warehouse, floor=floor, monday=monday), found) if share else frozenset()
-        rules = purged_hours_notes(warehouse)
+        rules, inputs = purged_hours_notes(warehouse), warehouse.inputs_digest
     if share:
-        found = hotspot_export.without_small(found, below=int(project.site.settings.mask_below), revealing=revealing)
+        found = without_small(found, below=int(project.site.settings.mask_below), revealing=revealing)
+    holds = as_answers.window_holds(project.site, found, inputs=inputs)
+    answers = Answers(as_answers.hotspot_answers(found, holds))
     kind = "json" if as_json else kind
     if kind == "json":
-        printed = hotspot_export.as_dict(found, with_cells=with_cells)
-        printed["notes"] += rules
+        drawn: dict[str, Any] = {"outlines": as_answers.outlines(found)}
+        if with_cells:
+            drawn["cells"] = as_answers.cell_tests(found)
+        printed = answers_json(answers, days=(found.first, found.last), notes=rules, beside=rounded(drawn))
         if out is None:
             emit_json(printed)
             return
         text = _json(printed)
-    elif kind == "geojson":
-        text = _json(hotspot_export.as_geojson(found))
-    elif kind == "csv":
-        text = _csv([hotspot_export.spot_row(s) for s in found.spots], hotspot_export.COLUMNS)
     else:
-        text = plain(_text(found)) + "\n"
-    if kind != "json":
         warn(rules)
+        if kind == "geojson":
+            lists = [answers["hotspots"], answers["past_hotspots"]]
+            text = _json(geojson(lists, as_answers.outlines(found), key="spot_id"))
+        else:
+            text = csv_text(answers["hotspots"]) if kind == "csv" else answers_text(answers, LAYOUTS) + "\n"
     if kind in ("geojson", "csv") and found.reason is not None:
         project.say(f"no hotspots: {reason_text(found.reason)}")
     if out is None:
@@ -104,71 +118,5 @@ def hotspots(
     project.say(f"wrote {out}")
 
 
-def _csv(rows: list[dict[str, Any]], columns: tuple[str, ...]) -> str:
-    """Return CSV in which no text is a formula to a spreadsheet and no control character is left."""
-    from vsd_analytics.store.spreadsheet import safe_cell
-
-    made = io.StringIO()
-    writer = csv.writer(made, lineterminator="\n")
-    writer.writerow(columns)
-    for row in rows:
-        writer.writerow(["" if v is None else safe_cell(plain(v)) if isinstance(v, str) else v for v in row.values()])
-    return made.getvalue()
-
-
 def _json(value: dict[str, Any]) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False, indent=1, default=encode_reason) + "\n"
-
-
-def _text(found: FloorHotspots) -> str:
-    counted = "" if found.n is None else f", {found.n:,} violations in {found.exposure_h or 0:,.0f} person-hours"
-    lines = [f"{found.floor_name}, {found.first} to {found.last}: {found.n_days} days recorded{counted}", ""]
-    if found.state != "ok":
-        lines.append(why_none(found.state, found.reason))
-    elif not found.spots:
-        lines.append("no place differs from the rest beyond chance")
-    else:
-        rows = [
-            ("No", "place", "times what its crowd explains", "minutes above it a week", "since"),
-            *map(_row, found.spots),
-        ]
-        lines += table(rows)
-    if found.watching:
-        lines += ["", "changed, and watched since:", *map(_watched, found.watching)]
-    if found.resolved:
-        lines += ["", f"standing out no more, against the days to {found.compared_with}:", *map(_gone, found.resolved)]
-    return "\n".join([*lines, *(f"note: {reason_text(note)}" for note in found.notes)])
-
-
-def _row(spot: FloorSpot) -> tuple[str, ...]:
-    since = {"new": "new", None: "first look"}.get(
-        spot.state, f"{spot.since}{' or earlier' if spot.is_since_first else ''}"
-    )
-    return (
-        f"{spot.number:>2}",
-        _place(spot),
-        with_limits(spot.ratio, spot.lo, spot.hi, "{:.1f}".format),
-        with_limits(spot.excess_min_per_week, spot.excess_min_lo, spot.excess_min_hi, "{:,.0f}".format),
-        since,
-    )
-
-
-def _gone(spot: ResolvedSpot) -> str:
-    between = "" if spot.lo is None or spot.hi is None else f" ({spot.lo:.1f} to {spot.hi:.1f})"
-    now = "nobody was there" if spot.ratio is None else f"now {spot.ratio:.1f} times{between}"
-    return f"  {_place(spot)}: was {spot.ratio_before:.1f} times what its crowd explains, {now}"
-
-
-def _watched(spot: ResolvedSpot) -> str:
-    return f"  {_place(spot)}: was {spot.ratio_before:.1f} times what its crowd explains; changed on {spot.changed_on}"
-
-
-def _place(spot: FloorSpot | ResolvedSpot) -> str:
-    place = spot.place
-    if place.nearest_name is None or place.nearest_m is None:
-        where = place.name
-    elif place.nearest_m < 0.5:
-        where = f"{place.name}, beside {place.nearest_name}"
-    else:
-        where = f"{place.name}, {place.nearest_m:.0f} m from {place.nearest_name}"
-    return plain(where).replace("\n", " ")
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, indent=1, default=str) + "\n"

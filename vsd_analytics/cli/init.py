@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import click
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.config.drawing import M_PER_PX, is_drawing, read_drawing
+from vsd_analytics.errors import InputError, UsageError
 
 
 @click.command()
@@ -18,7 +21,7 @@ from vsd_analytics.cli.project import Project, pass_project
 @click.option("--timezone", help="IANA time zone, such as Europe/Rome.")
 @click.option("--opening", help='Opening hours, "mon-sat 08:00-12:30 14:00-19:00, sun 10:00-18:00", or "always".')
 @click.option("--camera", "cameras", multiple=True, metavar="ID[=NAME]", help="A camera; may be given several times.")
-@click.option("--plan", metavar="FILE", help="Floor plan: SVG, PNG or JPG, relative to the project folder.")
+@click.option("--plan", metavar="FILE", help="Floor plan: SVG, PNG, JPG or DXF, relative to the project folder.")
 @click.option("--plan-m-per-px", type=float, help="Metres per pixel of the plan.")
 @click.option("--unit", help="What positions of the engine are in: m, mm, cm, ft or px (the picture).")
 @click.option("--distance", "distance_m", type=float, default=2.0, show_default=True, help="Legal distance in metres.")
@@ -56,7 +59,6 @@ def init(
         check_zone,
         write_first_config,
     )
-    from vsd_analytics.errors import UsageError
 
     def ask(question: str, given: str | None, default: str, *, check: Callable[[str], object] = str) -> str:
         if given is not None or no_input:
@@ -79,12 +81,15 @@ def init(
     )
     named = ask("4 Cameras (ids, with =NAME where you like, separated by commas)", ",".join(cameras) or None, "cam-1")
     plan = ask("5 Floor plan picture (empty: none yet)", plan, "") or None
+    origin_m = (0.0, 0.0)
+    if plan is not None and is_drawing(folder / plan):
+        plan, plan_m_per_px, origin_m = _plan_of_drawing(folder, plan)
     if plan is not None and plan_m_per_px is None and not no_input:
         plan_m_per_px = click.prompt("  Metres per pixel of the plan", type=float, err=True)
     unit = ask("6 Positions of your engine are in (m, mm, cm, ft, or px: the picture)", unit, "m", check=check_unit)
     check_unit(unit)
     split = tuple(part.strip() for part in named.split(",") if part.strip())
-    answers = FirstAnswers(name, timezone, site_id, opening, split, plan, plan_m_per_px, distance_m)
+    answers = FirstAnswers(name, timezone, site_id, opening, split, plan, plan_m_per_px, origin_m, distance_m)
     site = write_first_config(folder, answers=answers)
     if as_json:
         emit_json({"ok": True, "file": str(folder / "vsd.toml"), "site": site.site_id})
@@ -99,3 +104,26 @@ def init(
     if plan is None:
         steps += ["add the floor plan to vsd.toml (plan, plan_m_per_px): maps are drawn on it, and units checked by it"]
     project.say("Next: " + "\n      ".join(steps))
+
+
+def _plan_of_drawing(folder: Path, plan: str) -> tuple[str, float, tuple[float, float]]:
+    """Write the SVG of an architect's drawing beside it; return its path, scale and origin.
+
+    Raises:
+        InputError: The drawing cannot be read, or does not say its unit.
+        UsageError: E101, the SVG is there already.
+    """
+    from vsd_analytics.cli.drawing import write_plan
+
+    svg = Path(plan).with_suffix(".svg")
+    if (folder / svg).exists():
+        raise UsageError(f"{svg} is already there", fix=f"--plan {shlex.quote(str(svg))} with its --plan-m-per-px")
+    try:
+        drawing = read_drawing(folder / plan)
+    except InputError as error:
+        if error.fix is not None and error.fix.startswith("--unit"):  # here, --unit is that of positions
+            unit = error.fix.split()[1]
+            error.fix = f"vsd check {shlex.quote(plan)} --unit {unit} --picture {svg}; then name {svg} as the plan"
+        raise
+    write_plan(drawing, folder / svg)
+    return str(svg), M_PER_PX, drawing.origin_m

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -75,11 +74,11 @@ def today(
         raise UsageError("--to, --from and --again go with a mail", fix="--mail, or --mail --send")
     options = report_mail.MailOptions(sender=sender, to=to, is_sent=is_sent, is_again=is_again)
     mail = report_mail.checked(project, options) if is_mailed else None
-    found = _today(project, floor_id)
+    found, inputs = _today(project, floor_id)
     if is_published:
         _publish(project, found)
     if as_json:
-        emit_json(rounded({"today": [asdict(card) for card in found]}))
+        emit_json(rounded({"today": [_card_json(project, card, inputs) for card in found]}))
     else:
         paths = [path for card in found for path in _write(project, card, out, mail)]
         if is_opened:
@@ -123,7 +122,20 @@ def _publish(project: Project, found: list[Today]) -> None:
     project.say(f"{len(messages)} messages published below {broker.figures_topic}")
 
 
-def _today(project: Project, floor_id: str | None) -> list[Today]:
+def _card_json(project: Project, card: Today, inputs: str) -> dict[str, Any]:
+    from vsd_analytics.figures.today_answers import today_answers
+    from vsd_analytics.render.json_form import as_json
+
+    answers = today_answers(card, project.site, inputs=inputs)
+    return {
+        "at": card.at.isoformat(),
+        "floor_id": card.floor_id,
+        "n_cameras": card.n_cameras,
+        "answers": {answer.name: as_json(answer) for answer in answers},
+    }
+
+
+def _today(project: Project, floor_id: str | None) -> tuple[list[Today], str]:
     from vsd_analytics.figures import today as figures
     from vsd_analytics.warehouse.stored_days import stored_extent
 
@@ -136,7 +148,7 @@ def _today(project: Project, floor_id: str | None) -> list[Today]:
     days = f"{figures.first_day(at)}..{at.date()}"
     with warehouse_of(project, week=None, days=days, relations=read) as warehouse:
         warehouse.materialise(*read)
-        return [figures.today(warehouse, at, floor_id=f) for f in floors]
+        return [figures.today(warehouse, at, floor_id=f) for f in floors], warehouse.inputs_digest
 
 
 def _write(project: Project, card: Today, out: str | None, options: MailOptions | None) -> list[Path]:

@@ -32,6 +32,7 @@ class FirstAnswers:
         cameras: Such as "cam-1" or "cam-1=Entrance".
         plan: Picture of the floor plan, relative to the project folder or absolute.
         plan_m_per_px: Metres per pixel of the plan.
+        plan_origin_m: Floor metres of the plan's lower left corner.
         distance_m: Legal distance.
     """
 
@@ -42,6 +43,7 @@ class FirstAnswers:
     cameras: tuple[str, ...] = ("cam-1",)
     plan: str | None = None
     plan_m_per_px: float | None = None
+    plan_origin_m: tuple[float, float] = (0.0, 0.0)
     distance_m: float = DEFAULTS.distance_m
 
 
@@ -190,7 +192,7 @@ def _plan(answers: FirstAnswers) -> list[str]:
     return [
         f"plan = {_quoted(answers.plan)}",
         *scale,
-        "plan_origin_m = [0.0, 0.0]          # floor metres of the plan's lower left corner",
+        f"plan_origin_m = {list(answers.plan_origin_m)}          # floor metres of the plan's lower left corner",
     ]
 
 

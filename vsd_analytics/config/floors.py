@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from datetime import date, datetime, time
@@ -272,11 +273,29 @@ def _picture(table: TableReader, key: str, *, suffixes: tuple[str, ...] | None =
     if path is None:
         return None
     if suffixes is not None and path.suffix.lower() not in suffixes:
-        table.fault(key, f"{table.label} {key} must be an SVG, PNG or JPG picture", code="E126", fix="export it as PNG")
+        table.fault(key, f"{table.label} {key} must be an SVG, PNG or JPG picture", code="E126", fix=_as_picture(path))
     elif picture_size(path) is None:
         what = f"{table.label} {key} {table.values[key]!r} is not a readable picture"
         table.fault(key, what, code="E126", fix="export it as PNG again")
     return path
+
+
+def _as_picture(path: Path) -> str:
+    """Return how an architect's drawing becomes a picture with a known scale."""
+    file = shlex.quote(path.name)
+    match path.suffix.lower():
+        case ".dxf":
+            return (
+                f"vsd check {file} --picture {shlex.quote(path.stem)}.svg makes it, and prints the lines for vsd.toml"
+            )
+        case ".dwg":
+            return "save it as DXF in the CAD program; then: vsd check FILE.dxf --picture plan.svg"
+        case ".pdf":
+            return (
+                f"pdftoppm -png -r 150 -singlefile {file} plan makes plan.png; its plan_m_per_px is scale * "
+                "0.0254 / 150: 0.0169 for 1:100"
+            )
+    return "export it as PNG"
 
 
 def _picture_px(table: TableReader, picture: Path | None) -> tuple[int, int] | None:

@@ -15,6 +15,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from vsd_analytics.config.toml_lines import KeyPath, TomlText
 from vsd_analytics.errors import CONTROL, VsdError
+from vsd_analytics.settings import SETTINGS
 
 ID_PATTERN = "[a-z0-9][a-z0-9_-]{0,62}"
 NAME_MAX_CHARS = 200
@@ -316,13 +317,15 @@ class TableReader:
         """Note every key nobody asked for, with the nearest one that exists."""
         for key in self.values:
             if key not in self.asked:
-                close = nearest(key, self.asked)
+                section = next((s.section for s in SETTINGS if s.name == key), None)
+                close = None if section is not None else nearest(key, self.asked)
+                known = f"rename it to {close}" if close else f"known keys: {', '.join(sorted(self.asked))}"
                 self.fault(
                     key,
                     f"{self.label} knows no key {key!r}",
                     code="E122",
                     note=f"did you mean {close}?" if close else None,
-                    fix=f"rename it to {close}" if close else f"known keys: {', '.join(sorted(self.asked))}",
+                    fix=known if section is None else f"move the line under [{section}]",
                 )
 
 

@@ -12,6 +12,7 @@ from vsd_analytics.figures.suppression import GIVES_AWAY
 from vsd_analytics.figures.unusual import UnusualWeek
 from vsd_analytics.figures.values import known, lack
 from vsd_analytics.site.model import Site
+from vsd_analytics.stats.unusual import UnusualSlots
 
 FORECAST: Final = (
     Column("floor_id", "key"),
@@ -152,7 +153,7 @@ def _score_note(one: SeriesForecast) -> Reason | None:
     return Reason("note.score_naive", **parts, naive=score.wape_naive)
 
 
-def unusual_answer(found: UnusualWeek, holds: HoldsFor, *, hidden: Collection[Hour] = ()) -> Answer:
+def unusual_answer(found: UnusualWeek | UnusualSlots, holds: HoldsFor, *, hidden: Collection[Hour] = ()) -> Answer:
     """Return the hours with far more or fewer violations than usual (M24), least likely first.
 
     Columns: violations; the usual number with the range of four of five such hours; violations over the usual; the
@@ -166,12 +167,12 @@ def unusual_answer(found: UnusualWeek, holds: HoldsFor, *, hidden: Collection[Ho
     if found.state != "ok":
         none = lack(found.state, found.reason)
         return Answer("unusual_hours", UNUSUAL, (), holds, nothing=none.reason, state=none.state)
-    rows = tuple(_unusual_rows(found, frozenset(hidden)))
+    rows = tuple(_unusual_rows(found, holds.floor_id, frozenset(hidden)))
     tested = Reason("unusual.tested", n_tested=found.n_tested, n_unusual=found.n_unusual)
     return Answer("unusual_hours", UNUSUAL, rows, holds, notes=((None, tested),))
 
 
-def _unusual_rows(found: UnusualWeek, hidden: frozenset[Hour]) -> Iterable[Row]:
+def _unusual_rows(found: UnusualWeek | UnusualSlots, floor_id: str | None, hidden: frozenset[Hour]) -> Iterable[Row]:
     for hour in found.rows:
         cells = {
             "n_violations": Value(hour.violations),
@@ -181,7 +182,7 @@ def _unusual_rows(found: UnusualWeek, hidden: frozenset[Hour]) -> Iterable[Row]:
         if (hour.day, hour.hour) in hidden:
             cells = dict.fromkeys(cells, Value.missing(GIVES_AWAY))
         yield {
-            "floor_id": found.floor_id,
+            "floor_id": floor_id,
             "local_date": hour.day,
             "local_hour": hour.hour,
             "usual": Value(hour.usual, hour.lo, hour.hi),

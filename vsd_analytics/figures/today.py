@@ -21,7 +21,7 @@ from vsd_analytics.figures.unusual import unusual_in_last_week
 from vsd_analytics.stats.forecast import WeekForecast, forecast_week
 from vsd_analytics.stats.hour_of_week import SLOTS, Weeks
 from vsd_analytics.stats.unusual import UnusualSlots
-from vsd_analytics.stats.usual import MIN_WEEKS, UsualRange, usual_range
+from vsd_analytics.stats.usual import MIN_WEEKS, Position, UsualRange, usual_range
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 LOADED_WEEKS: Final = HISTORY_WEEKS + 2
@@ -95,6 +95,11 @@ class DayLevel:
     n_days: int
     state: State
     reason: Reason | None
+
+    @property
+    def position(self) -> Position | None:
+        """Return where the estimate lies beside the usual range; None where either is unknown."""
+        return None if self.usual is None or self.estimate is None else self.usual.position(self.estimate)
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,7 +59,7 @@ def _day(today: Today, *, below: int) -> dict[str, Any]:
         known |= {
             "usual_lo": round(level.usual.lo, 1),
             "usual_hi": round(level.usual.hi, 1),
-            "position": level.usual.position(n if level.estimate is None else level.estimate),
+            "position": level.position,
         }
     return known
 

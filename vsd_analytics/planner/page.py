@@ -11,7 +11,9 @@ import numpy as np
 import shapely
 from markupsafe import Markup
 
+from vsd_analytics.answer import Row
 from vsd_analytics.figures.cell_hours import CELL_M as RISK_CELL_M
+from vsd_analytics.figures.hotspot_answers import hotspot_answers, window_holds
 from vsd_analytics.figures.hotspots import FloorSpot
 from vsd_analytics.figures.maps import MIN_EXPOSURE_H, SIGMA_M
 from vsd_analytics.figures.week.model_estimate import Estimate
@@ -114,7 +116,7 @@ class PlannerPage:
     hours: tuple[int, int]
     drawing: PlannerDrawing | None
     rows: tuple[PlannerFigureRow, ...]
-    spots: tuple[tuple[str, str, FloorSpot], ...]
+    spots: tuple[tuple[str, str, Row], ...]
     changes: tuple[ChangeWords, ...]
     has_pairs: bool
     use: SpaceUseView | None
@@ -172,7 +174,7 @@ def _page(data: PlannerData) -> PlannerPage:
         hours=hours,
         drawing=drawing,
         rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),
-        spots=tuple((_spot_id(s), place_name(s.place), s) for s in data.hotspots.spots),
+        spots=_spot_rows(data),
         changes=tuple(change_words(c) for c in data.changes),
         has_pairs=data.before is not None or any(c.before is not None for c in data.changes),
         use=space_use_view(data.space),
@@ -190,6 +192,13 @@ def _week_name(ref: WeekRef, *, year: int) -> str:
     if ref.year == year:
         return catalogue.say("words.week", number=ref.number)
     return catalogue.say("words.week_year", number=ref.number, year=ref.year)
+
+
+def _spot_rows(data: PlannerData) -> tuple[tuple[str, str, Row], ...]:
+    """Return each hotspot's id and name on the page, and its row of the answer."""
+    found = data.hotspots
+    table, *_ = hotspot_answers(found, window_holds(data.site, found, inputs=""))
+    return tuple((_spot_id(s), place_name(s.place), row) for s, row in zip(found.spots, table.rows, strict=True))
 
 
 def _spot_id(spot: FloorSpot) -> str:

@@ -20,7 +20,6 @@ from vsd_analytics.figures.catalogue import OF_SPACE, asks_for, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_time import change_close_time_share, close_time
 from vsd_analytics.figures.compare import why_not
-from vsd_analytics.figures.hotspot_export import without_small
 from vsd_analytics.figures.panels import WEEK, Flags, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.week import areas as report_areas
@@ -28,7 +27,7 @@ from vsd_analytics.figures.week import lazy_answers, recording, timetable
 from vsd_analytics.figures.week.density import FloorGrid
 from vsd_analytics.figures.week.estimates import with_change
 from vsd_analytics.figures.week.floor_maps import floor_maps
-from vsd_analytics.figures.week.hidden_hotspots import revealing_spots
+from vsd_analytics.figures.week.hidden_hotspots import revealing_spots, without_small
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.figures.week.results import AreaRow, WeekRef

@@ -15,6 +15,10 @@ MIN_WEEKS: Final = 4
 """Fewer weeks do not show how much weeks differ."""
 
 
+Position = Literal["below", "within", "above"]
+"""Where a value lies beside a range."""
+
+
 @dataclass(frozen=True, slots=True)
 class UsualRange:
     """Where a week like the weeks before lies.
@@ -28,7 +32,7 @@ class UsualRange:
     hi: float
     n_weeks: int
 
-    def position(self, value: float) -> Literal["below", "within", "above"]:
+    def position(self, value: float) -> Position:
         """Return where a value lies."""
         return "below" if value < self.lo else "above" if value > self.hi else "within"
 

@@ -141,8 +141,9 @@ def test_the_command_writes_page_and_mail_and_prints_the_same_words(
     assert "WHAT IS USUAL IS NOT KNOWN YET" in printed
     assert run(cli, [*asked, "--json"]) == 0
     [found] = json.loads(capsys.readouterr().out)["today"]
-    assert f"{found['so_far']['violations']:,.0f} violations" in printed
-    assert found["so_far"]["until_hour"] == 14
+    [_, so_far] = found["answers"]["today_days"]["rows"]
+    assert f"{so_far['n_violations']['value']:,} violations" in printed
+    assert so_far["until_hour"] == 14
 
 
 def test_cameras_that_stopped_ask_for_somebody(demo_project: Path, tmp_path: Path) -> None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import Final
 
-from vsd_analytics.answer import Answer, Column, Reason, Row, Value
+from vsd_analytics.answer import Answer, Cell, Column, Reason, Row, Value
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
-from vsd_analytics.figures.hotspots import FloorSpot, ResolvedSpot
+from vsd_analytics.figures.hotspot_answers import hotspot_answers
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.suppression import GIVES_AWAY
-from vsd_analytics.figures.values import known, lack, measured
+from vsd_analytics.figures.values import known, measured
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.stats.shrinkage import MIN_PLACES, Pulled, pull
 
@@ -29,35 +30,6 @@ AREAS: Final = (
     Column("recorded_h", "fact", "h"),
 )
 """Columns of `areas`."""
-_OF_SPOT: Final = {
-    "excess_ratio": "ratio",
-    "n_violations": "n",
-    "violation_h": "violation_h",
-    "expected_h": "expected_h",
-    "excess_min_per_week": "excess_min_per_week",
-    "q": "q",
-}
-"""Value columns of `hotspots`, and what the analysis calls them."""
-HOTSPOTS: Final = (
-    Column("spot_id", "key"),
-    Column("rank", "fact"),
-    Column("change", "fact"),
-    Column("since", "fact"),
-    Column("changed_on", "fact"),
-    Column("name", "place"),
-    Column("area_id", "fact"),
-    Column("x_m", "place", "m"),
-    Column("y_m", "place", "m"),
-    Column("area_m2", "fact", "m2"),
-    Column("excess_ratio", "rate", "ratio", "M20", tells=("n_violations",)),
-    Column("n_violations", "count", "violations", "M20"),
-    Column("violation_h", "rate", "h", "M20", tells=("n_violations",)),
-    Column("expected_h", "rate", "h", "M20", tells=("n_violations",)),
-    Column("excess_min_per_week", "rate", "minutes", "M20", tells=("n_violations",)),
-    Column("q", "share", "share", "M20", tells=("n_violations",)),
-    Column("n_days", "fact", "days"),
-)
-"""Columns of `hotspots`."""
 
 
 @answers("M15")
@@ -134,48 +106,21 @@ def _area(inputs: FigureInputs, area: AreaRow, shrunken: Pulled | None) -> Row:
 
 @answers("M20")
 def hotspots(inputs: FigureInputs) -> tuple[Answer, ...]:
-    """Return the places with more time too close than their crowd explains, and those that are none any more (M20).
-
-    `change`: "new", "persisting", or of an earlier window "resolved" or "watching". Columns: time in violation over
-    that which crowding explains; violations near the cells; person-hours in violation and those expected;
-    person-minutes above the expected in a week; least false discovery rate.
-    """
+    """Return the places with more time too close than their crowd explains, and those that are none any more (M20)."""
     found = inputs.found.hotspots
-    nothing = None
     if not inputs.is_ranked:
-        nothing = Value.missing(inputs.why_not_ranked)
-    elif found.state != "ok":
-        nothing = lack(found.state, found.reason)
-    if nothing is not None:
-        return (inputs.list_answer("hotspots", HOTSPOTS, (), nothing=nothing),)
-    rows = [_spot(inputs, spot, spot.state) for spot in found.spots]
-    rows += [_spot(inputs, spot, "resolved") for spot in found.resolved]
-    rows += [_spot(inputs, spot, "watching") for spot in found.watching]
-    return (inputs.list_answer("hotspots", HOTSPOTS, rows, *((None, note) for note in found.notes)),)
+        found = replace(
+            found, state="not_enough_data", reason=inputs.why_not_ranked, spots=(), resolved=(), watching=()
+        )
+    now, past, _ = hotspot_answers(found, inputs.holds_for)
+    return tuple(_without_revealing(answer, inputs.found.revealing_spots) for answer in (now, past))
 
 
-def _spot(inputs: FigureInputs, spot: FloorSpot | ResolvedSpot, change: str | None) -> Row:
-    """Return where a spot is, and its figures unless they would tell a small count of another output."""
-    why_none = Reason("hotspots.earlier")
-    values = {name: known(getattr(spot, field, None), why_none) for name, field in _OF_SPOT.items()}
-    if spot.ratio is not None:
-        values["excess_ratio"] = Value(spot.ratio, spot.lo, spot.hi)
-    if isinstance(spot, FloorSpot):
-        values["excess_min_per_week"] = Value(spot.excess_min_per_week, spot.excess_min_lo, spot.excess_min_hi)
-    if spot.spot_id in inputs.found.revealing_spots:
-        values = dict.fromkeys(values, Value.missing(GIVES_AWAY))
-    place = spot.place
-    return {
-        "spot_id": spot.spot_id,
-        "rank": getattr(spot, "number", None),
-        "change": change,
-        "since": getattr(spot, "since", None),
-        "changed_on": getattr(spot, "changed_on", None),
-        "name": place.name,
-        "area_id": place.area_id,
-        "x_m": place.x_m,
-        "y_m": place.y_m,
-        "area_m2": place.area_m2,
-        **values,
-        "n_days": inputs.found.hotspots.n_days,
-    }
+def _without_revealing(answer: Answer, revealing: Collection[str]) -> Answer:
+    """Return hotspots without the figures of those that would tell a small count of another output."""
+
+    def cell(row: Row, name: str) -> Cell:
+        is_told = row["spot_id"] in revealing and isinstance(row[name], Value)
+        return Value.missing(GIVES_AWAY) if is_told else row[name]
+
+    return replace(answer, rows=tuple({name: cell(row, name) for name in row} for row in answer.rows))

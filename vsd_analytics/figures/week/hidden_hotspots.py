@@ -1,11 +1,14 @@
-"""Which hotspots would tell a small count of one week."""
+"""Which hotspots would tell a small count of one week, and hotspots without them."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import replace
 from datetime import timedelta
 
 import shapely
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpot
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.suppression import is_small
@@ -44,3 +47,24 @@ def revealing_spots(data: WeekData, found: FloorHotspots) -> frozenset[str]:
 
     spots: list[FloorSpot | ResolvedSpot] = [*found.spots, *found.resolved, *found.watching]
     return frozenset(s.spot_id for s in spots if reveals(s))
+
+
+def without_small(found: FloorHotspots, *, below: int, revealing: Collection[str]) -> FloorHotspots:
+    """Return hotspots for a table that leaves your hands: those of fewer than `below` violations are left out.
+
+    So are those that would tell a small count of one week, the cells, whose counts would tell them, and the total.
+
+    Args:
+        found: The hotspots.
+        below: Counts from 1 to just under this are small.
+        revealing: Ids of hotspots that would tell a small count (`revealing_spots`).
+    """
+    spots = tuple(s for s in found.spots if s.n >= below and s.spot_id not in revealing)
+    resolved, watching = (
+        tuple(r for r in of if (not r.n or r.n >= below) and r.spot_id not in revealing)
+        for of in (found.resolved, found.watching)
+    )
+    n_held = sum(len(of) for of in (found.spots, found.resolved, found.watching))
+    n_held -= len(spots) + len(resolved) + len(watching)
+    notes = (*found.notes, Reason("hidden.hotspots", n=n_held, least=below)) if n_held else found.notes
+    return replace(found, spots=spots, resolved=resolved, watching=watching, notes=notes, n=None, grid=None, cells=None)

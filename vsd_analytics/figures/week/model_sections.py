@@ -48,7 +48,9 @@ class SpotCard:
 
     number: int = _f("As on the map, 1 first.")
     name: str = _f("Area, or where it is; free text.")
-    at: tuple[float, float] | None = _o("Its middle, floor metres; None when it has no place on a map.")
+    at: tuple[float, float] | None = _o(
+        "Middle of its cell with the most, floor metres; None when it has no place on a map."
+    )
     area_id: str | None = _o("Area it lies in; None for none.")
     violation_rate: Estimate | None = _o(
         "Violations per open hour of that area, and its change.", "per open hour", "M0"

@@ -30,7 +30,7 @@ def _rounded(case: Case) -> Iterator[SourceWarning]:
         yield SourceWarning(
             f"all positions are {'whole' if is_whole else 'half'} metres",
             "distances between rounded places are off by as much, and people in one place have none",
-            "export positions with decimals; --unit if the numbers are no metres",
+            "export positions with decimals, or state the unit (--unit) if the numbers are no metres",
         )
 
 

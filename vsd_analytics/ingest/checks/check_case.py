@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -9,7 +10,7 @@ from typing import Final
 
 from vsd_analytics.geometry.picture_size import picture_size
 from vsd_analytics.ingest.checks.sample import Sample
-from vsd_analytics.ingest.reading.adapter import IngestOptions
+from vsd_analytics.ingest.reading.adapter import CHOICES, IngestOptions
 from vsd_analytics.ingest.reading.table_head import TableHead
 from vsd_analytics.site.model import Camera, Floor, Site
 
@@ -52,6 +53,7 @@ class Case:
         head: The columns, for tables; None for formats without columns of the user's choice.
         file: Name of the source.
         now: The clock; None = unknown.
+        uses: Options that the format reads, fields of `CHOICES`.
         differing_cameras: Those that names of the command's sources and of earlier imports say, where they differ.
     """
 
@@ -62,6 +64,7 @@ class Case:
     file: str = ""
     differing_cameras: frozenset[str] = frozenset()
     now: datetime | None = None
+    uses: frozenset[str] = frozenset(CHOICES)
 
     @property
     def columns(self) -> TableHead:
@@ -102,6 +105,19 @@ class SourceCheck:
         if self.applies(case):
             for warning in self.find(case):
                 yield warning if warning.code else replace(warning, code=self.code)
+
+
+def usable(fix: str, uses: frozenset[str]) -> str:
+    """Return the clauses of a fix whose options a format reads; the words for all formats where none is left.
+
+    Args:
+        fix: Clauses with semicolons between. One that names another format is of that format's options.
+        uses: Fields of `CHOICES` that the format reads.
+    """
+    unused = {option for name, option in CHOICES.items() if name not in uses}
+    options = ((clause, re.findall(r"(?<![\w-])--[a-z-]+", clause)) for clause in fix.split("; "))
+    clauses = [clause for clause, named in options if "--format" in named or unused.isdisjoint(named)]
+    return "; ".join(clauses).removeprefix("or ") or "let the engine write it otherwise: its format has no such option"
 
 
 def always(_: Case) -> bool:

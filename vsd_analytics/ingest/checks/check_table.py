@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import chain
 from typing import Final
 
 from vsd_analytics.ingest.checks.axis_checks import AXIS_CHECKS
 from vsd_analytics.ingest.checks.body_checks import BODY_CHECKS
 from vsd_analytics.ingest.checks.calibration_checks import CALIBRATION_CHECKS
-from vsd_analytics.ingest.checks.check_case import Case, SourceCheck, SourceWarning
+from vsd_analytics.ingest.checks.check_case import Case, SourceCheck, SourceWarning, usable
 from vsd_analytics.ingest.checks.column_checks import COLUMN_CHECKS
 from vsd_analytics.ingest.checks.filter_checks import FILTER_CHECKS
 from vsd_analytics.ingest.checks.frame_checks import FRAME_CHECKS
@@ -37,6 +38,7 @@ CHECKS: Final[tuple[SourceCheck, ...]] = (
 
 
 def warnings_of(case: Case) -> tuple[SourceWarning, ...]:
-    """Return what looks wrong, almost sure mistakes first."""
-    warnings = chain.from_iterable(check.warnings(case) for check in CHECKS)
+    """Return what looks wrong, almost sure mistakes first; fixes name no option that the format does not read."""
+    found = chain.from_iterable(check.warnings(case) for check in CHECKS)
+    warnings = (replace(warning, fix=usable(warning.fix, case.uses)) for warning in found)
     return tuple(sorted(warnings, key=lambda warning: not warning.is_sure))

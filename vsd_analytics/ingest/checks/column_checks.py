@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import shlex
+from collections.abc import Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from typing import Final
 
@@ -102,13 +103,13 @@ def _cameras(case: Case) -> Iterator[SourceWarning]:
     for column in named_like(case.columns.values, "file"):
         if len(cameras := cameras_in(case.columns.values[column])) > 1 and not case.is_settled_by_where(column):
             what = f"{column[:80]!r} names {len(cameras)} cameras"
-            yield _merged_cameras(case, what, cameras, f"--map camera_id={column}")
+            yield _merged_cameras(case, what, cameras, _as_camera(column))
         elif letters(column) in _TOPICS and 1 < len(topics := case.columns.values[column]) <= TOPICS_MAX:
             yield SourceWarning(
                 f"{column[:80]!r} has {len(topics)} values ({', '.join(v[:40] for v, _ in topics.most_common(3))}), "
                 f"and all rows go to {case.options.camera}",
                 "where each camera has a topic of its own, people of several places would be counted as if together",
-                f"--map camera_id={column} (and engine_ids in vsd.toml)",
+                f"{_as_camera(column)} (and engine_ids in vsd.toml)",
             )
     for column in named_like(case.columns.values, "storey"):
         values = case.columns.values[column]
@@ -117,7 +118,8 @@ def _cameras(case: Case) -> Iterator[SourceWarning]:
                 f"{column[:80]!r} names {len(values)} floors ({', '.join(v[:20] for v, _ in values.most_common(4))}), "
                 f"and all rows go to {case.options.camera}",
                 "people above each other would be counted as if they stood together",
-                f'--where "{quoted(column)} = ..." with --camera, one command for each floor',
+                f"{where_equal(column, values.most_common(1)[0][0])} --camera {case.options.camera}; a command like "
+                "this for each floor",
                 is_sure=True,
             )
     known = {name.lower() for c in case.site.cameras for name in (c.camera_id, c.name, *c.engine_ids)}
@@ -136,9 +138,13 @@ def _cameras(case: Case) -> Iterator[SourceWarning]:
         yield SourceWarning(
             f"{column[:80]!r} names {len(values)} cameras ({shown}), and all rows go to {case.options.camera}",
             "people of several places would be counted as if they stood together",
-            f"--map camera_id={column} (and engine_ids in vsd.toml), or --where \"{quoted(column)} = '...'\"",
+            f"{_as_camera(column)} (and engine_ids in vsd.toml), or {where_equal(column, values.most_common(1)[0][0])}",
             is_sure=True,
         )
+
+
+def _as_camera(column: str) -> str:
+    return f"--map {shlex.quote(f'camera_id={column}')}"
 
 
 def _heights(case: Case) -> Iterator[SourceWarning]:
@@ -237,20 +243,27 @@ def _unseen(case: Case) -> Iterator[SourceWarning]:
             )
 
 
+def _unit_called(value: str) -> str | None:
+    return _UNITS.get(letters(value), unit_in_name(f"x_{value}"))
+
+
 def _unit_column(case: Case) -> Iterator[SourceWarning]:
     if not any(ours in LENGTHS for ours in case.columns.plan.names):
         return
     for column in named_like(case.columns.values, "unit"):
-        units = {_UNITS.get(letters(value), unit_in_name(f"x_{value}")) for value in case.columns.values[column]}
+        units = {_unit_called(value) for value in case.columns.values[column]}
         read = {case.columns.plan.units.get(ours, "m") for ours in case.columns.plan.names if ours in LENGTHS}
         if None in units or units == read:
             continue
         wanted = next(iter(units - read), "m")
+        first = case.columns.values[column].most_common(1)[0][0]
         yield SourceWarning(
             f"{column[:80]!r} says {', '.join(v[:20] for v in list(case.columns.values[column])[:3])}, and positions "
             f"are read as {', '.join(sorted(read))}",
             "distances would be too large or too small",
-            f"--unit {wanted}" if len(units) == 1 else f'--where "{quoted(column)} = ..." with --unit, once for each',
+            f"--unit {wanted}"
+            if len(units) == 1
+            else f"{where_equal(column, first)} --unit {_unit_called(first)}; a command like this for each unit",
             is_sure=True,
         )
 
@@ -325,23 +338,31 @@ def _nobody(case: Case) -> Iterator[SourceWarning]:
     )
 
 
+def _as_map(theirs: Mapping[str, str]) -> str:
+    return f"--map {shlex.quote(','.join(f'{ours}={name}' for ours, name in theirs.items()))}"
+
+
 def _others_in_a_row(case: Case) -> Iterator[SourceWarning]:
     names = case.columns.plan.names
     axes = [names[ours] for ours in ("x_m", "y_m", "u_px", "v_px") if ours in names]
     others = [of_another_person(name, case.columns.ignored) for name in axes]
     if axes and all(others):
+        box = dict(zip(("left", "top", "right", "bottom"), (*axes, *map(str, others)), strict=True))
         yield SourceWarning(
             f"{', '.join(o[:40] for o in others if o)} seem to hold another person, or another corner, in the same row",
             "a row is one person: who is in other columns would not be counted",
-            "write one row for each person; a box: --map left=...,top=...,right=...,bottom=...",
+            f"write one row for each person; {_as_map(box)} if they are the corners of a box",
             is_sure=True,
         )
     ids = [n for n in case.columns.ignored if (t := names.get("track_id")) and of_another_person(t, [n])]
     if "left" in names and ids:
+        sides = zip(("x_a_m", "y_a_m", "x_b_m", "y_b_m"), ("left", "top", "right", "bottom"), strict=True)
+        places = {ours: names[side] for ours, side in sides if side in names}
+        pair = {"track_a": names["track_id"], "track_b": ids[0], **places}
         yield SourceWarning(
             f"{ids[0][:40]!r} is the id of another person in the same row",
             "a row of two people is a pair: its two places are no corners of a box",
-            "--format pairs --map track_a=...,track_b=...,x_a_m=...,y_a_m=...,x_b_m=...,y_b_m=...",
+            f"--format pairs {_as_map(pair)}" if "right" in names else "map the two places of a pair (--map)",
             is_sure=True,
         )
     for path in case.columns.passed_over:

@@ -34,12 +34,12 @@ def _ids(case: Case) -> Iterator[SourceWarning]:
         return
     why = "a violation needs the same two people for 3 seconds; records, person-hours and maps are not concerned"
     like = [] if case.head is None else ids_like(case.head.ignored)
-    named = f"--map {shlex.quote('track_id=' + (like[0] if like else '...'))}"
+    named = f"--map {shlex.quote('track_id=' + like[0])}" if like else "export it as track_id"
     if case.head is not None and not sample.has_ids:
         what = "there are no track ids: violations cannot be counted"
         unread = ", ".join(name[:40] for name in case.head.ignored[:5])
-        of_these = f", if one of the columns that are not read holds them: {unread}" if unread else ""
-        fix = named if like else f"export the tracker's ids, and map them: --map track_id=...{of_these}"
+        of_these = f"; map them (--map) if one of the columns that are not read holds them: {unread}" if unread else ""
+        fix = named if like else f"export the tracker's ids as track_id{of_these}"
         yield SourceWarning(what, why, fix, is_note=not like)
         return
     if sample.has_ids:
@@ -92,7 +92,7 @@ def _numbers_of_a_frame(case: Case) -> Iterator[SourceWarning]:
         yield SourceWarning(
             f"in nearly each frame the ids are {least[0]}, {least[0] + 1}, ... without a gap",
             "they number the people of a frame: who has number 2 is somebody else as soon as number 1 leaves",
-            "map the id of the track: --map track_id=...; if there is none, violations cannot be counted",
+            "map the id of the track (--map), or export it; if there is none, violations cannot be counted",
         )
 
 

@@ -45,7 +45,7 @@ def _taken_over(case: Case) -> Iterator[SourceWarning]:
             f"{n_taken:,} times an id jumps to where another person was a moment before{most if n_at_once else ''}",
             "the ids begin again there, number the people of a frame, or the tracker takes one person for another: "
             "ways and violations of people would be joined",
-            "map the id of the track: --map track_id=...; export ids that do not begin again, or a file for each part, "
+            "map the id of the track (--map); export ids that do not begin again, or a file for each part, "
             "with the part in front of its ids",
             is_note=not n_at_once,  # a tracker that is often wrong does so, too, and its file cannot be corrected
         )
@@ -95,7 +95,7 @@ def _handed_on(case: Case) -> Iterator[SourceWarning]:
         yield SourceWarning(
             f"{n_on:,} of {len(ends):,} ids end where another one begins in the next frame{most if n_at_once else ''}",
             "they do not last, or begin again: a violation needs the same two people for 3 seconds, and visits are cut",
-            "map the id of the track, not of the detection, row, stretch or file: --map track_id=...",
+            "map the id of the track (--map), not of the detection, row, stretch or file",
             is_note=not is_usual,
         )
 

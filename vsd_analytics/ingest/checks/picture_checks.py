@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from typing import Final
 
@@ -16,8 +17,9 @@ from vsd_analytics.ingest.checks.check_case import (
     has_columns,
     picture_px,
 )
-from vsd_analytics.ingest.checks.sample import Floats, Sample, extent, is_known
-from vsd_analytics.ingest.reading.column_hints import letters, side_named
+from vsd_analytics.ingest.checks.place_checks import as_metres
+from vsd_analytics.ingest.checks.sample import Floats, extent, is_known
+from vsd_analytics.ingest.reading.column_hints import letters, place_like, side_named
 from vsd_analytics.ingest.reading.table_head import TableHead
 
 _BOX_SIDES: Final = {"right": "size", "bottom": "size", "width": "corner", "height": "corner"}
@@ -53,32 +55,43 @@ def _pixels(case: Case) -> Iterator[SourceWarning]:
     yield from _scale(case, *places.T)
 
 
+def _as_centre(head: TableHead) -> str | None:
+    """Return how to read the corner of a box as its centre."""
+    return head.map_option(center_x="left", center_y="top", width="width", height="height")
+
+
 def _columns(head: TableHead) -> Iterator[SourceWarning]:
     """Yield warnings whether columns hold feet, or the corners of boxes, by their names."""
     names = head.plan.names
     centre = [theirs for ours, theirs in names.items() if ours in ("left", "top") and "cent" in theirs.lower()]
     if centre:
         what = f"a box's corner is read from {centre[0][:80]!r}, which names its centre"
-        fix = "--map center_x=...,center_y=...,width=...,height=..."
+        fix = _as_centre(head) or "map the centre as center_x and center_y, beside width and height"
         yield SourceWarning(what, "foot points would be half a box away", fix, is_sure=True)
-    if "u_px" in names and len([n for n in head.ignored if side_named(n) == "size"]) >= 2:
+    sizes = [name for name in head.ignored if side_named(name) == "size"]
+    if "u_px" in names and len(sizes) >= 2:
+        beside = place_like(["left", "top", *sizes])
+        point, size = (names["u_px"], names["v_px"]), (beside.get("width", sizes[0]), beside.get("height", sizes[1]))
+        sides = ((*ours, "width", "height") for ours in (("left", "top"), ("center_x", "center_y")))
+        renames = (",".join(f"{o}={n}" for o, n in zip(ours, point + size, strict=True)) for ours in sides)
+        corner, centre_of_box = (f"--map {shlex.quote(rename)}" for rename in renames)
         yield SourceWarning(
             f"{names['u_px'][:80]!r} is read as a point, and the file has the size of a box beside it",
             "people's places are where their feet are: the lower edge of the box, and not its corner or centre",
-            f"--map left={names['u_px']},top={names['v_px']},width=...,height=..., or center_x=... and center_y=...",
+            f"{corner} if it is the upper left corner; {centre_of_box} if it is the centre",
             is_sure=True,
         )
     elif "u_px" in names and (centre := [n for n in (names["u_px"], names["v_px"]) if _names_centre(n)]):
         yield SourceWarning(
             f"u_px, v_px are read from {centre[0][:80]!r}, which names the centre of a box",
             "people's places are where their feet are: half a box further down",
-            "export the lower edge of boxes, or their width and height: --map center_x=...,center_y=...,width=...,...",
+            "export the lower edge of boxes, or their centre, width and height (center_x, center_y, width, height)",
         )
     if letters(corner := names.get("left", "")).endswith("xywh"):
         yield SourceWarning(
             f"{corner[:80]!r} is read as the corner of a box: some programs write its centre under this name",
             "people's places would be half a box to the right and further down",
-            "--map center_x=...,center_y=...,width=...,height=... if it is the centre, as ultralytics has it",
+            f"{_as_centre(head) or 'map center_x, center_y'} if it is the centre, as ultralytics has it",
             is_note=True,
         )
 
@@ -90,7 +103,7 @@ def _boxes(case: Case, head: TableHead, places: Floats) -> Iterator[SourceWarnin
         yield SourceWarning(
             f"{boxes.n_wide:,} of {boxes.n:,} boxes are clearly wider than high",
             "people who stand are higher than wide: the axes, or sides and sizes, may be exchanged",
-            "map each side to the column that holds it: --map left=...,top=...,right=...,bottom=...",
+            "map each side to the column that holds it (--map)",
         )
     if boxes.n_slim > 0.5 * boxes.n > 0 and (side := _square_side(places)) is not None:
         yield SourceWarning(
@@ -110,7 +123,11 @@ def _boxes(case: Case, head: TableHead, places: Floats) -> Iterator[SourceWarnin
     if wrong:
         is_size = side_named(wrong[0]) == "size"
         what = f"{wrong[0][:80]!r} names the {'size' if is_size else 'far corner'} of a box, and is read as the other"
-        fix = "--map left=...,top=...," + ("width=...,height=..." if is_size else "right=...,bottom=...")
+        fix = (
+            head.map_option(left="left", top="top", width="right", height="bottom")
+            if is_size
+            else head.map_option(left="left", top="top", right="width", bottom="height")
+        ) or "map each side to the column that holds it (--map)"
         yield SourceWarning(what, "foot points would be elsewhere in the picture", fix, is_sure=True)
     if boxes.n_upside_down > 0.5 * boxes.n:
         what = f"the bottom of {boxes.n_upside_down:,} of {boxes.n:,} boxes is above their top"
@@ -124,7 +141,8 @@ def _as_corners(case: Case) -> str:
     """Return the options that read width and height as right and bottom sides."""
     columns = case.options.columns or (tuple(case.columns.plan.names) if case.columns.n_columns else ())
     if not columns:
-        return "--map left=...,top=...,right=...,bottom=..."
+        option = case.columns.map_option(left="left", top="top", right="width", bottom="height")
+        return option or "map them as right and bottom (--map)"
     ours = {"width": "right", "height": "bottom"}
     more = ["_"] * (case.columns.n_columns - len(columns))
     return f"--format table --columns {','.join([*(ours.get(name, name) for name in columns), *more])}"
@@ -151,9 +169,9 @@ def _scale(case: Case, u: Floats, v: Floats) -> Iterator[SourceWarning]:
     if (shares := _shares(u, v, size)) is not None:
         yield shares
     elif size is None:
-        yield from _size_unknown(u, v)
+        yield from _size_unknown(case.head, u, v)
     elif len(u) >= ROWS_MIN:
-        yield from _size_known(case.sample, u, v, size)
+        yield from _size_known(case, u, v, size)
 
 
 def _shares(u: Floats, v: Floats, size_px: tuple[int, int] | None) -> SourceWarning | None:
@@ -173,7 +191,7 @@ def _shares(u: Floats, v: Floats, size_px: tuple[int, int] | None) -> SourceWarn
     return None
 
 
-def _size_unknown(u: Floats, v: Floats) -> Iterator[SourceWarning]:
+def _size_unknown(head: TableHead | None, u: Floats, v: Floats) -> Iterator[SourceWarning]:
     if len(u) >= ROWS_MIN and max(np.quantile(u, 0.9), np.quantile(v, 0.9)) > PICTURE_MAX_PX:
         what = f"positions reach to u {u.max():,.0f}, v {v.max():,.0f}"
         why = f"hardly any camera has more than {PICTURE_MAX_PX:,} pixels: engines count to 8191 or 10000 like this"
@@ -182,12 +200,12 @@ def _size_unknown(u: Floats, v: Floats) -> Iterator[SourceWarning]:
         yield SourceWarning(
             f"nobody is beyond u {u.max():,.0f}, v {v.max():,.0f}",
             "hardly any camera has so few pixels: metres, or shares or percents of the picture, look like this",
-            "--map x_m=...,y_m=... if they are metres; --size WIDTHxHEIGHT if they are shares of 1; "
+            f"{as_metres(head)} if they are metres; --size WIDTHxHEIGHT if they are shares of 1; "
             "picture_px of the camera in vsd.toml if it has so few pixels",
         )
 
 
-def _size_known(sample: Sample, u: Floats, v: Floats, size_px: tuple[int, int]) -> Iterator[SourceWarning]:
+def _size_known(case: Case, u: Floats, v: Floats, size_px: tuple[int, int]) -> Iterator[SourceWarning]:
     width, height = size_px
     beyond = float(((u < -0.02 * width) | (u > 1.02 * width) | (v < -0.02 * height) | (v > 1.1 * height)).mean())
     is_percent = u.max() <= 100 and v.max() <= 100 and min(size_px) >= 300
@@ -201,13 +219,13 @@ def _size_known(sample: Sample, u: Floats, v: Floats, size_px: tuple[int, int]) 
         return
     is_corner = bool(np.quantile(u, 0.99) < 0.05 * width and np.quantile(v, 0.99) < 0.05 * height)
     if beyond > 0.1 or is_corner:
-        usual = extent(sample.picture_px)
+        usual = extent(case.sample.picture_px)
         assert usual is not None
         where = f"u {usual[0]:,.0f} to {usual[1]:,.0f}, v {usual[2]:,.0f} to {usual[3]:,.0f}"
         yield SourceWarning(
             f"positions do not fit the picture of {width} x {height} pixels: {where}",
             "the engine's pictures may have another resolution, or the positions another unit",
-            "calibrate with the resolution that the engine works at; --map x_m=...,y_m=... if they are metres",
+            f"calibrate with the resolution that the engine works at; {as_metres(case.head)} if they are metres",
             is_sure=beyond > 0.5 or is_corner,
         )
     elif len(u) >= 5 * ROWS_MIN and (share := max(u.max() / width, v.max() / height)) <= HALF_SHARE:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -24,6 +25,7 @@ from vsd_analytics.ingest.checks.check_case import (
 )
 from vsd_analytics.ingest.checks.sample import Floats, Sample, Ways, extent, is_known, is_last, steps
 from vsd_analytics.ingest.reading.column_hints import named_like, names_degrees, names_motion
+from vsd_analytics.ingest.reading.table_head import TableHead
 from vsd_analytics.ingest.reading.units import LENGTHS, PIXELS, unit_in_name
 
 SPEED_MAX_M_S: Final = 8.0
@@ -48,22 +50,22 @@ REPEATED_SHARE: Final = 0.2
 _USUAL_PLACEHOLDERS: Final = (0.0, -1.0, -999.0, -9999.0, 9999.0)
 WALK_M_S: Final = 1.3
 """Speed of people who walk, by which a unit is proposed."""
-_UNIT: Final = "--unit {} (or {}, {}) if they are lengths; --map u_px=...,v_px=... if they are pixels"
-UNIT: Final = _UNIT.format("mm", "cm", "ft")
+_UNITS_TRIED: Final = ("mm", "cm", "ft")
 
 
 def _units(case: Case) -> Iterator[SourceWarning]:
     if case.head is not None:
-        yield from _named_units(case.head.plan.names)
+        yield from _named_units(case.head)
     sample = case.sample
     speeds = sample.speeds_m_s
-    yield from _too_fast(sample, speeds)
+    yield from _too_fast(case, speeds)
     is_walking = len(speeds) >= ROWS_MIN and 0 < float(np.median(speeds)) <= SPEED_MAX_M_S
     yield from _far_out(case, is_walking=is_walking)
 
 
-def _named_units(names: Mapping[str, str]) -> Iterator[SourceWarning]:
-    """Yield warnings about columns whose names say another unit; names are theirs by ours."""
+def _named_units(head: TableHead) -> Iterator[SourceWarning]:
+    """Yield warnings about columns whose names say another unit."""
+    names = head.plan.names
     if "x_m" in names and names["x_m"] == names.get("y_m"):
         what = f"x_m and y_m are both read from {names['x_m'][:80]!r}"
         yield SourceWarning(what, "everybody would be on one line", "map each to a column of its own", is_sure=True)
@@ -87,28 +89,27 @@ def _named_units(names: Mapping[str, str]) -> Iterator[SourceWarning]:
             yield SourceWarning(
                 f"{ours} is read from {theirs[:80]!r}, which names pixels",
                 "pixels are no metres: distances would be hundreds of times too large",
-                "--map u_px=...,v_px=... for points of the picture; the camera needs a calibration",
+                f"{_as_pixels(head)} for points of the picture; the camera needs a calibration",
                 is_sure=True,
             )
         elif (ours in FILE_BOX or ours in ("u_px", "v_px")) and unit in METRES:
             yield SourceWarning(
                 f"{ours} is read from {theirs[:80]!r}, which names a unit of length",
                 "lengths on the floor are no pixels",
-                "--map x_m=...,y_m=... : columns that name their unit are converted to metres",
+                f"{as_metres(head)}: columns that name their unit are converted to metres",
                 is_sure=True,
             )
 
 
-def _too_fast(sample: Sample, speeds: Floats) -> Iterator[SourceWarning]:
+def _too_fast(case: Case, speeds: Floats) -> Iterator[SourceWarning]:
     """Yield the warning about people who would move faster than people do; speeds are those of all steps, m/s."""
+    sample = case.sample
     if len(speeds) >= ROWS_MIN and (median := float(np.median(speeds))) > SPEED_MAX_M_S:
         what = f"people would move at {median:,.0f} m/s: half of the steps are faster"
-        yield SourceWarning(
-            what, "positions are hardly in metres, or ids change people", _unit_fix(sample), is_sure=True
-        )
+        yield SourceWarning(what, "positions are hardly in metres, or ids change people", unit_fix(case), is_sure=True)
     elif len(walked := sample.walked_m_s) >= ROWS_MIN and (median := float(np.median(walked))) > WALK_MAX_M_S:
         what = f"people would walk at {median:.1f} m/s: half of the steps of a second or longer are faster"
-        fix = "--unit ft (or yd, dm) if they are; check --hz where times come from frame numbers"
+        fix = "--unit ft (or yd, dm) if they are; where times come from frame numbers, check their rate (--hz)"
         why = "most people walk at 0.5 to 1.6 m/s; feet read as metres look like this"
         yield SourceWarning(what, why, fix, is_sure=median > SPEED_MAX_M_S)
     elif len(walked) >= 5 * ROWS_MIN and (fast := float(np.quantile(walked, 1 - HURRY_SHARE))) > HURRY_MAX_M_S:
@@ -117,13 +118,39 @@ def _too_fast(sample: Sample, speeds: Floats) -> Iterator[SourceWarning]:
         yield SourceWarning(what, why, "--unit ft (or yd, dm) if they are; else look at the track ids")
 
 
-def _unit_fix(sample: Sample) -> str:
+def unit_fix(case: Case) -> str:
     """Return how to state the unit; first comes the one in which the faster steps are those of people who walk."""
-    speeds = sample.speeds_m_s
+    speeds = case.sample.speeds_m_s if not case.sample.is_pairs else ()
     fast = float(np.quantile(speeds, 1 - HURRY_SHARE)) if len(speeds) >= ROWS_MIN else 0.0
-    if fast <= 0:
-        return UNIT
-    return _UNIT.format(*sorted(("mm", "cm", "ft"), key=lambda unit: abs(math.log(fast * METRES[unit] / WALK_M_S))))
+    units: Sequence[str] = _UNITS_TRIED
+    if fast > 0:
+        units = sorted(_UNITS_TRIED, key=lambda unit: abs(math.log(fast * METRES[unit] / WALK_M_S)))
+    as_lengths = f"--unit {units[0]} (or {', '.join(units[1:])}) if they are lengths"
+    return f"{as_lengths}; {_as_pixels(case.head)} if they are pixels" if not case.sample.is_pairs else as_lengths
+
+
+def _as_pixels(head: TableHead | None) -> str:
+    """Return how to read the columns of floor metres as points of the picture."""
+    option = None if head is None else head.map_option(u_px="x_m", v_px="y_m")
+    return option or "let the engine write them as u_px, v_px"
+
+
+def as_metres(head: TableHead | None) -> str:
+    """Return how to read points of the picture, or corners of boxes, as floor metres."""
+    option = None
+    if head is not None:
+        across, along = ("left", "top") if "left" in head.plan.names else ("u_px", "v_px")
+        option = head.map_option(x_m=across, y_m=along)
+    return option or "let the engine write them as x_m, y_m"
+
+
+def _states_unit(case: Case) -> bool:
+    """Return whether the columns of places name their unit, so that the user cannot state another."""
+    return case.head is not None and any(
+        unit_in_name(case.head.plan.names.get(o, o)) is not None
+        for o in ("x_m", "y_m")
+        if case.head.plan.names.get(o, o) != o
+    )
 
 
 def _far_out(case: Case, *, is_walking: bool) -> Iterator[SourceWarning]:
@@ -141,10 +168,12 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[SourceWarning]:
         more = ": every position is between 0 and 1" if is_share else f": x {x.min():.4g} to {x.max():.4g}"
         what = f"{n_ids:,} people would all be within one square metre{more}"
         why = f"{'shares of a picture or of a plan' if is_share else 'degrees'}, and kilometres, look like this"
+        is_floor_in_km = FLAT_M < 1000 * max(np.ptp(x), np.ptp(y)) < SPAN_MAX_M and not _states_unit(case)
+        in_km = "; --unit km if they are" if is_floor_in_km else ""
         fix = (
-            "--map u_px=...,v_px=... with --size WIDTHxHEIGHT if they are shares of the picture; --unit km"
+            f"{_as_pixels(case.head)} with --size WIDTHxHEIGHT if they are shares of the picture{in_km}"
             if is_share
-            else "convert them to metres of the floor before the export; --unit km"
+            else f"convert them to metres of the floor before the export{in_km}"
         )
         yield SourceWarning(what, why, fix, is_sure=True)
         return
@@ -156,7 +185,7 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[SourceWarning]:
     if bounds is None:
         if max(spread_x, spread_y) > SPAN_MAX_M:
             why = f"most floors are smaller than {SPAN_MAX_M:g} m; other units look like this"
-            yield SourceWarning(f"positions reach over {shown}", why, _unit_fix(case.sample), is_sure=not is_walking)
+            yield SourceWarning(f"positions reach over {shown}", why, unit_fix(case), is_sure=not is_walking)
         return
     left, right, low, high = bounds
     outside = f"the plan or view reaches over x {left:,.1f} to {right:,.1f} m, y {low:,.1f} to {high:,.1f} m"
@@ -179,11 +208,11 @@ def _far_out(case: Case, *, is_walking: bool) -> Iterator[SourceWarning]:
     elif far > 0.5:
         what = f"{far:.0%} of the positions are far outside the floor: {shown}"
         yield SourceWarning(
-            what, outside, f"{_unit_fix(case.sample)}; or correct plan_origin_m and plan_m_per_px", is_sure=True
+            what, outside, f"{unit_fix(case)}; or correct plan_origin_m and plan_m_per_px", is_sure=True
         )
     elif near > 0.1:
         what = f"{near:.0%} of the positions are outside the floor: {shown}"
-        fix = f"{_unit_fix(case.sample)}; or correct plan_origin_m and plan_m_per_px"
+        fix = f"{unit_fix(case)}; or correct plan_origin_m and plan_m_per_px"
         yield SourceWarning(what, outside, fix, is_sure=near > 0.5)
 
 
@@ -205,7 +234,9 @@ def _axes(case: Case) -> Iterator[SourceWarning]:
         f"everybody would be on one line: {flat} is {low:.2f} to {low + spreads[flat]:.2f} m, {wide} reaches over "
         f"{spreads[wide]:,.0f} m",
         f"{flat} may be the height above the floor, as where the second axis points up",
-        f"--map {flat}={third[0] if third else '...'} with the axis that lies on the floor",
+        f"--map {shlex.quote(f'{flat}={third[0]}')}, where it lies on the floor"
+        if third
+        else "export the two axes that lie on the floor",
         is_sure=bool(third),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterator
 from datetime import date, timedelta
 from typing import Final
@@ -122,9 +123,7 @@ def _hour_back(case: Case) -> Iterator[SourceWarning]:
             "put right, or put back at the end of summer time: the hour would be stored on top of the one before",
             "export the records before and after it as two files, the wrong ones with corrected times"
             if not sample.zone.names
-            else "export times with their offset; of that zone's clock, the first of two hours is taken"
-            if case.options.zone == case.site.timezone
-            else f"--zone {case.site.timezone} if it is the clock of the site; better: export times with their offset",
+            else "export times with their offset: nothing else tells the second of two such hours from the first",
         )
 
 
@@ -203,7 +202,9 @@ def _merging(case: Case) -> Iterator[SourceWarning]:
         yield SourceWarning(
             "all times are midnight: ts seems to be a date without the time of day",
             f"{n_second:,} of {sample.n:,} rows would be left out as second sightings; the others would be one frame",
-            f"--map ts={theirs}+{times[0] if times else 'TIME'}",
+            f"--map {shlex.quote(f'ts={theirs}+{times[0]}')}"
+            if times
+            else "export the time of day too, in the same column or in one beside it",
             is_sure=True,
         )
     elif share > 0.5:
@@ -233,7 +234,7 @@ def _merging(case: Case) -> Iterator[SourceWarning]:
         yield SourceWarning(
             f"{n_second:,} of {sample.n:,} rows would be left out as second sightings",
             "a person has one place at a time; the times may be too coarse, or ids belong to several people",
-            "export times with parts of seconds; --period N keeps one record of each period",
+            "export times with parts of seconds; or keep one record of each period: --period 1",
         )
 
 
@@ -250,8 +251,8 @@ def _years(case: Case) -> Iterator[SourceWarning]:
     least = float(sample.ts_ms.min())
     if 0 <= least < _HOUR_MS and case.options.start is None and "ts" in case.columns.plan.names:
         fix = (
-            "--start 2026-11-09T08:00 (when the recording began) if they are counted from its beginning; --time-format "
-            "ms (us, ns) if not in seconds"
+            "--start 2026-11-09T08:00 (when the recording began) if they are counted from its beginning; in "
+            "other units than seconds with --time-format, such as --start 2026-11-09T08:00 --time-format ms"
         )
     elif 20_000_000 < median < 80_000_000:
         fix = "they look like days since 1899, as Excel counts them: export them as text"

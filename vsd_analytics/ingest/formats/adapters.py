@@ -29,6 +29,7 @@ SPECIFIC = {
     "axis-scene": "vsd_analytics.ingest.formats.axis_scene:AxisScene",
     "azure-spatial-analysis": "vsd_analytics.ingest.formats.azure_spatial_analysis:AzureSpatialAnalysis",
     "onvif": "vsd_analytics.ingest.formats.onvif:Onvif",
+    "otvision": "vsd_analytics.ingest.formats.otvision:OTVision",
     "sociopatterns": "vsd_analytics.ingest.formats.sociopatterns:SocioPatterns",
     "jupedsim": "vsd_analytics.ingest.formats.jupedsim:JuPedSim",
     "kitti": "vsd_analytics.ingest.formats.kitti:Kitti",

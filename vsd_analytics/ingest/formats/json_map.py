@@ -104,7 +104,9 @@ class JsonMap(JsonMessages):
             except BadRowError:
                 continue
             things = [message, *(f.entry for f in seen if f.entry is not message)] if paths.persons is not None else []
-            people = [person for f in seen for _, person in f.persons]
+            people = [
+                p for f in seen for _, p in f.persons if all(_holds(c, f.value(p, c.column)) for c in paths.where)
+            ]
             for path, value in (leaf for thing in (*things, *people) for leaf in leaves(thing)):
                 if path not in read and not path.startswith(f"{paths.persons}."):
                     _count(values.setdefault(path, Counter()), value)

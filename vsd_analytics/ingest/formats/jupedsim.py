@@ -77,13 +77,15 @@ def _clock(source: Source, options: IngestOptions, database: sqlite3.Connection)
     except (sqlite3.OperationalError, TypeError, ValueError):  # it has no such table, or no number in it
         fps = options.fps
     if fps is None or not math.isfinite(fps) or fps <= 0 or options.start is None:
+        has_rate = fps is not None and math.isfinite(fps) and fps > 0
         lacking = "when its first frame was" if options.start is None else "how many frames a second it has"
+        needed = [*(["--start 2026-01-05T09:00:00+01:00"] * (options.start is None)), *(["--fps 25"] * (not has_rate))]
         raise InputError(
             f"{source.file_name} does not say {lacking}",
             code="E207",
             where=Where(source.name),
             why="JuPedSim writes frame numbers, and the rate into the table metadata",
-            fix="give it, for example --start 2026-01-05T09:00:00+01:00, and --fps 25 if the rate is missing",
+            fix=f"give it, for example {' '.join(needed)}",
         )
     return partial(frame_ms, first=options.first_frame or 0.0, fps=fps, start_ms=options.start)
 

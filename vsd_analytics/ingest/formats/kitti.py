@@ -13,6 +13,7 @@ from vsd_analytics.ingest.formats.tables import Tables
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.ingest.reading.columns import ColumnPlan
 from vsd_analytics.ingest.reading.table_file import TableFile
+from vsd_analytics.ingest.reading.table_head import TableHead
 from vsd_analytics.ingest.reading.table_parts import TablePart
 
 _NUMBER = rb"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
@@ -30,6 +31,10 @@ class Kitti(Tables):
     def detects(self, source: Source) -> bool:
         """Return whether the first line has the columns of KITTI."""
         return source.path.is_file() and _FIRST_LINE.match(source.head(4096)) is not None
+
+    def head(self, source: Source, options: IngestOptions) -> TableHead:
+        """Return what the columns, which always mean the same, hold in the first rows; see `Tables.head`."""
+        return replace(super().head(source, options), n_columns=len(_COLUMNS))
 
     def _planned(
         self, source: Source, options: IngestOptions, part: TablePart | None = None

@@ -50,8 +50,8 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
 
 _CSV: Final = "export the table as CSV or Parquet"
 _UNPACK: Final = "unpack it, and name the files inside; gzip, bzip2, zstd, zip and tar are read as they are"
-_UTF_8: Final = "save it as CSV UTF-8, or: iconv -f UTF-16 -t UTF-8 FILE > utf8.csv"
 _PICTURE: Final = "vsd engine run finds people in pictures with --detector MODEL.onnx (docs/detectors.md)"
+_DRAWING: Final = "vsd check makes a floor plan of it: vsd check FILE --picture plan.svg"
 _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"\xd0\xcf\x11\xe0", "an Excel workbook of before 2007 (xls)", "save it as xlsx or CSV UTF-8"),
     (
@@ -64,7 +64,14 @@ _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
         "a SQLite database",
         'export the table: sqlite3 -header -csv FILE "select * from TABLE" > a.csv',
     ),
-    (b"%PDF", "a PDF", "export the table as CSV"),
+    (
+        b"%PDF",
+        "a PDF",
+        "export the table as CSV; of a floor plan, make a picture: pdftoppm -png -r 150 -singlefile FILE plan "
+        "(plan_m_per_px = 0.0169 where it is drawn 1:100)",
+    ),
+    (b"AC10", "a drawing of AutoCAD (DWG)", "save it as DXF; then: vsd check FILE.dxf --picture plan.svg"),
+    (b"AutoCAD Binary DXF", "an architect's drawing (DXF)", _DRAWING),
     (b"\xfd7zXZ", "compressed with xz", "unpack it: unxz FILE; gzip, bzip2 and zstd are read as they are"),
     (b"7z\xbc\xaf", "a 7z archive", _UNPACK),
     (b"Rar!", "a RAR archive", _UNPACK),
@@ -86,14 +93,13 @@ _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"ORC", "an ORC file", "write it as Parquet"),
     (b"Obj\x01", "an Avro file", "write it as Parquet"),
     (b"\xff\xff\xff\xff", "a stream of Arrow", "write it as an Arrow file, Feather or Parquet"),
-    (b"\xff\xfe", "text in UTF-16", _UTF_8),
-    (b"\xfe\xff", "text in UTF-16", _UTF_8),
     (b"#ROSBAG", "a ROS bag", "export the topic of positions as CSV, or as JSON lines"),
     (b"\x89PNG", "a picture", _PICTURE),
     (b"\xff\xd8\xff", "a picture", _PICTURE),
     (b"{\\rtf", "a text document (RTF)", "save it as plain text, or as CSV UTF-8"),
 )
 """First bytes, what such a file is, and what to do."""
+_DXF: Final = re.compile(rb"\s*(?:999\s*\r?\n.*\r?\n\s*)*0\s*\r?\n\s*SECTION\s")
 _STREAMS: Final = {"rtsp", "rtsps", "rtmp", "rtmps", "http", "https", "rtp", "udp", "srt"}
 _ROWS: Final = "write a row for each person and frame: frame, id, left, top, right, bottom"
 _XML: Final[tuple[tuple[re.Pattern[bytes], str, str], ...]] = (
@@ -126,15 +132,36 @@ def kind_of_no_table(source: Source) -> tuple[str, str] | None:
         return "a video", f"vsd engine run {file} --camera ID --detector MODEL.onnx --start INSTANT (docs/detectors.md)"
     if head.lstrip().lower().startswith((b"<!doctype html", b"<html", b"<table")):
         return "a web page (HTML)", "open it in a spreadsheet, and save it as xlsx or CSV UTF-8"
-    if head[:1] == b"\0" and head[2:3] == b"\0" and head[1:2].isalnum():
-        return "text in UTF-16", _UTF_8
+    if (encoding := _wide_encoding(head)) is not None:
+        file = shlex.quote(source.file_name)
+        return f"text in {encoding}", f"save it as CSV UTF-8, or: iconv -f {encoding} -t UTF-8 {file} > utf8.csv"
     if _SPREADSHEET in head:
         return "an OpenDocument spreadsheet (ods)", "save it as xlsx or CSV UTF-8"
-    known = next(((what, fix) for start, what, fix in _KINDS if head.startswith(start)), None)
+    if _DXF.match(head):
+        return "an architect's drawing (DXF)", _named(_DRAWING, source)
+    known = next(((what, _named(fix, source)) for start, what, fix in _KINDS if head.startswith(start)), None)
     start = source.head(4096)
     if known is None and b"\0" not in start and b"\n" not in start and start.count(b"\r") > 2:
-        return "text whose lines end with CR alone", f"tr '\\r' '\\n' < {source.file_name} > lines.csv"
+        return "text whose lines end with CR alone", f"tr '\\r' '\\n' < {shlex.quote(source.file_name)} > lines.csv"
     return known
+
+
+def _named(fix: str, source: Source) -> str:
+    """Return a fix with the name of the file in place of FILE."""
+    return re.sub(r"\bFILE\b(?!\.)", lambda _: shlex.quote(source.file_name), fix)
+
+
+def _wide_encoding(head: bytes) -> str | None:
+    """Return the encoding of text whose letters take two or four bytes each, as iconv calls it; None for others."""
+    if head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):
+        return "UTF-32"
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "UTF-16"
+    if head[:1] == b"\0" and head[2:3] == b"\0" and head[1:2].isalnum():
+        return "UTF-16BE"
+    return (
+        "UTF-16LE" if head[1:2] == b"\0" and head[3:4] == b"\0" and head[:1].isalnum() and head[2:3].isalnum() else None
+    )
 
 
 def _is_video(head: bytes) -> bool:
@@ -223,7 +250,7 @@ def _json_fix(source: Source) -> str | None:
     if not head:
         return None
 
-    one_a_line = f"jq -c '.{{}}[]' {source.file_name} > lines.jsonl"
+    one_a_line = f"jq -c '.{{}}[]' {shlex.quote(source.file_name)} > lines.jsonl"
     if b'"FeatureCollection"' in head:
         places = "x_m=geometry.coordinates.0,y_m=geometry.coordinates.1"
         return (
@@ -238,5 +265,5 @@ def _json_fix(source: Source) -> str | None:
         return None
     return (
         "say where its values are: --persons LIST --map ts=PATH,track_id=PATH,x_m=PATH,y_m=PATH (numbers are places in "
-        f"lists); the first message has {paths}; lists beside each other, and times as keys, are not read"
+        f"lists); the first message has {paths}; of lists beside each other, write an object for each person"
     )

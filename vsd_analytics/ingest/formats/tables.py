@@ -10,22 +10,22 @@ A folder, zip or tar of tables is read file by file.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
 from vsd_analytics.config.file_columns import FILE_COLUMNS
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.formats.recognise import kind_of_no_table
-from vsd_analytics.ingest.reading import arrow_file
+from vsd_analytics.ingest.reading import arrow_file, parquet
 from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch, Rejected, Source
 from vsd_analytics.ingest.reading.archive import archive_kind
 from vsd_analytics.ingest.reading.cell_values import trimmed
 from vsd_analytics.ingest.reading.column_hints import are_columns
 from vsd_analytics.ingest.reading.columns import ColumnPlan, other_column_key, plan_columns
+from vsd_analytics.ingest.reading.json_guess import guessed_mapping
 from vsd_analytics.ingest.reading.json_table import JsonTable
 from vsd_analytics.ingest.reading.named_camera import part_with_camera
-from vsd_analytics.ingest.reading.parquet import ParquetTable
 from vsd_analytics.ingest.reading.raw import BadRowError
 from vsd_analytics.ingest.reading.table_file import TableFile
 from vsd_analytics.ingest.reading.table_head import LASTING, TableHead, head_of, values_of, watched_columns
@@ -38,7 +38,6 @@ from vsd_analytics.schema import TableName
 
 _HEADS = 20
 """Files of a folder or archive that are searched for columns of cameras and classes."""
-_PARQUET = b"PAR1"
 _ZIP = b"PK\x03\x04"
 _SUFFIXES = frozenset({".csv", ".tsv", ".parquet"})
 
@@ -57,6 +56,8 @@ class Tables:
         self._is_only_where = is_only_where  # read only camera and time; for text tables
         if kind is not None:
             self.name = "positions" if kind == "observations" else "pairs"
+        if kind == "pairs":
+            self.coordinates = "distances in metres, or two places in floor metres (x_a_m y_a_m x_b_m y_b_m)"
 
     def detects(self, source: Source) -> bool:
         """Return whether the suffix is that of a table, or the first line has one of our columns, or telling names."""
@@ -65,7 +66,7 @@ class Tables:
         if archive_kind(source) is not None:
             return is_workbook(source) or has_parts(source)
         head = source.head(8192)
-        if head.startswith((_PARQUET, arrow_file.MAGIC)):
+        if head.startswith((parquet.MAGIC, arrow_file.MAGIC)):
             return True
         first = next((line for line in as_text(head).split("\n") if line.strip()), "")
         if first.lstrip("\ufeff ").startswith("["):
@@ -85,14 +86,32 @@ class Tables:
             yield from self._read(source, options)
             return
         with _parts(source, options) as parts:
-            for part in parts:  # none of them is stored before all are understood
-                self._planned(part.source, options, part)
+            self._check_parts(parts, options)
             done_bytes = 0
             for part in parts:
                 for batch in self._read(part.source, options, part):
                     bad = [replace(r, detail=f"{part.name}: {r.detail}") for r in batch.rejected]
                     yield replace(batch, rejected=bad, done_bytes=min(source.size_bytes, done_bytes + batch.done_bytes))
                 done_bytes += part.source.size_bytes
+
+    def _check_parts(self, parts: Sequence[TablePart], options: IngestOptions) -> None:
+        """Plan the columns of all parts: none of them is stored before all are understood.
+
+        Raises:
+            InputError: One of them cannot be read.
+        """
+        error, n_read = None, 0
+        for part in parts:
+            try:
+                self._planned(part.source, options, part)
+                n_read += 1
+            except InputError as its_error:
+                if error is None:
+                    error, name = its_error, part.name
+        if error is not None and error.code == "E203" and n_read:
+            error.fix = f"take {name} out if it is another table, or read it by a command of its own"
+        if error is not None:
+            raise error
 
     def _read(self, source: Source, options: IngestOptions, part: TablePart | None = None) -> Iterator[RawBatch]:
         file, plan = self._planned(source, options, part)
@@ -136,7 +155,13 @@ class Tables:
         file = open_table(source, options)
         if part is not None and part.constants:
             file = PartWithConstants(file, part.constants)
-        plan = plan_columns(source, options, file.header, kind=self._kind)
+        try:
+            plan = plan_columns(source, options, file.header, kind=self._kind)
+        except InputError as error:
+            has_lists = isinstance(file, parquet.ParquetTable | arrow_file.ArrowTable) and file.has_lists
+            if has_lists and error.code == "E203" and (guess := guessed_mapping(source)) is not None:
+                error.fix = f"say where its values are, probably: {guess}"
+            raise
         return file, replace(plan, time_format=time_format(source, file, plan, options))
 
 
@@ -153,8 +178,8 @@ def open_table(source: Source, options: IngestOptions) -> TableFile:
         InputError: E202 it is empty, E203 to E206 it is no table or damaged.
     """
     head = source.head(4096)
-    if head.startswith(_PARQUET):
-        return ParquetTable(source)
+    if head.startswith(parquet.MAGIC):
+        return parquet.ParquetTable(source)
     if head.startswith(arrow_file.MAGIC):
         return arrow_file.ArrowTable(source)
     if head.startswith(_ZIP) and is_workbook(source):

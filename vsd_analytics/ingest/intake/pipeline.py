@@ -34,7 +34,15 @@ from vsd_analytics.ingest.intake.pseudonyms import keys_of
 from vsd_analytics.ingest.intake.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.intake.rule_camera import with_named_camera
 from vsd_analytics.ingest.intake.stored_places import note_of_other_places
-from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, RawBatch, Rejected, Source, refuse_unused
+from vsd_analytics.ingest.reading.adapter import (
+    Adapter,
+    IngestOptions,
+    RawBatch,
+    Rejected,
+    Source,
+    refuse_unused,
+    uses_of,
+)
 from vsd_analytics.ingest.reading.column_hints import differing_cameras
 from vsd_analytics.ingest.reading.limits import within_bounds
 from vsd_analytics.ingest.reading.raw import n_rows, without_zones
@@ -313,7 +321,16 @@ class _Ingest:
         """Make the card of the source, and refuse what is almost surely wrong; `late` compares what follows with it."""
         sample = sample_of(head, is_whole=sum(n_rows(b.tables.values()) for b in head) < SAMPLE_ROWS)
         table = table_head(self.source, reader, self.options)
-        case = Case(self.site, self.options, sample, table, self.source.name, self.differing_cameras, self.now)
+        case = Case(
+            self.site,
+            self.options,
+            sample,
+            table,
+            self.source.name,
+            self.differing_cameras,
+            self.now,
+            uses=uses_of(reader),
+        )
         card = understand(case, name=reader.name)
         again = warning_of_earlier_reading(
             self.site, self.source, reading_id(self.options, kind=reader.name), card.sketch

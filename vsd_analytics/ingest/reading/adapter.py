@@ -191,11 +191,16 @@ def refuse_unused(source: Source, reader: Adapter, options: IngestOptions) -> No
     Raises:
         UsageError: E101, naming the options, and those that the format reads.
     """
-    uses: frozenset[str] = getattr(reader, "uses", frozenset(CHOICES))
+    uses = uses_of(reader)
     unused = [o for name, o in CHOICES.items() if name not in uses and getattr(options, name) != getattr(_UNSAID, name)]
     if unused:
         read = [option for name, option in CHOICES.items() if name in uses]
         raise unused_options(source, unused, why=f"the format {reader.name} reads {', '.join(read) or 'none of them'}")
+
+
+def uses_of(reader: Adapter) -> frozenset[str]:
+    """Return the fields of `CHOICES` that an adapter reads: all, where it does not say."""
+    return getattr(reader, "uses", frozenset(CHOICES))
 
 
 def unused_options(source: Source, unused: Sequence[str], *, why: str) -> UsageError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,49 @@ def holds_text(kind: Any) -> bool:
     return is_text(kind.value_type if pa.types.is_dictionary(kind) else kind)
 
 
+def flat_fields(schema: pa.Schema) -> list[tuple[str, pa.DataType]]:
+    """Return name and type of each column; the fields of a struct are columns with its name and a dot before theirs."""
+    fields = list(schema)
+    while any(pa.types.is_struct(field.type) for field in fields):
+        fields = [inner for field in fields for inner in _inside(field)]
+    return [(field.name, field.type) for field in fields]
+
+
+def _inside(field: pa.Field) -> list[pa.Field]:
+    if not pa.types.is_struct(field.type):
+        return [field]
+    inner = (field.type.field(i) for i in range(field.type.num_fields))
+    return [part.with_name(f"{field.name}.{part.name}") for part in inner]
+
+
+def flat(batch: pa.RecordBatch) -> pa.RecordBatch:
+    """Return a batch with the columns of `flat_fields`; where a struct is null, so are its fields."""
+    while any(pa.types.is_struct(kind) for kind in batch.schema.types):
+        columns = [
+            part
+            for column in batch.columns
+            for part in (column.flatten() if pa.types.is_struct(column.type) else [column])
+        ]
+        fields = [inner for field in batch.schema for inner in _inside(field)]
+        batch = pa.RecordBatch.from_arrays(columns, names=[field.name for field in fields])
+    return batch
+
+
+def as_messages(batch: pa.RecordBatch) -> list[dict[str, Any]]:
+    """Return the rows of a batch as JSON would have them: structs are objects, times are texts."""
+    return [_as_json(row) for row in batch.to_pylist()]
+
+
+def _as_json(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _as_json(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [_as_json(inner) for inner in value]
+    if isinstance(value, Decimal):
+        return float(value)
+    return value if value is None or isinstance(value, bool | int | float | str) else str(value)
+
+
 def no_such_type(source: Source, why: str) -> InputError:
     """Return the error of a column of a type that cannot be read: E203."""
     return InputError(
@@ -77,5 +121,5 @@ def no_such_type(source: Source, why: str) -> InputError:
         code="E203",
         where=Where(source.name),
         why=why,
-        fix="write numbers, texts and timestamps into plain columns; --map names the right ones",
+        fix="write numbers, texts and timestamps into columns, or read others (--map)",
     )

@@ -9,18 +9,28 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import IO, Final
+from typing import IO, Any, Final
 
 import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.reading.adapter import BATCH_ROWS, Source, damaged_after
-from vsd_analytics.ingest.reading.arrow_cells import holds_text, long_cells, no_such_type, plain
+from vsd_analytics.ingest.reading.arrow_cells import (
+    as_messages,
+    flat,
+    flat_fields,
+    holds_text,
+    long_cells,
+    no_such_type,
+    plain,
+)
 from vsd_analytics.ingest.reading.limits import records_max, too_many_records, unpacked_max, unpacks_too_far
 from vsd_analytics.ingest.reading.table_file import Chunk, Header, repeated_names, unique_names
 
 MAGIC: Final = b"ARROW1"
+MESSAGES_MAX: Final = 1_000
+"""Rows with structs and lists that are values of Python at once."""
 _METADATA_MAX: Final = 16 << 20
 _DAMAGE = (pa.ArrowException, OSError, struct.error, ValueError)
 
@@ -41,7 +51,10 @@ class ArrowTable:
             self._check(raw)
             with pa.ipc.open_file(raw) as file:
                 self._schema = file.schema
-        self.header = Header(unique_names(self._schema.names), repeated=repeated_names(self._schema.names))
+        fields = flat_fields(self._schema)
+        names, self._types = [name for name, _ in fields], [kind for _, kind in fields]
+        self.has_lists = any(pa.types.is_nested(kind) for kind in self._types)
+        self.header = Header(unique_names(names), repeated=repeated_names(names))
         self.first_line: str | None = None
         self.has_decimal_comma = False
 
@@ -53,7 +66,7 @@ class ArrowTable:
         """
         for i in wanted.values():
             if not self.can_read(i):
-                kind = f"{self.header.names[i][:80]} is a {str(self._schema.field(i).type)[:80]}"
+                kind = f"{self.header.names[i][:80]} is a {str(self._types[i])[:80]}"
                 raise no_such_type(self._source, kind)
         self._done = 0
         with pa.OSFile(str(self._source.path), "rb") as raw, pa.ipc.open_file(raw) as file:
@@ -61,7 +74,23 @@ class ArrowTable:
                 batch = file.get_batch(number)
                 batch.validate(full=True)  # offsets that point outside would be read as they are
                 for at in range(0, batch.num_rows, BATCH_ROWS):
-                    yield self._chunk(batch.slice(at, BATCH_ROWS), wanted, file.num_record_batches, number)
+                    yield self._chunk(flat(batch.slice(at, BATCH_ROWS)), wanted, file.num_record_batches, number)
+
+    def rows(self) -> Iterator[tuple[int, dict[str, Any], int]]:
+        """Yield number (from 1), values and done bytes of each row, with what its structs and lists hold.
+
+        Raises:
+            InputError: E205, it is damaged.
+        """
+        number, n_bytes = 0, self._source.size_bytes
+        with self.readable(), pa.OSFile(str(self._source.path), "rb") as raw, pa.ipc.open_file(raw) as file:
+            for group in range(file.num_record_batches):
+                batch = file.get_batch(group)
+                batch.validate(full=True)
+                for at in range(0, batch.num_rows, MESSAGES_MAX):
+                    for row in as_messages(batch.slice(at, MESSAGES_MAX)):
+                        number += 1
+                        yield number, row, n_bytes * (group + 1) // file.num_record_batches
 
     @contextmanager
     def readable(self) -> Iterator[None]:
@@ -78,11 +107,11 @@ class ArrowTable:
 
     def has_text(self, column: int) -> bool:
         """Return whether a column holds texts."""
-        return holds_text(self._schema.field(column).type)
+        return holds_text(self._types[column])
 
     def can_read(self, column: int) -> bool:
         """Return whether a column is of a type that can be read: no list and no struct."""
-        kind = self._schema.field(column).type
+        kind = self._types[column]
         return not pa.types.is_nested(kind) and not (
             pa.types.is_dictionary(kind) and pa.types.is_nested(kind.value_type)
         )

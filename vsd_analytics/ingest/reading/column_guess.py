@@ -145,7 +145,7 @@ def note_on_place(renames: Mapping[str, str]) -> str:
     """Return how else the columns of a proposed place may be meant, which their names do not say."""
     places = {ours: theirs for ours, theirs in renames.items() if any(ours in place for place in PLACES)}
     if set(places) == {"x_m", "y_m"} and all(unit_in_name(name) is None for name in places.values()):
-        return "   (metres; of the picture: u_px=...,v_px=...; another unit: --unit mm)"
+        return f"   (metres; of the picture: u_px={places['x_m']},v_px={places['y_m']}; another unit: --unit mm)"
     if (distance := renames.get("distance_m")) and unit_in_name(distance) is None:
         return "   (metres; another unit: --unit cm)"
     if set(places) == {"left", "top", "width", "height"}:

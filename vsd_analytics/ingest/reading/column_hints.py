@@ -27,6 +27,12 @@ Role = Literal[
 ]
 
 
+POINTS: Final = frozenset(
+    ("p", "pos", "position", "xy", "xyz", "point", "location", "loc", "coord", "coords", "coordinates", "centroid")
+)
+"""Names of what holds x and y together."""
+
+
 def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from vsd_analytics.config.camera_in_name import camera_named
@@ -19,7 +19,14 @@ from vsd_analytics.ingest.reading.column_guess import (
     proposed_pairs,
     renames_option,
 )
-from vsd_analytics.ingest.reading.column_hints import is_whole_box, of_another_person, place_like, time_like
+from vsd_analytics.ingest.reading.column_hints import (
+    POINTS,
+    is_whole_box,
+    letters,
+    of_another_person,
+    place_like,
+    time_like,
+)
 from vsd_analytics.ingest.reading.instants import offset_in_name
 from vsd_analytics.ingest.reading.table_file import Header
 from vsd_analytics.ingest.reading.units import LENGTHS, unit_in_name
@@ -161,6 +168,9 @@ def _not_a_place_a_row(source: Source, header: Header) -> InputError | None:
     if (box := next(filter(is_whole_box, header.names), None)) is not None:
         why, fix = f"{box[:40]!r} seems to hold a whole box", "write left, top, right, bottom as columns of their own"
         return _unfit(source, header, "has no columns of a place", why=why, fix=fix)
+    if (point := next((n for n in header.names if letters(n) in POINTS), None)) is not None:
+        why, fix = f"{point[:40]!r} seems to hold a whole place", "write x and y as columns of their own"
+        return _unfit(source, header, "has no columns of a place", why=why, fix=fix)
     return None
 
 
@@ -206,16 +216,19 @@ def no_compared_column(source: Source, name: str, header: Header) -> InputError:
 def _found(source: Source, options: IngestOptions, header: Header) -> dict[str, int]:
     exact = {n: i for i, n in enumerate(header.names)}
     loose = {n.strip().lower(): i for i, n in reversed(list(enumerate(header.names)))}
+    # a column that the user calls something else is not read by its own name as well
+    renamed = {part.strip().lower() for theirs in options.map.values() for part in (theirs, *theirs.split("+"))}
     positions = {}
     for ours in FILE_COLUMNS:
-        wanted = (options.map[ours],) if ours in options.map else (options.site_map.get(ours, ours), ours)
+        named = tuple(n for n in (options.site_map.get(ours, ours), ours) if n.lower() not in renamed)
+        wanted = (options.map[ours],) if ours in options.map else named
         at = next(
             (names[n] for w in wanted for names, n in ((exact, w), (loose, w.strip().lower())) if n in names), None
         )
         if at is not None:
             _refuse_same_names(source, header, at)
             positions[ours] = at
-        elif ours == "ts" and (both := _date_and_time(wanted[0], exact, loose)) is not None:
+        elif ours == "ts" and wanted and (both := _date_and_time(wanted[0], exact, loose)) is not None:
             positions["ts"], positions[TIME_OF_DAY] = both
         elif ours in options.map:
             raise _missing(source, wanted[0], header, f"--map says that it is our {ours}", ours=ours)
@@ -247,6 +260,9 @@ def _date_and_time(wanted: str, exact: Mapping[str, int], loose: Mapping[str, in
     return at[0], at[1]
 
 
+_INSTANT = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_UNIX_MIN = 1e8
+"""Larger numbers are seconds since 1970, and neither ids nor places."""
 _ULTRALYTICS = frozenset({"name", "class", "confidence", "box"})
 """Columns of `to_csv` and `to_json` of its results."""
 _COUNTS = frozenset(
@@ -308,13 +324,14 @@ def _missing(
 
 def _other_file(source: Source, column: str, header: Header, shown: list[str], why: str) -> InputError | None:
     """Return the error of a file that no renamed column makes a table: one without a header, or of one picture."""
-    if shown and header.line is not None and all(is_number(n) for n in shown):
+    if shown and header.line is not None and (all(map(is_number, shown)) or any(map(_INSTANT.match, shown))):
         return _unfit(
             source,
             header,
             f"has no column {column!r}",
-            why=f"{why}; the first line holds numbers, so the file seems to have no header",
-            fix="--columns ts,track_id,x_m,y_m (our names in the order of the file's columns; _ for one to ignore)",
+            why=f"{why}; the first line holds values, so the file seems to have no header",
+            fix=f"--columns {','.join(_likely_names(header.names))} (our names in the order of the file's columns; _ "
+            "for one to ignore)",
         )
     if {"_field", "_value"} <= {*header.names}:
         return _unfit(
@@ -334,6 +351,22 @@ def _other_file(source: Source, column: str, header: Header, shown: list[str], w
             "WIDTHxHEIGHT --hz 25 --start INSTANT --out frames.jsonl",
         )
     return None
+
+
+def _likely_names(values: Sequence[str]) -> list[str]:
+    """Return our names for the columns of a file without a header, by its first values: a time, an id, and a place."""
+    ours = ["_"] * len(values)
+    at = next((i for i, v in enumerate(values) if _INSTANT.match(v) or (is_number(v) and float(v) > _UNIX_MIN)), 0)
+    ours[at] = "ts"
+    for name in ("y_m", "x_m"):
+        free = [i for i, v in enumerate(values) if ours[i] == "_" and is_number(v)]
+        if free:
+            ours[free[-1]] = name
+    rest = [i for i, name in enumerate(ours) if name == "_" and i > at]
+    for name, i in zip(("track_id", "camera_id"), reversed(rest), strict=False):
+        if name == "track_id" or not is_number(values[i]):
+            ours[i] = name
+    return ours
 
 
 def _unfit(source: Source, header: Header, what: str, *, why: str, fix: str) -> InputError:

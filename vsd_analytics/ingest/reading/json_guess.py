@@ -14,6 +14,7 @@ from vsd_analytics.ingest.reading.column_guess import note_on_place
 from vsd_analytics.ingest.reading.column_hints import (
     OBJECTS,
     PERSON,
+    POINTS,
     ids_like,
     is_whole_box,
     letters,
@@ -30,10 +31,6 @@ _PLAIN: Final = re.compile(r"[\w.$\-]+")
 """Names that can be in an option, which is quoted where a shell would take them for something else."""
 _MESSAGES: Final = 50
 """Messages that are looked at: the first ones may have nobody in view."""
-_POINTS: Final = frozenset(
-    ("p", "pos", "position", "xy", "xyz", "point", "location", "loc", "coord", "coords", "coordinates", "centroid")
-)
-"""Names of lists that hold x and y."""
 _SIDES: Final = ("left", "top", "right", "bottom")
 _SIZES: Final = ("left", "top", "width", "height")
 _CENTRED: Final = ("center_x", "center_y", "width", "height")
@@ -165,7 +162,7 @@ def _point(person: Mapping[str, Any]) -> dict[str, str]:
     """Return the place that a list of two or three numbers holds, such as `"pos": [1.2, 3.4]`."""
     for name, value in person.items():
         is_numbers = isinstance(value, list) and all(isinstance(v, int | float) for v in value)
-        if is_numbers and len(value) in (2, 3) and letters(name) in _POINTS:
+        if is_numbers and len(value) in (2, 3) and letters(name) in POINTS:
             return {"x_m": f"{name}.0", "y_m": f"{name}.1"}
     return {}
 

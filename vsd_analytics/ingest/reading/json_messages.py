@@ -11,9 +11,13 @@ from typing import Any, ClassVar
 
 from vsd_analytics.errors import InputError
 from vsd_analytics.ingest.reading.adapter import BATCH_ROWS, IngestOptions, RawBatch, Source, bytes_read, damaged_after
+from vsd_analytics.ingest.reading.arrow_file import MAGIC as ARROW_MAGIC
+from vsd_analytics.ingest.reading.arrow_file import ArrowTable
 from vsd_analytics.ingest.reading.envelopes import as_object, text_before, with_body
 from vsd_analytics.ingest.reading.frame_rows import FrameRows
 from vsd_analytics.ingest.reading.json_values import json_values
+from vsd_analytics.ingest.reading.parquet import MAGIC as PARQUET_MAGIC
+from vsd_analytics.ingest.reading.parquet import ParquetTable
 from vsd_analytics.ingest.reading.raw import BadRowError
 from vsd_analytics.ingest.reading.text_lines import line_blocks
 
@@ -118,8 +122,16 @@ def text(message: Mapping[str, Any], key: str) -> str:
 
 
 def messages(source: Source, options: IngestOptions) -> Iterator[tuple[int, dict[str, Any] | None, bytes, int]]:
-    """Yield number, message (None = no JSON object), its bytes, and how far the file has been read."""
+    """Yield number, message (None = no JSON object), its bytes, and how far the file has been read.
+
+    The rows of a Parquet or Arrow file count as messages: its structs are objects.
+    """
     head = source.head().removeprefix(b"\xef\xbb\xbf")
+    if head.startswith((PARQUET_MAGIC, ARROW_MAGIC)):
+        table = ParquetTable(source) if head.startswith(PARQUET_MAGIC) else ArrowTable(source)
+        for number, row, done in table.rows():
+            yield number, row, json.dumps(row).encode(), done
+        return
     first = head.lstrip().partition(b"\n")[0]
     if _ARRAY.match(head) or (b"\n" in head.strip() and first.strip() == b"{"):
         yield from _one_after_the_other(source, options)

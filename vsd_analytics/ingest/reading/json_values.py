@@ -18,7 +18,11 @@ _BETWEEN = " \t\r\n,"
 
 
 def json_values(
-    source: Source, *, value_max_bytes: int, damaged: Callable[[int, str, Exception], InputError]
+    source: Source,
+    *,
+    value_max_bytes: int,
+    damaged: Callable[[int, str, Exception], InputError],
+    array_at: int | None = None,
 ) -> Iterator[tuple[int, Any, str, int]]:
     """Yield number (from 1), value, its text, and how far the file has been read; the file is never in memory.
 
@@ -26,15 +30,19 @@ def json_values(
         source: The file.
         value_max_bytes: Longest text of a value; a longer one counts as damage.
         damaged: Makes the error of what is no JSON, from the number of values before it, its first text and why.
+        array_at: Where an array begins whose entries alone are wanted, in unpacked bytes; None = all of the file.
     """
     decode = json.JSONDecoder().raw_decode
     as_text = codecs.getincrementaldecoder("utf-8-sig")("backslashreplace")
     text, at, number, is_end, is_array = "", 0, 0, False, False
     with source.open() as stream:
+        stream.read(array_at or 0)
         while True:
             while at < len(text) and (text[at] in _BETWEEN or text[at] == ("]" if is_array else "[")):
                 is_array = text[at] == "[" or (is_array and text[at] != "]")
                 at += 1
+                if array_at is not None and not is_array:
+                    return
             try:
                 if at == len(text):
                     raise json.JSONDecodeError("nothing", text, at)

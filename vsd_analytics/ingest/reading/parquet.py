@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 import pyarrow as pa
@@ -17,7 +17,15 @@ import pyarrow.parquet as pq
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.reading.adapter import BATCH_ROWS, Source, damaged_after
-from vsd_analytics.ingest.reading.arrow_cells import holds_text, long_cells, no_such_type, plain
+from vsd_analytics.ingest.reading.arrow_cells import (
+    as_messages,
+    flat,
+    flat_fields,
+    holds_text,
+    long_cells,
+    no_such_type,
+    plain,
+)
 from vsd_analytics.ingest.reading.limits import (
     MB,
     records_max,
@@ -29,11 +37,14 @@ from vsd_analytics.ingest.reading.limits import (
 from vsd_analytics.ingest.reading.parquet_pages import PageError, ParquetPage, pages
 from vsd_analytics.ingest.reading.table_file import Chunk, Header, repeated_names, unique_names
 
+MAGIC = b"PAR1"
 READ_ROWS = BATCH_ROWS // 2
 READ_BYTES = 16 * MB
 """Bytes of a text column read at once."""
 HANDED_BYTES = 16 * MB
 """Texts are yielded in pieces of about this size."""
+MESSAGES_MAX = 1_000
+"""Rows with structs and lists that are values of Python at once."""
 VALUE_BYTES = 8
 """Bytes that a value takes in memory at least."""
 
@@ -55,7 +66,7 @@ class ParquetTable:
         try:
             with pq.ParquetFile(source.path) as file:
                 self._metadata = file.metadata
-                self._schema = file.schema_arrow
+                fields = flat_fields(file.schema_arrow)
                 parquet = file.metadata.schema
                 self._leaves = {parquet.column(i).path: i for i in reversed(range(file.metadata.num_columns))}
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # the last: a name that is no UTF-8
@@ -66,7 +77,9 @@ class ParquetTable:
                 why=f"its footer cannot be read, as when a copy was cut short: {str(error)[:200]}",
                 fix="copy or export the file again",
             ) from None
-        self.names: list[str] = self._schema.names
+        self.names: list[str] = [name for name, _ in fields]
+        self._types = [kind for _, kind in fields]
+        self.has_lists = any(pa.types.is_nested(kind) for kind in self._types)
         self.header = Header(unique_names(self.names), repeated=repeated_names(self.names))
         self.first_line: str | None = None
         self.has_decimal_comma = False
@@ -87,7 +100,11 @@ class ParquetTable:
         names = {ours: self.names[i] for ours, i in wanted.items()}
         leaves = {name: self._leaf(name) for name in names.values()}
         self._check_footer(list(leaves.values()))
-        texts = [n for n, i in leaves.items() if self._metadata.schema.column(i).physical_type == "BYTE_ARRAY"]
+        texts = [
+            name
+            for name, i in leaves.items()
+            if self._metadata.schema.column(i).physical_type == "BYTE_ARRAY" and "." not in name
+        ]
         held: list[pa.RecordBatch] = []  # small row groups are worked on together
         n_rows = n_bytes = 0
         damage: Exception | None = None
@@ -123,7 +140,25 @@ class ParquetTable:
                 file = coded if is_coded else plain
                 # a thread a column is worth it where batches are large
                 threads = rows == READ_ROWS
-                yield from file.iter_batches(rows, row_groups=[group], columns=sorted(leaves), use_threads=threads)
+                parts = file.iter_batches(rows, row_groups=[group], columns=sorted(leaves), use_threads=threads)
+                yield from map(flat, parts)
+
+    def rows(self) -> Iterator[tuple[int, dict[str, Any], int]]:
+        """Yield number (from 1), values and done bytes of each row, with what its structs and lists hold.
+
+        Raises:
+            InputError: E205 to E209, as `chunks`.
+        """
+        self._check_footer(list(self._leaves.values()))
+        number, metadata = 0, self._metadata
+        with self.readable(), self._source.path.open("rb") as raw, pq.ParquetFile(self._source.path) as file:
+            for group in range(metadata.num_row_groups):
+                n_rows, _ = self._how(raw, group, self._leaves) if metadata.row_group(group).num_rows else (1, False)
+                for batch in file.iter_batches(min(n_rows, MESSAGES_MAX), row_groups=[group]):
+                    self._count(batch.nbytes)
+                    for row in as_messages(batch):
+                        number += 1
+                        yield number, row, self._done_bytes(number)
 
     @contextmanager
     def readable(self) -> Iterator[None]:
@@ -137,7 +172,7 @@ class ParquetTable:
 
     def has_text(self, column: int) -> bool:
         """Return whether a column holds texts."""
-        return holds_text(self._schema.field(column).type)
+        return holds_text(self._types[column])
 
     def can_read(self, column: int) -> bool:
         """Return whether a column is of a type that can be read: no list and no struct, and its cells are short."""
@@ -151,9 +186,7 @@ class ParquetTable:
         """Return the number of the stored column of this name: lists and structs have none, they have parts."""
         at = self._leaves.get(name)
         if at is None or self._metadata.schema.column(at).max_repetition_level:
-            raise no_such_type(
-                self._source, f"{name[:80]} is a {str(self._schema.field(self.names.index(name)).type)[:80]}"
-            )
+            raise no_such_type(self._source, f"{name[:80]} is a {str(self._types[self.names.index(name)])[:80]}")
         length = self._metadata.schema.column(at).length
         if length is not None and length > self._settings.cell_max_bytes:
             allowed = int(self._settings.cell_max_bytes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,6 +15,7 @@ from vsd_analytics.ingest.reading.cell_values import numbers, trimmed
 from vsd_analytics.ingest.reading.column_hints import Role, named_like
 from vsd_analytics.ingest.reading.columns import ColumnPlan, other_column_key
 from vsd_analytics.ingest.reading.table_file import TableFile
+from vsd_analytics.ingest.reading.where import rows_where
 
 HEAD_ROWS = 50_000
 TEXTS_MAX = 40
@@ -78,7 +80,7 @@ class TableHead:
         plan: Which columns are read, and as what.
         ignored: Names of the columns that are not read, in the order of the file.
         values: How often each value occurs in an ignored column whose name tells what it holds, or that holds texts; at
-            most `VALUES_MAX`.
+            most `VALUES_MAX`. Rows that `--where` leaves out do not count.
         rows: The first rows by line: cells of the columns that are read, by their names.
         filtered: How often each value occurs in a column that `--where` compares, before it leaves out any row.
         boxes: What the sides of the boxes look like.
@@ -98,6 +100,17 @@ class TableHead:
     parts: Sequence[str] = ()
     unread: Sequence[str] = ()
     passed_over: Sequence[str] = ()
+
+    def map_option(self, **columns: str) -> str | None:
+        """Return the `--map` that reads columns as something else, or None where the format has columns of its own.
+
+        Args:
+            columns: By our name that they should have, our name that they are read by.
+        """
+        theirs = {ours: self.plan.names.get(read_as) for ours, read_as in columns.items()}
+        if self.n_columns or any(name is None or set(",=") & set(name) for name in theirs.values()):
+            return None
+        return f"--map {shlex.quote(','.join(f'{ours}={name}' for ours, name in theirs.items()))}"
 
 
 def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
@@ -125,8 +138,14 @@ def head_of(file: TableFile, plan: ColumnPlan) -> TableHead:
             for at, line in enumerate(chunk.lines[some].tolist()):
                 cells = {o: trimmed(chunk.columns[o].slice(at, 1))[0].as_py() for o in plan.theirs}
                 rows[line] = {plan.names[o]: str(cell)[:_CHARS] for o, cell in cells.items()}
+            cells_of = {name: chunk.columns[other_column_key(name)].slice(0, HEAD_ROWS - n_rows) for name in values}
+            compared = {name: cells_of[name] for name in plan.compared}
+            is_read = (
+                pa.array(rows_where(plan.where, compared, decimal_comma=file.has_decimal_comma)) if compared else None
+            )
             for name, counter in values.items():
-                _count(trimmed(chunk.columns[other_column_key(name)].slice(0, HEAD_ROWS - n_rows)), counter)
+                is_of_all = is_read is None or name in compared  # of those, a filter needs what it leaves out
+                _count(trimmed(cells_of[name] if is_of_all else cells_of[name].filter(is_read)), counter)
             sides = {
                 side: numbers(chunk.columns[side], decimal_comma=file.has_decimal_comma)[0]
                 for side in BOX_SIDES

@@ -45,7 +45,7 @@ AREAS_COLUMNS: Final = (
 
 
 HOTSPOTS_COLUMNS: Final = (
-    *("site", "floor", "week", "number", "name", "area", "x_m", "y_m", "kind", "per_open_hour", "lo", "hi"),
+    *("site", "floor", "week", "number", "name", "area", "peak_x_m", "peak_y_m", "kind", "per_open_hour", "lo", "hi"),
     *(
         "ratio",
         "ratio_lo",

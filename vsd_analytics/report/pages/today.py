@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from email.message import EmailMessage
-from typing import Final, Literal
+from typing import Final
 
 from markupsafe import Markup
 
@@ -28,13 +28,13 @@ from vsd_analytics.report.pages import mail
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.unusual import Unusual
+from vsd_analytics.stats.usual import Position
 from vsd_analytics.version import VERSION
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 
-Position = Literal["below", "within", "above"]
 UNUSUAL_SHOWN: Final = 3
 
 
@@ -142,9 +142,8 @@ def _headline(found: Today, days: tuple[DayWords, DayWords], site: Site) -> str:
 def _day(level: DayLevel | None, *, title: str, below: int, rough: Collection[date]) -> DayWords:
     if level is None:
         return DayWords(title=title, value=fmt.MISSING, unit="", position=None, judged="", notes=(say("today.closed"),))
-    notes, position = [], None
-    if level.usual is not None and level.estimate is not None:
-        position = level.usual.position(level.estimate)
+    notes, position = [], level.position
+    if level.usual is not None and position is not None:
         notes.append(
             say(
                 "today.usual" if level.is_over else "today.usual_hours",
