@@ -6,7 +6,7 @@ memory or files on the years between, and the operator must hear of such records
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 from vsd_analytics.store.layout import date_of_hour
 
@@ -42,3 +42,15 @@ def day_range(stretch: Collection[int]) -> str:
     """Return the UTC days a stretch of day numbers spans as text, such as "2026-11-09 to 2026-11-15"."""
     first, last = (date_of_hour(day * 24).isoformat() for day in (min(stretch), max(stretch)))
     return first if first == last else f"{first} to {last}"
+
+
+def far_off_notes(days: Mapping[int, int], *, among: Collection[int]) -> list[str]:
+    """Return a warning for each stretch of a source's days that is far from most others, here or stored."""
+    notes = []
+    for stretch in far_off(among):
+        if n := sum(days.get(day, 0) for day in stretch):
+            counted = f"{n:,} record{'' if n == 1 else 's'}"
+            notes.append(
+                f"W213: {counted} of {day_range(stretch)} (UTC), more than a year from the others; {FAR_OFF_FIX}"
+            )
+    return notes

@@ -6,7 +6,7 @@ import contextlib
 import difflib
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime
 from itertools import chain
@@ -53,7 +53,7 @@ from vsd_analytics.store.erasures import ERASED
 from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.store import FoldResult, Store
-from vsd_analytics.store.stretches import FAR_OFF_FIX, day_range, far_off
+from vsd_analytics.store.stretches import far_off_notes
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -190,7 +190,7 @@ def ingest(
                     site, source, read, normaliser, target, now, is_dry_run, on_bytes, on_card, run, differing
                 ).run()
             days |= result.days.keys()
-            result.notes += _far_off(result.days, among=days)
+            result.notes += far_off_notes(result.days, among=days)
             results.append(result)
             if on_source is not None:
                 on_source(result)
@@ -444,15 +444,3 @@ def _note_times(result: SourceResult, ts: pa.ChunkedArray) -> None:
     result.last_ms = high if result.last_ms is None else max(result.last_ms, high)
     days, counts = np.unique(instants // (24 * HOUR_MS), return_counts=True)
     result.days.update(dict(zip(days.tolist(), counts.tolist(), strict=True)))
-
-
-def _far_off(days: Mapping[int, int], *, among: Collection[int]) -> list[str]:
-    """Return a warning for each stretch of a source's days that is far from most others, here or stored."""
-    notes = []
-    for stretch in far_off(among):
-        if n := sum(days.get(day, 0) for day in stretch):
-            counted = f"{n:,} record{'' if n == 1 else 's'}"
-            notes.append(
-                f"W213: {counted} of {day_range(stretch)} (UTC), more than a year from the others; {FAR_OFF_FIX}"
-            )
-    return notes
