@@ -71,6 +71,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_cameras.py --sites 8
 	$(BIN)/python tests/invariances/prove_frame_rate.py
 	$(BIN)/python tests/ingest/prove_opening_hours.py --files 120
+	$(BIN)/python tests/ingest/prove_second_deliveries.py
 	PYTHONPATH=tests $(BIN)/python tests/warehouse/prove_accelerated.py 300
 	$(BIN)/python tests/packaging/prove_dependencies.py
 	$(BIN)/python tests/benchmarks/bench_demo.py
@@ -81,6 +82,7 @@ prove: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python tests/cluster/prove_cluster.py --engine dask
 	PYTHONPATH=tests $(BIN)/python tests/cluster/prove_bucket.py
 	$(BIN)/python tests/cluster/prove_nodes.py --rounds 3 --steps 40 --frames 60
+	$(BIN)/python tests/service/prove_server.py --seconds 20 --connections 300
 	$(BIN)/python tests/faults/prove_crashes.py
 	$(BIN)/python tests/faults/prove_power_cut.py
 	$(BIN)/python tests/faults/prove_parallel.py --minutes 5

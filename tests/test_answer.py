@@ -7,6 +7,7 @@ from datetime import date
 import pytest
 
 from vsd_analytics.answer import Answer, Answers, Cell, Column, HoldsFor, Reason, Sum, Value, check_sums, value_of
+from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.stats.estimates import no_rate
 
 HOLDS = HoldsFor("shop", "ground", date(2026, 11, 9), date(2026, 11, 15))
@@ -42,7 +43,7 @@ def test_a_declared_sum_holds_or_has_an_unknown_part() -> None:
     columns = (*COLUMNS, Column("n_whole", "count"))
     declared = (Sum("n", ("n_cut", "n_whole")),)
     for n_whole in (10, None):
-        Answer("visits", columns, ({**row(), "n_whole": Value(n_whole)},), HOLDS, declared)
+        Answer("visits", columns, ({**row(), "n_whole": Value.of(Estimate(value=n_whole))},), HOLDS, declared)
     with pytest.raises(ValueError, match="n of visits is 12, its parts are"):
         Answer("visits", columns, ({**row(), "n_whole": Value(11)},), HOLDS, declared)
 
@@ -70,13 +71,18 @@ def test_a_value_is_found_by_its_keys() -> None:
         answer.column("speed")
 
 
-def test_an_estimate_without_a_number_never_is_ok() -> None:
+def test_the_state_of_a_value_is_that_of_its_number_and_a_missing_interval_says_why() -> None:
     why = Reason("engine.no_track_ids")
     assert Value.of(no_rate(why)).state != "ok"
-    assert Value.of(Value(None)).state == "not_enough_data"
-    assert Value.of(Value(1.0, 0.5, 2.0), state="not_enough_data", reason=why) == Value(
-        1.0, 0.5, 2.0, "not_enough_data", why
-    )
+    assert Value.of(Estimate(value=None)).state == "not_enough_data"
+    bare = Value.of(Estimate(value=1.0), state="not_enough_data", reason=why)
+    assert (bare, bare.is_uncertain) == (Value(1.0, reason=why), True)
+    assert not Value(1.0, 0.5, 2.0).is_uncertain
+    assert not Value(3).is_uncertain, "a count has no interval"
+    with pytest.raises(ValueError, match="cannot have the state"):
+        Value(1.0, state="not_enough_data")
+    with pytest.raises(ValueError, match="cannot have the state"):
+        Value(None)
 
 
 def test_answers_are_found_by_name() -> None:

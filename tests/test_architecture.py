@@ -374,6 +374,32 @@ def test_renderers_know_no_figure() -> None:
         assert [text for text in texts if re.search(r"\bM\d{1,2}\b", text)] == [], name
 
 
+def computes(path: Path) -> list[str]:
+    """Return what of a module is arithmetic on figures, or writes a table of its own: products, quotients, csv."""
+    found = [
+        ast.unparse(n) for n in nodes(parsed(path)) if isinstance(n, ast.BinOp) and isinstance(n.op, ast.Mult | ast.Div)
+    ]
+    found += [name for name in imports(path) if name == "csv"]
+    calls = (n.func for n in nodes(parsed(path)) if isinstance(n, ast.Call))
+    return found + [ast.unparse(f) for f in calls if isinstance(f, ast.Attribute) and f.attr == "position"]
+
+
+def test_commands_that_print_answers_compute_nothing() -> None:
+    """They choose the columns that are shown, and pass everything else on."""
+    printing = {
+        name: path for name, path in KNOWN.items() if room(name) == "cli" and "LAYOUTS" in path.read_text("utf-8")
+    }
+    assert len(printing) > 8
+    assert {name: found for name, path in printing.items() if (found := computes(path))} == {}
+
+
+def test_no_page_or_message_compares_a_day_with_its_usual_range() -> None:
+    """Where a day lies is a property of the day: a page and a topic once compared different numbers with it."""
+    above = [path for name, path in KNOWN.items() if ROOMS.index(room(name)) > ROOMS.index("figures")]
+    told = [ast.unparse(n.func) for path in above for n in nodes(parsed(path)) if isinstance(n, ast.Call)]
+    assert [call for call in told if call.endswith("usual.position")] == []
+
+
 @pytest.mark.parametrize("language", ["en", "it"])
 def test_what_a_command_prints_has_headings_in_every_language(language: str) -> None:
     """A column that no command prints may do without: its heading is its name in words."""

@@ -144,12 +144,17 @@ class Estimated(Protocol):
 class Value:
     """A number with its interval, or why there is none.
 
+    The state is about the number alone: "ok" where there is one. A number that should have an interval and has none
+    says why in its reason, and is not to be relied on (`is_uncertain`).
+
     Attributes:
-        value: The number; None where it cannot be given. It may be given where its interval cannot: then `state` is
-            "not_enough_data" and the number is not to be relied on.
+        value: The number; None where it cannot be given.
         lo, hi: Limits of the interval; None without one.
-        state: "ok", or which kind of lack.
+        state: "ok" where there is a number, else which kind of lack.
         reason: Why there is no value or no interval, or what is special.
+
+    Raises:
+        ValueError: There is a number beside a lack, or none beside "ok".
     """
 
     value: float | None
@@ -158,18 +163,29 @@ class Value:
     state: State = "ok"
     reason: Reason | None = None
 
+    def __post_init__(self) -> None:
+        if (self.value is None) is (self.state == "ok"):
+            raise ValueError(f"a value of {self.value} cannot have the state {self.state!r}")
+
+    @property
+    def is_uncertain(self) -> bool:
+        """Return whether the number, or the interval it should have, is missing."""
+        return self.value is None or (self.lo is None and self.reason is not None)
+
     @classmethod
     def of(cls, estimate: Estimated, *, state: State | None = None, reason: Reason | None = None) -> Value:
         """Return an estimate of `stats/` as a value.
 
         Args:
             estimate: What has `value`, `lo`, `hi`; its own `state` and `reason` are used where none are given.
-            state: State of what the estimate is part of, such as all dwell times of an area.
+            state: Of an estimate without a number: the lack of what it is part of, such as all stays in an area.
             reason: Likewise.
         """
         state = state or getattr(estimate, "state", None) or "ok"
         reason = reason if reason is not None else getattr(estimate, "reason", None)
-        if estimate.value is None and state == "ok":
+        if estimate.value is not None:
+            state = "ok"
+        elif state == "ok":
             state = "not_enough_data"
         return cls(estimate.value, estimate.lo, estimate.hi, state, reason)
 

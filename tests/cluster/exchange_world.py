@@ -163,8 +163,8 @@ class Breaking:
     def names(self, prefix: str) -> list[str]:
         return self._count().names(prefix)
 
-    def read(self, name: str) -> bytes | None:
-        return self._count().read(name)
+    def read(self, name: str, *, most: int) -> bytes | None:
+        return self._count().read(name, most=most)
 
     def add(self, name: str, data: bytes) -> None:
         self._count().add(name, data)

@@ -124,7 +124,7 @@ def run(site: Site, name: str, n_workers: int, folder: Path, *, is_killed: bool)
     """
     shutil.rmtree(site.root / "facts", ignore_errors=True)
     killed: list[int] = []
-    with engine(name, n_workers, folder) as (address, started), workers(address) as spread:
+    with engine(name, n_workers, folder) as (address, started), workers(address) as distributed:
 
         def on_hours(n_hours: int) -> None:
             if is_killed and not killed:
@@ -133,7 +133,7 @@ def run(site: Site, name: str, n_workers: int, folder: Path, *, is_killed: bool)
 
         before = [processor_s(process) for process in started]
         begun = time.perf_counter()
-        build(site, spread=spread, on_hours=on_hours)
+        build(site, distributed=distributed, on_hours=on_hours)
         took = time.perf_counter() - begun
         return took, [processor_s(p) - b for p, b in zip(started, before, strict=True) if p.poll() is None], len(killed)
 

@@ -266,6 +266,13 @@ def test_the_signature_chooses_the_decoder_and_its_people_are_the_encoded_ones(
 
 
 @pytest.mark.parametrize("name", ENCODERS)
+def test_a_picture_with_nobody_on_it_has_nobody(name: str, tmp_path: Path) -> None:
+    detector = Detector(model_of(tmp_path / "model.onnx", name, Known(3)), least_score=0.99)
+    found = detector.people(np.zeros((SIZE[1], SIZE[0], 3), dtype=np.uint8))
+    assert (found.box.shape, len(found.score), found.joints.shape[0]) == ((0, 4), 0, 0)
+
+
+@pytest.mark.parametrize("name", ENCODERS)
 def test_people_are_in_pixels_of_a_picture_of_another_size_and_shape(name: str, tmp_path: Path) -> None:
     known = Known(3)
     detector = Detector(model_of(tmp_path / "model.onnx", name, known))

@@ -11,6 +11,9 @@ import pytest
 from engine.simulated_people import SimulatedCamera, boxes_only, simulate
 from engine.vsd_in_a_shop import Vsd, shop, write_boxes
 
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+
 CAMERA = SimulatedCamera(height_m=4, tilt_deg=25)
 
 
@@ -126,3 +129,25 @@ def test_start_without_an_offset_is_in_the_zone_of_the_site_as_for_ingest(tmp_pa
     words = ["engine", "run", str(source), "--camera", "cam-1", "--hz", "2", "--out", str(tmp_path / "f.jsonl")]
     assert vsd(*words, "--start", "2026-11-09T08:00")[0] == 0
     assert messages(tmp_path / "f.jsonl")[0]["ts"] == "2026-11-09T07:00:00.000Z"  # the site is in Rome
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("engine", "run", "{address}", "--camera", "cam-1", "--detector", "model.onnx"),
+        ("engine", "run", "door.mp4", "--camera", "cam-1", "--detector", "model.onnx", "--pictures", "{address}"),
+        ("engine", "probe", "model.onnx", "{address}"),
+        ("calibrate", "cam-1", "--from-people", "{address}"),
+        ("evaluate", "{address}"),
+    ],
+    ids=" ".join,
+)
+def test_an_address_of_a_camera_is_no_file_and_its_password_is_not_repeated(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = [word.format(address="rtsp://viewer:swordfish@camera.example:554/stream1") for word in words]
+    assert run(cli, given) == 2
+    told = capsys.readouterr()
+    assert "swordfish" not in told.out + told.err
+    assert "error[E204]" in told.err
+    assert "vsd engine live" in told.err

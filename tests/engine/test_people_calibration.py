@@ -179,6 +179,18 @@ def test_from_boxes_to_pairs_with_their_error_in_the_store(tmp_path: Path, capsy
     assert low > 0
 
 
+def test_a_calibration_from_few_people_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    vsd = shop(tmp_path, capsys)
+    people = boxes_only(walk(CAMERAS["street"]))
+    names = sorted(set(people.track), key=int)
+    for n, is_few in ((20, True), (len(names), False)):
+        some = people.rows(np.isin(people.track.astype(str), names[:n]))
+        source = write_boxes(tmp_path / f"{n}.csv", some)
+        code, _, err = vsd("calibrate", "cam-1", "--from-people", str(source), "--size", "1920x1080")
+        assert code == 0, err
+        assert ("warning[W406]: camera cam-1 is calibrated from 20 persons, fewer than 30" in err) is is_few
+
+
 def test_refused_calibration_changes_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     vsd = shop(tmp_path, capsys)
     source = write_boxes(tmp_path / "people.csv", boxes_only(walk(CAMERAS["hall"])).rows(np.arange(20)))

@@ -244,7 +244,9 @@ def test_people_of_the_same_video_calibrate_the_camera_first(tmp_path: Path, thr
     code, printed, err = three_cameras(
         *words, "--hz", "5", "--start", "2026-11-09T09:00", "--from-people", "--out", str(out)
     )
-    assert (code, err) == (0, ""), printed
+    assert code == 0, printed
+    assert err.startswith("warning[W406]")  # three people, however often they come
+    assert err.count("\n") == 1
     first = json.loads(out.read_text().splitlines()[0])
     truth = sorted(crossings(k).at(0.0)[1] for k in range(3))
     assert sorted(p["y_m"] for p in first["persons"]) == pytest.approx(truth, rel=0.15)

@@ -12,12 +12,14 @@ from typing import Any
 import pytest
 from report import ingested_worlds as w
 
-from vsd_analytics.answer import value_of
+from vsd_analytics.answer import Answers, Reason, Value, value_of
 from vsd_analytics.figures.catalogue import OF_CAPACITIES, OF_QUEUES, OF_VISITS
+from vsd_analytics.figures.coverage_answers import coverage_answers
 from vsd_analytics.render.json_form import as_json
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.warehouse.sqlfiles import figure_headers
+from vsd_analytics.warehouse.warehouse import open_warehouse
 
 Figures = Mapping[str, Mapping[str, Any]]
 HOURLY = {w.QUEUE: 20, w.DOOR: 12, w.AISLE: 6}
@@ -235,6 +237,23 @@ def test_a_week_without_data_refuses_everything_but_its_outages(tmp_path: Path) 
     assert given <= {"M1", "M2", "M29"}
     assert told["M1"]["value"] == 0
     assert sum(row["value"] for row in told["M2"]["rows"]) == pytest.approx(21, abs=0.1)
+    [quality] = report.answers["recording"].rows
+    nothing = Value.missing(Reason("recorded.nothing"))
+    assert quality["lost_messages"] == quality["message_gaps"] == nothing, "a silent engine may number its messages"
+    assert value_of(quality, "n_records").value == 0
+
+
+def test_an_engine_without_numbers_is_named_where_it_sent_something(whole: WeekReport) -> None:
+    [quality] = whole.answers["recording"].rows
+    assert quality["lost_messages"] == Value.missing(Reason("engine.no_numbers"))
+
+
+def test_the_coverage_of_a_week_without_data_does_not_say_that_the_engine_numbers_nothing(tmp_path: Path) -> None:
+    site = w.world(tmp_path, w.toml(), w.messages(w.steady(HOURLY), monday=w.BEFORE))
+    for monday, why in ((w.MONDAY, "recorded.nothing"), (w.BEFORE, "engine.no_numbers")):
+        with open_warehouse(site, monday, monday + timedelta(days=6)) as warehouse:
+            gaps = Answers(coverage_answers(warehouse))["message_gaps"]
+        assert gaps.nothing == Reason(why)
 
 
 @pytest.fixture(scope="module")

@@ -136,7 +136,7 @@ def test_another_export_of_a_stored_recording_is_refused(
     code, says = vsd("ingest", exported(shop, "b.csv", row, n_skipped=n_skipped))
     assert (code, n_persons(shop)) == (2, 360), says
     assert "W230]: the same recording is stored already" in says
-    first = says.split("--import ")[1][:16]
+    first = says.split("vsd purge --import ")[1][:16]
     assert vsd("purge", "--import", first, "--force")[0] == 0
     assert "W230" not in vsd("ingest", str(shop / "b.csv"))[1]
     assert n_persons(shop) == 360 - 3 * n_skipped
@@ -188,8 +188,8 @@ def test_a_corrected_export_whose_records_are_known_is_warned_of(shop: Path, imp
     first = x_mm(shop)
     code, said = vsd("ingest", str(moved(shop, by_m=0.5)), "--map", "ts=time")
     assert (code, x_mm(shop)) == (1, first)
-    assert "2,000 of 2,000 records that were compared are stored already, at other places" in said
-    remedy = said.split("their first places stay; vsd ")[1].split(" puts")[0]
+    assert "2,400 of 2,400 records that were compared are stored already, at other places" in said
+    remedy = said.split("fix: vsd ")[1].split(" puts")[0]
     assert vsd(*remedy.split())[0] == 0
     assert x_mm(shop) == {x + 500 for x in first}
 

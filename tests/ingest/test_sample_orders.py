@@ -15,7 +15,6 @@ from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.checks.check_case import Case
 from vsd_analytics.ingest.checks.check_table import warnings_of
 from vsd_analytics.ingest.checks.sample import LIFE_STEPS, Sample, sample_of
-from vsd_analytics.ingest.checks.sketch import sketch_of
 from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch
 from vsd_analytics.ingest.reading.raw import raw_table
 
@@ -84,18 +83,6 @@ def test_the_interval_of_frames_is_within_one_camera() -> None:
 def test_second_sightings_have_the_key_of_another_record_and_another_place(seed: int) -> None:
     rows = [(*r[:4], str(r[4])) for r in random_rows(seed) if r[1] is not None]  # NaN is the same place as NaN
     assert sample(random_rows(seed)).n_second == len(set(rows)) - len({r[:3] for r in rows}) > 0
-
-
-def test_windows_of_a_sketch_are_of_one_camera() -> None:
-    random = np.random.default_rng(3)
-    of_cameras = [[(c, "1", 1000 * i, *random.uniform(0, 9, 2)) for i in range(6)] for c in "ab"]
-    apart, together = (
-        [sketch_of(sample(rows)) for rows in of_cameras],
-        sketch_of(sample([*of_cameras[0], *of_cameras[1]])),
-    )
-    assert {together[i : i + 14] for i in range(0, len(together), 14)} == {
-        sketch[i : i + 14] for sketch in apart for i in range(0, len(sketch), 14)
-    }
 
 
 @pytest.mark.parametrize("track", ["1", None])

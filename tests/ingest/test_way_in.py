@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import shlex
+import shutil
 import sqlite3
+import subprocess
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -166,6 +168,38 @@ def test_shapes_of_json_messages(vsd: Any, document: Any, options: str) -> None:
     assert source["first"].startswith("2025-11-10T09:00:00") or "1762761600" in json.dumps(document)
 
 
+P = [{"id": i, "x": 1.5 * i, "y": 2} for i in (1, 2)]
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {str(k): P for k in range(3)},
+        {"frames": {str(k): P for k in range(3)}},
+        {str(1762761600 + k): P for k in range(3)},
+        {f"2025-11-10T08:00:0{k}Z": P for k in range(3)},
+        {f"2025-11-10T08:00:0{k}Z": {"people": P} for k in range(3)},
+        {str(k): {"7": {"x": 1, "y": 2}, "8": {"x": 3, "y": 4}} for k in range(3)},
+        {"tracks": [{"id": 7, "path": [{"t": 1762761600 + k, "x": k, "y": 2} for k in range(6)]}]},
+        [{"id": i, "path": [{"t": 1762761600 + k, "x": k, "y": 2} for k in range(3)]} for i in (1, 2)],
+        [{"frames": [{"ts": 1762761600 + k, "objects": P} for k in range(3)]}],
+    ],
+)
+def test_frames_by_keys_and_tracks_with_points_are_proposed_and_the_proposal_reads_all(vsd: Any, document: Any) -> None:
+    source = vsd("", json.dumps(document), "a.json")[1]
+    proposal = source["error"]["fix"].partition("probably: ")[2].partition("   (")[0]
+    read = vsd(proposal, None, "a.json")[1]
+    assert (read["records"]["observations"], read["quarantined"]) == (6, {})
+
+
+def test_a_class_is_no_id(vsd: Any) -> None:
+    text = "".join(f'{{"t": {1762761600 + k}, "people": [{{"name": "person", "x": 1, "y": 2}}]}}\n' for k in range(9))
+    source = vsd("--persons people --map ts=t,x_m=x,y_m=y", text, "a.jsonl")[1]
+    (fix,) = [w["fix"] for w in source["card"]["warnings"] if w["code"] == "W225"]
+    assert fix.startswith("export the tracker's ids as track_id; ")
+    assert "track_id=name" not in fix
+
+
 def test_no_list_is_nobody_only_where_the_user_says_so(vsd: Any) -> None:
     text = '{"t":1762761600,"people":[{"id":1,"x":1,"y":2}]}\n{"t":1762761601}\n{"t":1762761602,"people":null}\n'
     assert vsd(PEOPLE, text, "a.jsonl")[1]["quarantined"] == {"bad-message": 2}
@@ -297,6 +331,31 @@ def test_jupedsim_databases_are_read(vsd: Any, tmp_path: Path) -> None:
     assert (source["format"], source["records"]) == ("jupedsim", {"observations": 98, "frames": 50})
     assert source["last"] == "2025-11-10T09:00:04+01:00"
     assert codes(vsd("", None, "a.sqlite")[1]) == ["E207"]
+
+
+@pytest.mark.skipif(shutil.which("sqlite3") is None, reason="the command sqlite3 is not on this machine")
+def test_the_fix_for_another_database_exports_its_table(vsd: Any, tmp_path: Path) -> None:
+    with sqlite3.connect(tmp_path / "a b.sqlite") as database:
+        database.execute("create table notes(text)")
+        database.execute("create table people(ts, track_id, x_m, y_m)")
+        rows = [(f"2025-11-10T08:00:{i:02}Z", 1, 1 + i / 50, 2) for i in range(30)]
+        database.executemany("insert into people values(?, ?, ?, ?)", rows)
+    database.close()
+    fix = vsd("", None, "a b.sqlite")[1]["error"]["fix"]
+    subprocess.run(fix.removeprefix("export the table: "), shell=True, cwd=tmp_path, check=True)
+    assert vsd("", None, "table.csv")[1]["records"] == {"observations": 30}
+
+
+def test_ids_that_come_again_another_day_are_other_lives(vsd: Any) -> None:
+    """They last a minute, and not from Monday to Friday."""
+    rows = [
+        f"2025-11-{day}T08:00:{i:02}Z,{p},{p + i / 50},{p}\n"
+        for day in range(10, 15)
+        for i in range(60)
+        for p in (1, 2)
+    ]
+    source = vsd("", "ts,track_id,x_m,y_m\n" + "".join(rows))[1]
+    assert source["card"]["life_s"] == 59.0
 
 
 def test_kitti_labels_are_read(vsd: Any) -> None:

@@ -13,7 +13,7 @@ import duckdb
 import numpy as np
 from engine.blob_video import CAMERA, COLOURS, SIZE, Walk
 from engine.detector_models import blob_model
-from live.picture_server import PictureServer, looped_video
+from live.picture_server import CameraServer, looped_video
 
 from vsd_analytics.store.store import Store
 
@@ -34,7 +34,7 @@ def pair_walks(shift_s: float) -> list[Walk]:
 
 def live_shop(
     root: Path,
-    camera: PictureServer | None = None,
+    camera: CameraServer | None = None,
     *,
     seconds: float = 60,
     hz: float = 1.0,
@@ -57,7 +57,7 @@ def live_shop(
     for k, name in enumerate(names):
         source = f"{name}.avi"
         if camera is not None and k == 2:
-            source = f"http://127.0.0.1:{camera.port}/video"
+            source = camera.address
         else:
             looped_video(root / source, lambda _, k=k: walks or pair_walks(7 * k), seconds=seconds, seed=k)
         np.savetxt(root / f"{name}.txt", CAMERA.homography())

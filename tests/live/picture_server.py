@@ -1,4 +1,4 @@
-"""A camera of the network for tests: pictures by HTTP (multipart JPEG), which can hang, fall silent or go away."""
+"""Cameras of the network for tests, which can hang, fall silent or go away; here by HTTP (multipart JPEG)."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ Mood = Literal["on", "hung", "silent", "away"]
 FPS = 5.0
 
 
-class PictureServer:
-    """Shows walks as they are now.
+class CameraServer:
+    """Shows walks as they are now; its protocol is that of a subclass.
 
     Args:
         walks: Who walks where, by seconds of `time.time()`.
@@ -29,18 +29,22 @@ class PictureServer:
         mood: "on": as it should; "hung": one picture again and again; "silent": connected, and nothing comes; "away":
             connections are closed at once.
         n_refused: Requests without the login.
+        port: Where it listens on this machine.
     """
 
+    port: int
+
     def __init__(self, walks: list[Walk], *, login: str | None = None) -> None:
-        self.walks, self.mood, self.login = walks, "on", login
+        self.walks, self.login = walks, login
+        self.mood: Mood = "on"
         self.n_refused = 0
         self._rng = np.random.default_rng(7)
         self._last = b""
-        handler = type("Handler", (_Handler,), {"camera": self})
-        self._server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
-        self._server.daemon_threads = True
-        self.port = int(self._server.server_address[1])
-        threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True).start()
+
+    @property
+    def address(self) -> str:
+        """Return its address, without a login."""
+        raise NotImplementedError
 
     def picture(self) -> bytes:
         """Return the picture of now as JPEG; each has its own noise, as a camera's has."""
@@ -48,6 +52,26 @@ class PictureServer:
             picture = noisy(painted(self.walks, time.time()), self._rng)
             self._last = bytes(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 95])[1])
         return self._last
+
+    def close(self) -> None:
+        """Go away for good."""
+        raise NotImplementedError
+
+
+class PictureServer(CameraServer):
+    """By HTTP, as `CameraServer`."""
+
+    def __init__(self, walks: list[Walk], *, login: str | None = None) -> None:
+        super().__init__(walks, login=login)
+        handler = type("Handler", (_Handler,), {"camera": self})
+        self._server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+        self._server.daemon_threads = True
+        self.port = int(self._server.server_address[1])
+        threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True).start()
+
+    @property
+    def address(self) -> str:
+        return f"http://127.0.0.1:{self.port}/video"
 
     def close(self) -> None:
         self.mood = "away"

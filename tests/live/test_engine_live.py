@@ -3,32 +3,43 @@
 from __future__ import annotations
 
 import errno
+import gc
 import itertools
 import os
+import re
 import shutil
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pyarrow as pa
 import pytest
-from engine.blob_video import SIZE
+from engine.blob_video import SIZE, painted
 from live.listener_thread import ListenerThread
 from live.live_shop import VSD, engine_live, live_shop, pair_walks, status_of, stored_instants, vsd_json
-from live.picture_server import Mood, PictureServer
+from live.picture_server import CameraServer, Mood, PictureServer
 from live.prove_engine_live import TRACE, outside, written_paths
+from live.rtsp_server import RtspServer
+from live.small_disk import fill, small_disk
 
 from vsd_analytics.config.project import load_site
 from vsd_analytics.engine import live_sources
 from vsd_analytics.engine.detector import Detector
 from vsd_analytics.engine.live_sources import LiveSource, be_quiet
 from vsd_analytics.live import picture_door
+from vsd_analytics.live.batches import ReceivedMessage
+from vsd_analytics.live.listener import Listener
 from vsd_analytics.live.live_camera import LiveCamera, TileChoice
+from vsd_analytics.live.message_queue import MessageQueue, OfferedMessages
 from vsd_analytics.live.picture_door import PictureDoor
 from vsd_analytics.schema import TableName
 from vsd_analytics.site.model import Site
@@ -113,10 +124,13 @@ def test_all_cameras_are_looked_at_in_turn_and_each_picture_is_stored_once(
     assert status_of(tmp_path)["state"] == "stopped"
 
 
+@pytest.mark.parametrize("kind", [PictureServer, RtspServer])
 @pytest.mark.parametrize("mood", ["hung", "silent", "away"])
 def test_a_camera_that_hangs_or_is_away_is_missing_and_never_empty(
-    mood: Mood, tmp_path: Path, camera: PictureServer
+    mood: Mood, kind: type[CameraServer], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(live_sources, "OPEN_S", 10.0)  # OpenCV reads RTSP for four seconds before it says it is open
+    camera = kind(pair_walks(0))
     live_shop(tmp_path, camera, seconds=2, hz=HZ)
     expected = {"hung": "hung", "silent": "lost", "away": "lost"}[mood]
     with Run(tmp_path) as run:
@@ -142,6 +156,7 @@ def test_a_camera_that_hangs_or_is_away_is_missing_and_never_empty(
     query = "select started_ms, ended_ms from internal.recorded_spans where camera_id = 'cam-3'"
     spans = vsd_json(tmp_path, "sql", query)
     assert all(s["ended_ms"] < ended_ms or s["started_ms"] > began_ms for s in spans["rows"])
+    camera.close()
 
 
 class Nobody:
@@ -191,6 +206,39 @@ def test_of_a_hang_not_one_frame_counts(tmp_path: Path) -> None:
     assert (camera.n_processed, camera.n_hung) == (2, 9)
 
 
+def test_nothing_stays_in_memory_of_a_picture_that_was_stored(tmp_path: Path) -> None:
+    live_shop(tmp_path, seconds=1)
+    site, door, detector = load_site(tmp_path), MessageQueue(), Detector(tmp_path / "blobs.onnx")
+    door.name = "pictures"
+    source = LiveSource("cam-1.avi", hz=1, now_ms=now_ms, delays_s=lambda: iter([]), has_news=threading.Event())
+    camera = LiveCamera(site.cameras[0], source, within_m=5.0, distance_m=2.0, tiles=TileChoice())
+    begin_ms, walks, seconds = 1_780_000_000_000, pair_walks(0), itertools.count()
+    now = [begin_ms]
+    listener = Listener(
+        site, broker=None, password=None, door=door, clock=lambda: datetime.fromtimestamp(now[0] / 1000, tz=UTC)
+    )
+
+    def alive_after(n: int) -> int:
+        """Look at pictures of n seconds; return how many blocks of memory Python holds."""
+        for second in itertools.islice(seconds, n):
+            now[0] = begin_ms + 1000 * second
+            messages = camera.messages(live_sources.LivePicture(now[0], painted(walks, second), 0.0), detector)
+            received = [ReceivedMessage("pictures", message, len(message)) for message in messages]
+            door.put(OfferedMessages(received, sum(map(len, messages))))
+            assert listener.store_offered()
+            if second % 5 == 0:
+                listener.beat()
+        gc.collect()
+        return sys.getallocatedblocks()
+
+    n = 25
+    alive_after(10 * n)  # until what is made once is made, and Python's free lists are long enough
+    before = alive_after(n)
+    after = alive_after(4 * n)
+    assert listener.status.n_stored["frames"] == 15 * n
+    assert after - before < 4 * n  # less than a block for each of them
+
+
 def test_a_detector_that_is_too_slow_misses_pictures_and_counts_them(tmp_path: Path) -> None:
     class Slow(Nobody):
         def people(self, picture: Any, *, tiles: Any = None) -> Any:
@@ -218,6 +266,77 @@ def test_a_picture_that_the_detector_fails_on_is_missing_and_said_and_others_go_
     with Run(tmp_path, Fails()) as run:
         until(lambda: any("failing: RuntimeError: the network failed" in line for line in run.said))
         until(lambda: sum(camera.n_processed for camera in run.cameras) >= 5)
+
+
+@pytest.mark.parametrize("state", ["missing", "unreadable", "no camera"])
+def test_a_device_that_gives_no_picture_is_lost_with_the_reason(
+    state: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    device = tmp_path / "video0"
+    if state != "missing":
+        device.touch()
+    if state == "unreadable":
+        monkeypatch.setattr(os, "access", lambda *_: False)  # who runs the tests may read everything
+    monkeypatch.setattr(live_sources, "DEVICE", re.compile(f"{tmp_path}/video(\\d+)"))
+    source = LiveSource(
+        str(device),
+        hz=1,
+        now_ms=now_ms,
+        delays_s=lambda: itertools.repeat(0.05),
+        has_news=threading.Event(),
+        opener=lambda _: cv2.VideoCapture(),
+    )
+    source.start()
+    until(lambda: source.state == "lost")
+    source.stop()
+    expected = {
+        "missing": "there is no such device",
+        "unreadable": "this user may not read it: add the user to its group, mostly video",
+        "no camera": "another program has it, or it gives no pictures",
+    }
+    assert source.error == expected[state]
+
+
+def test_a_device_is_read_as_a_camera_and_lost_when_it_is_pulled_out(tmp_path: Path) -> None:
+    class Camera:
+        """What OpenCV opens as a device, pulled out after three pictures."""
+
+        n = 0
+
+        def isOpened(self) -> bool:
+            return True
+
+        def grab(self) -> bool:
+            time.sleep(0.05)
+            self.n += 1
+            return self.n <= 3
+
+        def retrieve(self) -> tuple[bool, Any]:
+            return True, np.full((SIZE[1], SIZE[0], 3), self.n, np.uint8)
+
+        def release(self) -> None:
+            pass
+
+    opened: list[str] = []
+
+    def opener(address: str) -> Any:
+        opened.append(address)
+        return Camera()
+
+    source = LiveSource(
+        "/dev/video7",
+        hz=100,
+        now_ms=now_ms,
+        delays_s=lambda: itertools.repeat(0.05),
+        has_news=threading.Event(),
+        opener=opener,
+    )
+    source.start()
+    until(lambda: source.counts.n_connections >= 2 and source.state == "lost")
+    source.stop()
+    assert set(opened) == {"/dev/video7"}
+    assert source.counts.n_pictures >= 3
+    assert source.error == "no picture for 1 s, or the connection ended"
 
 
 def test_pictures_of_another_shape_than_the_calibration_are_refused(tmp_path: Path) -> None:
@@ -258,6 +377,50 @@ def test_a_full_disk_loses_no_frame_that_there_is_room_to_hold(
         assert run.n_processed(name) - 3 <= len(instants)
 
 
+@pytest.mark.long
+def test_a_disk_that_is_really_full_is_said_and_doubles_nothing_and_its_gap_is_missing(
+    tmp_path: Path, camera: PictureServer
+) -> None:
+    with small_disk(tmp_path / "disk", size_mb=24) as root:
+        names = live_shop(root, camera, seconds=2, hz=HZ, keys="[ingest]\nballast_mb = 1\n")
+        process = engine_live(root, "--fold-every", "3")
+        until(lambda: status_of(root).get("acknowledged", 0) >= 30)
+        filler = fill(root / "filler")
+        until(lambda: status_of(root).get("state") == "cannot store")
+        assert "No space left on device" in status_of(root)["error"]
+        assert "No space left on device" in str(vsd_json(root, "doctor"))
+        n = status_of(root)["acknowledged"]
+        first_full_ms = now_ms()
+        time.sleep(2)
+        freed_ms = now_ms()
+        filler.unlink()
+        until(lambda: status_of(root).get("state") == "listening")
+        until(lambda: status_of(root)["acknowledged"] >= n + 30)  # what was held is stored now
+        filler = fill(root / "filler")
+        full_ms = now_ms()
+        until(lambda: status_of(root).get("state") == "cannot store")
+        time.sleep(2)
+        assert status_of(root)["state"] == "cannot store"
+        process.kill()  # what was held is gone
+        printed = process.communicate(timeout=20)[0]
+        filler.unlink()
+        again_ms = now_ms()
+        process = engine_live(root)
+        until(lambda: status_of(root)["pid"] == process.pid and status_of(root)["acknowledged"] >= 30)
+        process.terminate()
+        assert process.wait(20) == 0
+        instants = stored_instants(root)
+        spans = vsd_json(root, "sql", "select camera_id, started_ms, ended_ms from internal.recorded_spans")["rows"]
+    assert printed.count("nothing can be stored") == 2  # a line each time, and not one for each try
+    for name in names:
+        assert len(instants[name]) == len(set(instants[name]))
+        assert any(first_full_ms < ms < freed_ms for ms in instants[name])  # the first time it was held, and stored
+        assert not any(full_ms + 1000 < ms < again_ms for ms in instants[name])
+        own = [(s["started_ms"], s["ended_ms"]) for s in spans if s["camera_id"] == name]
+        assert any(end < again_ms for _, end in own)
+        assert not any(start < again_ms < end for start, end in own)
+
+
 def test_what_finds_no_room_on_a_full_disk_is_missing_and_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -296,8 +459,13 @@ def test_whatever_ends_it_nothing_acknowledged_is_lost_and_nothing_is_doubled(nu
         assert not any(s["camera_id"] == name and s["started_ms"] < ends_ms[0] < s["ended_ms"] - 600 for s in spans)
 
 
-def test_a_password_reaches_its_camera_and_no_output(tmp_path: Path) -> None:
-    camera = PictureServer(pair_walks(0), login=f"viewer:{PASSWORD}")
+@pytest.mark.parametrize(
+    "served",
+    [PictureServer, partial(RtspServer, scheme="Basic"), partial(RtspServer, scheme="Digest")],
+    ids=["http", "rtsp-basic", "rtsp-digest"],
+)
+def test_a_password_reaches_its_camera_and_no_output(served: Callable[..., CameraServer], tmp_path: Path) -> None:
+    camera = served(pair_walks(0), login=f"viewer:{PASSWORD}")
     live_shop(tmp_path, camera, seconds=2, keys='source_username = "viewer"\n')
     words = ("--hz", "5", "--camera", "cam-3")
     said = []

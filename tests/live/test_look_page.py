@@ -88,7 +88,7 @@ def test_without_the_token_nothing_is_served(method: str, look: Look) -> None:
 
 def test_other_methods_are_not_served(look: Look) -> None:
     for method in ("PUT", "DELETE", "HEAD", "OPTIONS", "PATCH"):
-        assert look.ask("/", method=method, Cookie=look.cookie)[0] == 501
+        assert look.ask("/", method=method, Cookie=look.cookie)[0] == 405
 
 
 def test_another_host_or_origin_is_refused_even_with_the_token(look: Look) -> None:

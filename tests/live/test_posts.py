@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -22,13 +23,16 @@ from live.local_broker import frame
 from site_text import site_text
 
 from vsd_analytics.config.project import load_site
+from vsd_analytics.doctor.broker import examine_listener
 from vsd_analytics.errors import LiveError
 from vsd_analytics.ingest.intake.replay import replay
-from vsd_analytics.live import posts
+from vsd_analytics.live import posts, status
 from vsd_analytics.live.mapped import mapped_readers
 from vsd_analytics.live.message_queue import MESSAGES_MAX
 from vsd_analytics.live.posts import PostInbox, host_and_port, messages_of, token_of
+from vsd_analytics.live.status import read_status, write_status
 from vsd_analytics.schema import TABLES
+from vsd_analytics.store import durable
 from vsd_analytics.store.segments import read_segment
 from vsd_analytics.store.store import Store
 
@@ -41,12 +45,6 @@ persons = "data.people"
 map = { ts = "meta.time", track_id = "tid", x_m = "pos.0", y_m = "pos.1" }
 where = "kind = 'human'"
 """
-
-
-@pytest.fixture(autouse=True)
-def _stops_soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the server of each test stop at once: 25 of them would wait a fifth of a second each."""
-    monkeypatch.setattr(posts, "STOP_POLL_S", 0.01)
 
 
 def project(tmp_path: Path) -> Path:
@@ -131,6 +129,7 @@ def test_what_is_bad_is_answered_422_with_its_reason_and_can_be_replayed_by_its_
         assert told["rejected"][0]["reason"] == "time-out-of-range"
         assert run.listener.status.as_dict(now=datetime.now(tz=UTC))["rejected"]["time-out-of-range"] == 1
     assert {e["format"] for e in quarantined(root)} == {"json", "frames"}
+    assert {e["source"] for e in quarantined(root)} == {"http"}
     result = replay(load_site(root), reason="time-out-of-range", now=datetime.fromtimestamp(2, tz=UTC))
     assert result.n_records == {"frames": 1, "observations": 1}
 
@@ -144,7 +143,6 @@ def test_what_is_bad_is_answered_422_with_its_reason_and_can_be_replayed_by_its_
         ("/nothing", {}, b"{}", 404),
         ("/../secrets/http-token", {}, b"{}", 404),
         ("/frames", {"Content_Encoding": "gzip"}, b"{}", 415),
-        ("/frames", {"Content_Length": "-1"}, b"{}", 411),
         ("/frames", {"Transfer_Encoding": "chunked"}, b"0\r\n\r\n", 411),
         ("/frames", {"Content_Length": "99999999999"}, b"{}", 413),
         ("/frames", {}, b"[" + b"{}," * MESSAGES_MAX + b"{}]", 413),
@@ -199,6 +197,59 @@ def test_a_disk_that_refuses_is_answered_503_and_what_is_sent_again_counts_once(
             time.sleep(0.1)
         assert status == 202
     assert stored_seq(root) == [1]
+
+
+def test_a_full_disk_is_in_the_status_until_something_is_stored_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also the status itself finds no room for a second file."""
+    root = project(tmp_path)
+    monkeypatch.setattr(posts, "ANSWER_S", 0.3)
+    _, payload = frame(1, at=datetime.now(tz=UTC), n_persons=1)
+    path = root / "status" / "listen.json"
+    with Run(root) as run:
+        until(lambda: path.exists() and json.loads(path.read_text())["state"] == "listening")
+        is_full, publish = threading.Event(), durable.publish
+        is_full.set()
+
+        def refusing(path: Path, *arguments: Any, **named: Any) -> Any:
+            if is_full.is_set():
+                raise OSError(28, "No space left on device")
+            return publish(path, *arguments, **named)
+
+        monkeypatch.setattr(durable, "publish", refusing)
+        monkeypatch.setattr(status, "publish", refusing)
+        assert run.post(payload)[0] == 503
+        told = set()
+        until_s = time.monotonic() + 1.5
+        while time.monotonic() < until_s:
+            told.add(json.loads(path.read_text())["state"])
+            time.sleep(0.02)
+        assert told == {"cannot store"}
+        assert "No space left" in json.loads(path.read_text())["error"]
+        found = examine_listener(load_site(root), status=read_status(root), now=datetime.now(tz=UTC))
+        assert ("needs you", "vsd explain E304") in [(f.state, f.fix) for f in found]
+        is_full.clear()
+        until(lambda: json.loads(path.read_text())["state"] == "listening")
+
+
+def test_a_disk_that_refuses_only_the_status_is_named_in_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_status(tmp_path, {"state": "listening", "error": None})
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(status, "publish", full)
+    write_status(tmp_path, {"state": "listening", "error": None})
+    told = read_status(tmp_path)
+    assert told == {"state": "cannot store", "error": "the disk refused the status: No space left on device"}
+
+
+def until(is_so: Callable[[], bool]) -> None:
+    until_s = time.monotonic() + 20
+    while not is_so():
+        assert time.monotonic() < until_s
+        time.sleep(0.02)
 
 
 def test_a_killed_listener_loses_nothing_that_it_answered_202(tmp_path: Path) -> None:

@@ -66,7 +66,10 @@ def test_a_grid_has_hours_down_and_another_key_across_and_one_for_each_name() ->
         ("11-17", 9, "Queue", 3.0),
         ("11-18", 9, "Till", None),
     ]
-    rows = tuple({"local_date": d, "local_hour": h, "name": n, "people": Value(v)} for d, h, n, v in cells)
+    rows = tuple(
+        {"local_date": d, "local_hour": h, "name": n, "people": Value.missing(NEEDS) if v is None else Value(v)}
+        for d, h, n, v in cells
+    )
     lines = text(Answer("visits", columns, rows, HOLDS), (GridLayout("people", down="local_hour", over="local_date"),))
     assert [line.split() for line in lines] == [
         ["Queue:", "people"],
@@ -123,14 +126,17 @@ def told(answer: Answer) -> Answer:
     return replace(answer, rows=rows, notes=())
 
 
-NUMBERS = st.none() | st.floats(allow_nan=False, allow_infinity=False)
+KNOWN = st.floats(allow_nan=False, allow_infinity=False)
+NUMBERS = st.none() | KNOWN
 CELLS: dict[str, st.SearchStrategy[Any]] = {
     "key": st.text(),
     "fact": st.none() | st.booleans() | st.integers(-(2**53), 2**53) | st.text() | st.lists(st.text()).map(tuple),
     "place": st.none() | st.text(),
     "instant": st.none() | st.datetimes(timezones=st.just(UTC)),
 }
-VALUE = st.builds(Value, NUMBERS, NUMBERS, NUMBERS, st.sampled_from(["ok", "not_measurable"]), st.none())
+VALUE = st.builds(Value, KNOWN, NUMBERS, NUMBERS) | st.builds(
+    Value.missing, st.none(), st.sampled_from(["not_enough_data", "not_measurable"])
+)
 ROW = st.fixed_dictionaries({c.name: VALUE if c.kind in VALUES else CELLS[c.kind] for c in COLUMNS})
 
 

@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from datetime import date, datetime
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 
 import duckdb
 import pytest
+from site_text import site_text
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
@@ -213,3 +215,43 @@ def test_the_command_takes_whole_weeks_and_refuses_options_of_records(
         assert "--duckdb takes no" in capsys.readouterr().err
     assert command() == 2
     assert "which file" in capsys.readouterr().err
+
+
+KILLED = """
+import contextlib, os, signal, sys
+from dataclasses import replace
+from types import SimpleNamespace
+from datetime import date
+from pathlib import Path
+from vsd_analytics.config.project import load_site
+from vsd_analytics.report.pages import duckdb_file
+def kill(*_):
+    os.kill(os.getpid(), signal.SIGKILL)
+def fill(path, _):
+    path.write_bytes(b"figures")
+    if sys.argv[3] == "filled":
+        kill()
+    if sys.argv[3] == "written":
+        Path.replace = kill
+    return {}
+duckdb_file._fill, duckdb_file._shared = fill, lambda *_: None
+duckdb_file.open_warehouse = lambda *_: contextlib.nullcontext(SimpleNamespace(table=lambda *_: None))
+site = replace(load_site(Path(sys.argv[1])), floors=())  # no figures: they take long
+duckdb_file.export_duckdb(site, date(2026, 11, 9), date(2026, 11, 9), out=Path(sys.argv[2]))
+"""
+
+
+def test_the_next_export_removes_what_a_killed_one_left(tmp_path: Path) -> None:
+    (tmp_path / "vsd.toml").write_text(site_text("cam-1"))
+    scratch, out = tmp_path / "scratch", tmp_path / "out" / "week.duckdb"
+    scratch.mkdir()
+    left = []
+    for moment in ("filled", "written", "never"):
+        words = [sys.executable, "-c", KILLED, str(tmp_path), str(out), moment]
+        done = subprocess.run(words, env={**os.environ, "TMPDIR": str(scratch)}, check=False)
+        assert done.returncode == (0 if moment == "never" else -9)
+        left.append((len(list(out.parent.glob("*"))), any(scratch.iterdir())))
+    assert left[0] == (0, True)
+    assert left[1] == (1, True)
+    assert [p.name for p in out.parent.iterdir()] == ["week.duckdb"]
+    assert list(scratch.iterdir()) == []

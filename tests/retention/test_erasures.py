@@ -54,7 +54,7 @@ def test_figures_after_an_erasure_are_those_of_a_store_that_never_had_the_record
     hours = (f"{DAYS[0]}T09", f"{DAYS[0]}T10")
     others = [m for m in every if m["camera"] != "cam-1" or not m["ts"].startswith(hours)]
     never = make_project(tmp_path / "never")
-    vsd(never, "ingest", str(write(tmp_path / "others.jsonl", others)))
+    vsd(never, "ingest", str(write(tmp_path / "others.jsonl", others)), code=1)  # W231
     assert rows_of(project) == rows_of(never)
     assert figures(project) == figures(never)
     vsd(project, "ingest", str(delivered(tmp_path)), code=None)
@@ -188,12 +188,12 @@ def test_a_purge_without_a_reason_is_repeatable_and_an_erasure_can_be_lifted(pro
     before, file = figures(project), delivered(tmp_path)
     for _ in range(2):
         vsd(project, *ERASE[:-2])
-        vsd(project, "ingest", str(file))
+        vsd(project, "ingest", str(file), "--yes", code=None)
         assert figures(project) == before
     vsd(project, *ERASE)
     vsd(project, *ERASE, "--lift")
     assert audit(project)[-1]["lifted"] is True
-    vsd(project, "ingest", str(file))
+    vsd(project, "ingest", str(file), "--yes", code=None)
     assert figures(project) == before
 
 
@@ -207,11 +207,11 @@ def test_only_the_camera_range_and_reason_of_an_erasure_lift_it(project: Path) -
 def test_a_taken_back_import_can_be_repeated(project: Path, tmp_path: Path) -> None:
     """An undo is no erasure, with or without a reason."""
     file = write(tmp_path / "more.jsonl", messages(camera="cam-1", day=DAYS[0], hours=(15,)))
-    vsd(project, "ingest", str(file))
+    vsd(project, "ingest", str(file), "--yes", code=None)
     with_it = rows_of(project)
     newest = json.loads(vsd(project, "imports", "--json"))["imports"][-1]["id"]
     vsd(project, "purge", "--import", newest, "--reason", "the wrong day")
     assert rows_of(project) != with_it
     shutil.rmtree(project / "quarantine", ignore_errors=True)
-    vsd(project, "ingest", str(file))
+    vsd(project, "ingest", str(file), "--yes", code=None)
     assert rows_of(project) == with_it

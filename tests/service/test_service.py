@@ -158,6 +158,29 @@ def test_a_changed_project_is_answered_anew(demo_project: Path, tmp_path: Path) 
     assert json.loads(answers.site())["name"] == "Renamed"
 
 
+def test_a_project_with_a_mistake_is_not_answered_from_before_until_it_is_corrected(
+    demo_project: Path, tmp_path: Path
+) -> None:
+    root = tmp_path / "vsd-demo"
+    shutil.copytree(demo_project, root)
+    seconds = [0.0]
+    answers = ReportAnswers(root, clock=lambda: seconds[0])
+    limit = RateLimit(per_min=1e6, burst=10**6)
+    app = make_app(answers, token=TOKEN, limit=limit, title="Shop")
+    client = TestClient(app, raise_server_exceptions=False, headers={"Authorization": f"Bearer {TOKEN}"})
+    assert client.get("/v1/site").status_code == 200
+    text = (root / "vsd.toml").read_text()
+    (root / "vsd.toml").write_text(text + "\nnonsense = [\n")
+    told = []
+    for _ in range(6):
+        seconds[0] += 1
+        told.append(client.get("/v1/site").status_code)
+    assert told == [200, *[503] * 5], "changes are noticed within two seconds"
+    (root / "vsd.toml").write_text(text)
+    seconds[0] += 3
+    assert client.get("/v1/site").status_code == 200
+
+
 @pytest.mark.parametrize(
     ("path", "word"),
     [

@@ -109,5 +109,5 @@ def test_marts_that_are_computed_ahead_and_not_read_leave_no_older_file(tmp_path
     later = replace(site, opening=(((9 * 60, 20 * 60),), *site.opening[1:]))
     for of_rules in (site, later):
         with Warehouse(of_rules, FIRST, FIRST + timedelta(days=6)) as warehouse:
-            warehouse.compute_ahead("cell_days")
+            warehouse.prefetch("cell_days")
         assert len(list((tmp_path / "facts" / WEEKS / "cell_days").rglob("*.parquet"))) == 1

@@ -47,7 +47,7 @@ COMMANDS = {
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = make_project(tmp_path_factory.mktemp("described") / "p", toml=TOML + AREA)
-    vsd(root, "ingest", str(three_days(root)))
+    vsd(root, "ingest", str(three_days(root)), code=None)
     vsd(root, "build")
     return root
 

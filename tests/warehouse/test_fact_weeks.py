@@ -161,7 +161,7 @@ def known_days(site: Site) -> tuple[dict[int, Any], dict[str, tuple[int, int]]]:
     index = PartIndex(store, first_hour=None, last_hour=None)
     found = read_days(site, day_units(index, index.hours(), site=site))
     spans = {digest: span for day in found.values() for digest, span in day.spans.items()}
-    return {n: (d.digest, d.rows.to_pylist(), d.cameras, d.reach_ms) for n, d in found.items()}, spans
+    return {n: (d.digest, d.rows.to_pylist(), d.cameras, d.lookback_ms) for n, d in found.items()}, spans
 
 
 def test_units_of_hours_are_the_same_from_weeks_of_camera_days(whole: Path, apart: Path) -> None:
@@ -227,7 +227,7 @@ def test_a_worker_gets_the_stale_day_of_a_week_alone(copy: Copy, whole: Path) ->
 
     for project in (site, here):
         late_records(project)
-    assert counts(build(site, spread=elsewhere, is_published=True)) == counts(build(here, is_published=True))
+    assert counts(build(site, distributed=elsewhere, is_published=True)) == counts(build(here, is_published=True))
     assert len(set(days)) == 2
     assert published(site) == published(here)
     assert [p.name for p in weeks(site)] == [p.name for p in weeks(here)]

@@ -81,7 +81,7 @@ def answers_text(answers: Answers, layouts: Mapping[str, Layout]) -> str:
 
 
 def has_value(answers: Answers, name: str, columns: Iterable[str]) -> bool:
-    """Tell whether any row of an answer has a value in one of some columns."""
+    """Tell whether any row of an answer has a value to rely on in one of some columns."""
     from vsd_analytics.answer import value_of
 
-    return any(value_of(row, column).state == "ok" for row in answers[name].rows for column in columns)
+    return any(not value_of(row, column).is_uncertain for row in answers[name].rows for column in columns)

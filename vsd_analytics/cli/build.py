@@ -60,13 +60,13 @@ def build(project: Project, /, address: str | None, url: str | None, has_records
     warn_of_full_disk(folded)
     warn_of_erased(folded.n_erased)
     with contextlib.ExitStack() as stack:
-        spread = None
+        distributed = None
         if address is not None:
             from vsd_analytics.cluster.workers import workers
 
-            spread = stack.enter_context(workers(address))
+            distributed = stack.enter_context(workers(address))
         on_plan, on_hours = stack.enter_context(facts_progress(quiet=project.quiet))
-        result = build_facts(site, on_plan=on_plan, on_hours=on_hours, is_published=True, spread=spread)
+        result = build_facts(site, on_plan=on_plan, on_hours=on_hours, is_published=True, distributed=distributed)
     n_written = 0
     if url is not None and s3 is not None:
         n_written = bucket.publish(current_files(site, result), url, s3, spared=RECORDS if has_records else None)

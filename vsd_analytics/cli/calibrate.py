@@ -178,6 +178,7 @@ def _from_people(
 ) -> int:
     """Calibrate a camera from the people it sees while the result will be in force, and put it into force."""
     from vsd_analytics.config import calibrate as calibration
+    from vsd_analytics.engine.ignored_parts import in_parts
     from vsd_analytics.engine.people_files import read_each_once
     from vsd_analytics.engine.pictures import is_picture_source
     from vsd_analytics.engine.plane_method import off_planes
@@ -189,7 +190,8 @@ def _from_people(
         )
     camera = calibration.camera_called(project.site, camera_id)
     picture_px = _picture_px(camera, size)
-    seen = off_planes(read_each_once(people, size_px=picture_px), camera.planes)
+    every = read_each_once(people, size_px=picture_px)
+    seen = off_planes(every.rows(~in_parts(every.outline, camera.ignore_px)), camera.planes)
     if since is not None and seen.ts_ms is not None:
         seen = seen.between(round(since.timestamp() * 1000), None)
     done, found = put_into_force_from_people(project, camera_id, seen, size_px=picture_px, since=since)
@@ -200,13 +202,21 @@ def put_into_force_from_people(
     project: Project, camera_id: str, seen: People, *, size_px: tuple[int, int], since: datetime | None = None
 ) -> tuple[Calibrated, FromPeople]:
     """Calibrate a camera from people, write the result with its stated error, and put it into force."""
-    from vsd_analytics.engine.people_calibration import calibrate_from_people
+    from vsd_analytics.engine.people_calibration import FEW_PEOPLE, FEW_WALKS, calibrate_from_people
     from vsd_analytics.engine.people_calibration_file import write_stated_error
     from vsd_analytics.geometry.stated_errors import beside
 
     found = calibrate_from_people(seen, size_px=size_px)
     done = _put_into_force(project, camera_id, found.homography, since=since)
     write_stated_error(beside(project.site.root / done.file, "people"), found, calibration_id=done.calibration_id)
+    if found.is_of_few:
+        whom = f"about {found.n_walks} walks" if found.n_people is None else f"{found.n_people} persons"
+        least = FEW_WALKS if found.n_people is None else FEW_PEOPLE
+        project.say(
+            f"warning[W406]: camera {camera_id} is calibrated from {whom}, fewer than {least}: distances along the "
+            "view may be a quarter off. Record for ten minutes or more, and calibrate again; or measure points: "
+            f"vsd calibrate {camera_id} --draw"
+        )
     return done, found
 
 
@@ -295,11 +305,13 @@ def _check(project: Project, camera_id: str, source: Path, *, size: str | None, 
     """Tell whether a camera has moved since its latest calibration; 1 when it has, or when nobody can tell."""
     from vsd_analytics.cli import moved_cameras
     from vsd_analytics.config.calibrate import camera_called
+    from vsd_analytics.engine.ignored_parts import in_parts
     from vsd_analytics.engine.people_files import read_each_once
 
     camera = camera_called(project.site, camera_id)
     picture_px = _picture_px(camera, size)
-    people = read_each_once(source, size_px=picture_px)
+    every = read_each_once(source, size_px=picture_px)
+    people = every.rows(~in_parts(every.outline, camera.ignore_px))
     ts_ms = moved_cameras.timed(people, source)
     check = moved_cameras.check_people(camera, people, ts_ms=ts_ms, size_px=picture_px)
     if check is None:
@@ -352,6 +364,8 @@ def _people_dict(found: FromPeople) -> dict[str, object]:
         "focal_px": round(camera.focal_px, 1),
         "n_rows": found.n_rows,
         "n_people": found.n_people,
+        "n_walks": found.n_walks,
+        "is_of_few": found.is_of_few,
         "n_walkers": found.n_walkers,
         "distance_error": round(found.error, 4),
         "error_map": [

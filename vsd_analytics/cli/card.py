@@ -29,7 +29,6 @@ def print_card(project: Project, card: SourceProfile) -> None:
 def card_as_dict(project: Project, card: SourceProfile) -> dict[str, Any]:
     """Return the key `card` of `--json`: instants as ISO 8601 in the site's zone, unknown is null."""
     found = rounded(asdict(card))
-    del found["sketch"]
     for key in ("first", "last"):
         ms = found.pop(f"{key}_ms")
         found[key] = None if ms is None else local_time(project, ms).replace(" ", "T")

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import shlex
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +23,12 @@ if TYPE_CHECKING:
     from vsd_analytics.config.camera_in_name import CameraName
 
 
+_GO_ON = (
+    "there is no vsd.toml here, so nothing was compared with a plan, opening hours or stored records; times without an "
+    "offset were taken as UTC. To go on: vsd init"
+)
+
+
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILES...")
 @file_options
@@ -35,6 +44,9 @@ def check(
     project: Project, /, files: tuple[str, ...], save: str | None, picture: str | None, as_json: bool, **given: Any
 ) -> int:
     """Validate files and change nothing: format, columns, times, cameras, numbers.
+
+    In a project it also says whether a file is stored already, in whatever spelling. Without a project it says what can
+    be said of the file alone.
 
     With --picture, the first positions of a file are drawn as they are understood: look at it once per kind of file. No
     number tells that an axis points the other way, or that positions are of heads.
@@ -59,10 +71,15 @@ def check(
         if len(files) != 1 or save is not None:
             raise UsageError("a drawing is checked alone", fix=f"vsd check {shlex.quote(files[0])} --picture plan.svg")
         return check_drawing(Path(files[0]), picture, given, as_json=as_json)
-    if picture is not None:
-        _draw(project, files, picture, given)
+    with _site_of(project, files, given, needs_project=save is not None) as has_project:
+        if picture is not None:
+            _draw(project, files, picture, given)
+        if save is None:
+            code = read_files(project, files, given, is_dry_run=True, as_json=as_json)
     if save is None:
-        return read_files(project, files, given, is_dry_run=True, as_json=as_json)
+        if not has_project:
+            project.say(_GO_ON)
+        return code
     from vsd_analytics.config.new_source import refuse_name
 
     if len(files) != 1 or files[0] == "-":
@@ -79,6 +96,34 @@ def check(
         return code
     _save(project, save, Path(files[0]).name, formats[0], given, named)
     return code
+
+
+@contextmanager
+def _site_of(project: Project, files: tuple[str, ...], given: dict[str, Any], *, needs_project: bool) -> Iterator[bool]:
+    """Yield whether there is a project; where there is none, the site is one made of the files' own cameras.
+
+    Raises:
+        UsageError: E102, there is none, and it is needed or a folder was named with -C.
+    """
+    from vsd_analytics.config.project import find_project
+
+    try:
+        find_project(Path(project.folder))
+    except UsageError as error:
+        if needs_project or error.code != "E102" or not Path(project.folder).is_dir():
+            raise
+    else:
+        yield True
+        return
+    from vsd_analytics.ingest.intake.site_of_files import site_of_files
+    from vsd_analytics.ingest.reading.adapter import IngestOptions
+
+    with tempfile.TemporaryDirectory(prefix="vsd-check-") as folder:
+        # options are read with the site's clock, and the site's cameras with the options
+        project.site = site_of_files([], IngestOptions(), root=Path(folder))
+        paths = [Path(file) for file in files if file != "-"]
+        project.site = site_of_files(paths, ingest_options(project, given), root=Path(folder))
+        yield False
 
 
 def _draw(project: Project, files: tuple[str, ...], picture: str, given: dict[str, Any]) -> None:

@@ -27,7 +27,7 @@ from vsd_analytics.cli.located_people import (
     by_paper,
     check_calibrated,
 )
-from vsd_analytics.cli.options import json_option, parse_size, path_option
+from vsd_analytics.cli.options import FilePath, json_option, parse_size, path_option
 from vsd_analytics.cli.output import count, emit_json, plain
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
@@ -65,7 +65,7 @@ engine.add_command(probe)
 
 
 @engine.command()
-@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("source", type=FilePath())
 @click.option("--camera", "camera_id", required=True, metavar="ID", help="Camera of vsd.toml that saw them.")
 @path_option("--out", help="JSON Lines file to write (default: straight into the store).")
 @click.option(
@@ -165,9 +165,11 @@ def run(
       vsd engine run door.mp4 --camera cam-1 --detector model.onnx --start 2026-11-09T08:00 --track
     """
     from vsd_analytics.config.calibrate import camera_called
+    from vsd_analytics.engine.ignored_parts import engine_ignoring, in_parts
     from vsd_analytics.engine.messages import frame_messages, instants_ms
     from vsd_analytics.engine.monoloco_files import read_monoloco
     from vsd_analytics.engine.people_files import read_each_once, read_people
+    from vsd_analytics.engine.seen import IGNORED
     from vsd_analytics.store.durable import publish
 
     if track and method == "paper":
@@ -205,15 +207,19 @@ def run(
         else:
             ts_ms = ts_ms + round(begin.timestamp() * 1000)
         people, still = _statues(people, ts_ms, is_left_out=without_statues)
-        if is_calibrated:
-            put_into_force_from_people(project, camera_id, replace(people, ts_ms=ts_ms), size_px=picture_px)
-            project = project.inside(project.root)  # reads the calibration that is in force now
-            camera = camera_called(project.site, camera_id, option="--camera")
         pictures = source if overlay is not None and pictures is None else pictures
     else:
         read = read_people if method == "paper" else read_each_once  # the paper's method takes skeletons as they are
         people = read(source, size_px=picture_px) if own is None else own.people
         ts_ms = instants_ms(people, start=begin, hz=rate)
+    is_ignored = in_parts(people.outline, camera.ignore_px)
+    people = people.rows(~is_ignored)
+    own = None if own is None else own.rows(~is_ignored)
+    if is_calibrated:
+        assert picture_px is not None
+        put_into_force_from_people(project, camera_id, replace(people, ts_ms=ts_ms), size_px=picture_px)
+        project = project.inside(project.root)  # reads the calibration that is in force now
+        camera = camera_called(project.site, camera_id, option="--camera")
     if out is None and people.ts_ms is None and start is None:
         raise UsageError(f"{source.name} has no ts, and the store needs times", fix="--start 2026-11-09T08:00 --hz 1")
     if people.ts_ms is None and start is None:
@@ -230,6 +236,7 @@ def run(
     else:
         parts = by_calibrations(detected) if own is None else by_monoloco(detected, own)
         moves = _moves(detected, source)
+    parts = [(replace(seen, engine=engine_ignoring(seen.engine, camera.ignore_px)), when) for seen, when in parts]
     drawn = {} if overlay is None else _overlay(detected, parts, to=overlay, on=pictures)
     lines = [line for seen, when in parts for line in frame_messages(seen, camera=camera_id, ts_ms=when, seq=seq)]
     text = b"".join(line + b"\n" for line in lines)
@@ -246,7 +253,7 @@ def run(
         "frames": len(lines),
         "persons": sum(len(seen.people) for seen, _ in parts),
         "pairs": sum(len(seen.a) for seen, _ in parts),
-        "left_out": dict(sum((Counter(seen.left_out) for seen, _ in parts), Counter())),
+        "left_out": dict(sum((Counter(seen.left_out) for seen, _ in parts), Counter({IGNORED: int(is_ignored.sum())}))),
         "bad_rows": dict(people.bad),
         **({} if detector is None else {"unread": every.unread, "boxes": dict(detected.changed), "statues": still}),
         **({} if own is None else _social(own)),

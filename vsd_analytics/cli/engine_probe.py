@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vsd_analytics.cli.detection import chosen_detector, detector_settings
-from vsd_analytics.cli.options import json_option, path_option
+from vsd_analytics.cli.options import FilePath, json_option, path_option
 from vsd_analytics.cli.output import count, emit_json, plain, rounded
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import InputError, UsageError, Where
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("model", type=click.Path(path_type=Path))
-@click.argument("picture", type=click.Path(path_type=Path))
+@click.argument("model", type=FilePath())
+@click.argument("picture", type=FilePath())
 @path_option("--out", help="JPEG to write with what was found (default: PICTURE with -probe at the end of its name).")
 @detector_settings
 @json_option

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.options import json_option, path_option
+from vsd_analytics.cli.options import FilePath, json_option, path_option
 from vsd_analytics.cli.output import count, emit_json, rounded
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
@@ -20,10 +20,11 @@ if TYPE_CHECKING:
 
     from vsd_analytics.engine.evaluation import Evaluation
     from vsd_analytics.engine.scores import Score, Scores
+    from vsd_analytics.site.model import Camera
 
 
 @click.command()
-@click.argument("messages", type=click.Path(path_type=Path))
+@click.argument("messages", type=FilePath())
 @path_option("--truth", help="CSV of true positions: frame or ts, track_id, x_m, y_m.")
 @click.option(
     "--distance",
@@ -49,8 +50,8 @@ if TYPE_CHECKING:
     "--ignore",
     "uncounted",
     multiple=True,
-    metavar="AREA|FILE",
-    help="Area of vsd.toml in which nobody counts, or CSV of area,x_m,y_m; repeat it for several.",
+    metavar="AREA|CAMERA|FILE",
+    help="Area in which nobody counts, camera whose ignore_px does not count, or CSV of area,x_m,y_m; may be repeated.",
 )
 @click.option("--size", metavar="WxH", help="Picture size of a data set without images.")
 @json_option
@@ -119,7 +120,7 @@ def evaluate(
 
 
 def _areas(project: Project, name: str) -> list[NDArray[np.float64]]:
-    """Return the corners of an area of vsd.toml, or of all areas of a CSV file."""
+    """Return the corners of an area of vsd.toml, of what a camera ignores of the floor, or of all areas of a file."""
     import numpy as np
 
     from vsd_analytics.engine.truth import read_areas_csv
@@ -127,10 +128,31 @@ def _areas(project: Project, name: str) -> list[NDArray[np.float64]]:
     if Path(name).suffix.lower() == ".csv":
         return read_areas_csv(Path(name))
     area = next((area for area in project.site.areas if area.area_id == name), None)
+    camera = next((camera for camera in project.site.cameras if camera.camera_id == name), None)
+    if area is None and camera is not None:
+        return _ignored_by(camera)
     if area is None:
         known = ", ".join(area.area_id for area in project.site.areas) or "it has none"
         raise UsageError(f"--ignore: there is no area {name!r} in vsd.toml", why=known, fix="--ignore areas.csv")
     return [np.array(area.polygon, dtype=np.float64)]
+
+
+def _ignored_by(camera: Camera) -> list[NDArray[np.float64]]:
+    """Return the corners of the floor that a camera ignores, by its latest calibration."""
+    import numpy as np
+    import shapely
+
+    from vsd_analytics.geometry.camera_views import ignored_floor
+
+    floor = ignored_floor(camera, camera.calibrations[-1] if camera.calibrations else None)
+    if floor is None:
+        raise UsageError(
+            f"--ignore: camera {camera.camera_id!r} ignores nothing that lies on a known floor",
+            why="it needs ignore_px, picture_px and a calibration",
+            fix="under its [[camera]]: ignore_px = [[[0, 0], [400, 0], [400, 300], [0, 300]]]",
+        )
+    parts = [part for part in shapely.get_parts(floor) if part.geom_type == "Polygon"]
+    return [np.asarray(part.exterior.coords[:-1], dtype=np.float64) for part in parts]
 
 
 def _data_set(project: Project, folder: Path, *, distance_m: float, size: str | None, as_json: bool) -> None:

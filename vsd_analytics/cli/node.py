@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from vsd_analytics.cluster.receiving import Received
     from vsd_analytics.site.routes import ExchangeRoute
 
+_SHOWN = 20
 _every = click.option(
     "--every",
     "every_s",
@@ -163,15 +165,16 @@ def _as_dict(done: Received) -> dict[str, Any]:
     from vsd_analytics.live.status import iso_utc
     from vsd_analytics.store.seals import SEALED
 
-    sealed = {SEALED: done.fold.n_sealed} if done.fold.n_sealed else {}
+    quarantined = done.n_quarantined + Counter({SEALED: done.fold.n_sealed})
     return {
         "files": done.n_files,
         "records": dict(sorted(done.n_records.items())),
         "again": done.n_again,
-        "damaged": done.n_damaged,
+        "damaged": len(done.damaged),
+        "damaged_files": sorted(done.damaged)[:_SHOWN],
         "new": done.fold.n_new,
         "erased": done.n_erased + done.fold.n_erased,
-        "quarantined": {**done.n_quarantined, **sealed},
+        "quarantined": dict(quarantined),
         "held": dict(sorted(done.held.items())),
         "nodes": [
             {"node": n.node, "at": iso_utc(n.at), "waiting": n.n_waiting, "version": n.version} for n in done.nodes
@@ -185,6 +188,10 @@ def _print_received(found: dict[str, Any]) -> None:
         click.echo(f"{name:<16} {count(n, 'record')}")
     for name, why in found["held"].items():
         click.echo(plain(f"held at the place: {name}: {why}"), err=True)
+    if found["damaged"]:
+        first = plain(found["damaged_files"][0])
+        several = f" and {found['damaged'] - 1:,} more" if found["damaged"] > 1 else ""
+        click.echo(f"{first}{several}: damaged on the way or not signed by a node of this site; removed", err=True)
     for reason, n in sorted(found["quarantined"].items()):
         click.echo(f"{count(n, 'record')} quarantined: {reason}", err=True)
     warn_of_erased(found["erased"])

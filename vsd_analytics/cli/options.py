@@ -43,9 +43,24 @@ language_option = click.option(
 F = TypeVar("F", bound=Callable[..., Any])
 
 
+class FilePath(click.Path):
+    """A path that is no address of a camera: an address may have a password in it, and errors show paths."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path; InputError (E204), without the password, for an address."""
+        if "://" in str(value):
+            from vsd_analytics.ingest.formats.recognise import refuse_streams
+
+            refuse_streams([str(value)])
+        return super().convert(value, param, ctx)
+
+
 def path_option(*names: str, metavar: str = "FILE", **more: Any) -> Callable[[F], F]:
     """Return an option whose value is a path."""
-    return click.option(*names, type=click.Path(path_type=Path), metavar=metavar, **more)
+    return click.option(*names, type=FilePath(), metavar=metavar, **more)
 
 
 def choice_option(*names: str, choices: Sequence[str], default: str, help: str) -> Callable[[F], F]:

@@ -7,7 +7,7 @@ import os
 import click
 
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.errors import UsageError
+from vsd_analytics.errors import LiveError
 
 
 @click.command()
@@ -36,33 +36,27 @@ def serve(project: Project, host: str, port: int, per_minute: float) -> None:
     """
     from vsd_analytics.config.access_token import is_loopback
     from vsd_analytics.service.access import RateLimit, token_of
-
-    try:
-        import uvicorn
-
-        from vsd_analytics.service.app import make_app
-    except ImportError as error:
-        raise UsageError(
-            "vsd serve needs more packages", why=str(error), fix="pip install 'vsd-analytics[serve]'"
-        ) from None
     from vsd_analytics.service.answers import ReportAnswers
+    from vsd_analytics.service.app import make_app
+    from vsd_analytics.service.http_server import HttpServer
 
     token, where = token_of(project.root, environ=os.environ)
     now = project.now if project.now_text is not None else None
     limit = RateLimit(per_min=per_minute, burst=max(10, int(per_minute // 4)))
     app = make_app(ReportAnswers(project.root, now=now), token=token, limit=limit, title=project.site.name)
+    try:
+        server = HttpServer(app, host=host, port=port)
+    except OSError as error:
+        raise LiveError(
+            f"nothing can listen at {host}:{port}",
+            code="E709",
+            why=str(error.strerror or error),
+            fix="name another --port, or stop the program that has it: ss -ltnp",
+        ) from None
     if not is_loopback(host):
         project.say(
             f"warning: {host} is not this machine alone, and HTTP is not encrypted: put a proxy with TLS before it"
         )
-    project.say(f"http://{host}:{port}   token: {where}   Ctrl-C ends it")
-    uvicorn.run(
-        app,
-        host=host,
-        port=port,
-        log_level="warning",
-        server_header=False,
-        limit_concurrency=64,
-        timeout_keep_alive=5,
-        h11_max_incomplete_event_size=16_384,
-    )
+    shown = f"[{host}]" if ":" in host else host
+    project.say(f"http://{shown}:{server.port}   token: {where}   Ctrl-C ends it")
+    server.run()

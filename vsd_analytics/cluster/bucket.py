@@ -179,10 +179,18 @@ def tag(s3: Bucket, bucket: str, key: str) -> str | None:
         raise
 
 
-def content(s3: Bucket, bucket: str, key: str) -> bytes | None:
-    """Return the bytes of an object; None where there is none."""
+def content(s3: Bucket, bucket: str, key: str, *, most: int | None = None) -> bytes | None:
+    """Return the bytes of an object; None where there is none.
+
+    Args:
+        s3: The client.
+        bucket: Name of the bucket.
+        key: Key of the object.
+        most: Bytes that it should have at most: one more is read, and the rest is left; None = all.
+    """
     try:
-        return bytes(s3.get_object(Bucket=bucket, Key=key)["Body"].read())
+        body = s3.get_object(Bucket=bucket, Key=key)["Body"]
+        return bytes(body.read() if most is None else body.read(most + 1))
     except Exception as error:
         if code_of(error) in ("NoSuchKey", "404"):
             return None

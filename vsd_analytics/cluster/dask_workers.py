@@ -11,7 +11,7 @@ from distributed import Client, KilledWorker, as_completed
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.site.model import Site
-from vsd_analytics.warehouse.spread import Spread, Work
+from vsd_analytics.warehouse.distributed import DistributedRun, Work
 
 TIMEOUT_S = 30
 AHEAD = 2
@@ -19,7 +19,7 @@ AHEAD = 2
 
 
 @contextlib.contextmanager
-def connected(address: str) -> Iterator[Spread]:
+def connected(address: str) -> Iterator[DistributedRun]:
     """Connect to a Dask scheduler, and yield what hands out units to its workers; see `workers`."""
     try:
         client = Client(address, timeout=TIMEOUT_S)
@@ -31,7 +31,7 @@ def connected(address: str) -> Iterator[Spread]:
         except TimeoutError as error:
             raise _unavailable(f"the Dask scheduler at {address} has no workers", str(error)) from None
 
-        def spread(work: Work, site: Site, days: Sequence[int]) -> Iterator[tuple[int, Mapping[str, bytes]]]:
+        def distributed(work: Work, site: Site, days: Sequence[int]) -> Iterator[tuple[int, Mapping[str, bytes]]]:
             waiting, of_key = iter(days), dict[str, int]()
 
             def submit(day: int) -> object:
@@ -52,7 +52,7 @@ def connected(address: str) -> Iterator[Spread]:
                 for following in islice(waiting, 1):
                     running.add(submit(following))
 
-        yield spread
+        yield distributed
 
 
 def _unavailable(what: str, why: str) -> StoreError:

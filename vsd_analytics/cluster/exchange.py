@@ -3,12 +3,13 @@
 ```
 <place>/site.json                                   written by the site: its id, and the days that are forgotten
 <place>/nodes/<node>/node.json                      written by the node: when it was here, and what waits there
-<place>/nodes/<node>/<table>/<digest>.parquet       written by the node, removed by the site
-<place>/nodes/<node>/imports/<digest>.jsonl         likewise: lines of the node's list of imports
-<place>/receipts/<node>/<digest>                    written by the site when it has it, removed by the node
+<place>/nodes/<node>/<table>/<file>.parquet         written by the node, removed by the site
+<place>/nodes/<node>/imports/<file>.jsonl           likewise: lines of the node's list of imports
+<place>/receipts/<node>/<digest>-<stamp>            written by the site when it has it, removed by the node
 ```
 
-Files of records have the hash of their bytes as name, so a copy under that name is the same however often it is sent.
+The name of a file has the hash of its bytes, its stamp and its signature (`cluster.signatures`), so a copy under that
+name is the same however often it is sent. Receipts and both notices are signed too. Nothing is read beyond a bound.
 Each appears whole: by a rename in a folder, by one conditional write in a bucket.
 """
 
@@ -33,6 +34,8 @@ SITE = "site.json"
 NODES = "nodes"
 RECEIPTS = "receipts"
 ABOUT_NODE = "node.json"
+NOTICE_MAX_BYTES = 1 << 20
+"""Longest notice that is read: the days that a site forgot in seventy years take a third."""
 
 
 class SiteNotice(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -44,6 +47,7 @@ class SiteNotice(msgspec.Struct, frozen=True, omit_defaults=True):
         before: See `ClosedDays`.
         held: See `ClosedDays`.
         mark: Mark of the site's secret (`DayChain.mark`); "" = it has none.
+        signature: `Signer.signed`; "" = the site has no secret, or is of version 1.1.
     """
 
     site: str
@@ -51,13 +55,14 @@ class SiteNotice(msgspec.Struct, frozen=True, omit_defaults=True):
     before: date | None = None
     held: tuple[date, ...] = ()
     mark: str = ""
+    signature: str = ""
 
     def closed(self) -> ClosedDays:
         """Return the days that get no key."""
         return ClosedDays(frozenset(self.days), self.before, frozenset(self.held))
 
 
-class NodeNotice(msgspec.Struct, frozen=True):
+class NodeNotice(msgspec.Struct, frozen=True, omit_defaults=True):
     """What a node says to the site (`node.json`).
 
     Attributes:
@@ -65,12 +70,14 @@ class NodeNotice(msgspec.Struct, frozen=True):
         at: When it was here last (UTC).
         n_waiting: Files that it holds because it has no receipt for them.
         version: Version of this program there.
+        signature: `Signer.signed`; "" = the node is of version 1.1.
     """
 
     node: str
     at: datetime
     n_waiting: int
     version: str
+    signature: str = ""
 
 
 class Exchange(Protocol):
@@ -79,8 +86,8 @@ class Exchange(Protocol):
     def names(self, prefix: str) -> list[str]:
         """Return the names that begin with a prefix which ends in a slash, in order."""
 
-    def read(self, name: str) -> bytes | None:
-        """Return the bytes of a file; None where there is none."""
+    def read(self, name: str, *, most: int) -> bytes | None:
+        """Return the bytes of a file, at most one more than `most`; None where there is none."""
 
     def add(self, name: str, data: bytes) -> None:
         """Write a file whole and durably, unless one of that name is there."""
@@ -108,11 +115,12 @@ class FolderExchange:
         found = (p for p in (self.root / prefix).rglob("*") if not p.name.startswith(".") and p.is_file())
         return sorted(str(p.relative_to(self.root)) for p in found)
 
-    def read(self, name: str) -> bytes | None:
-        """Return the bytes of a file; None where there is none."""
+    def read(self, name: str, *, most: int) -> bytes | None:
+        """Return the bytes of a file, at most one more than `most`; None where there is none."""
         self._refuse_absent()
         try:
-            return (self.root / name).read_bytes()
+            with (self.root / name).open("rb") as file:
+                return file.read(most + 1)
         except FileNotFoundError:
             return None
 
@@ -156,10 +164,10 @@ class BucketExchange:
             found = bucket.keys(self._s3, self._bucket, self._key(prefix))
         return sorted(key.removeprefix(f"{self._prefix}/") for key in found)
 
-    def read(self, name: str) -> bytes | None:
-        """Return the bytes of an object; None where there is none."""
+    def read(self, name: str, *, most: int) -> bytes | None:
+        """Return the bytes of an object, at most one more than `most`; None where there is none."""
         with self._refusals():
-            return bucket.content(self._s3, self._bucket, self._key(name))
+            return bucket.content(self._s3, self._bucket, self._key(name), most=most)
 
     def add(self, name: str, data: bytes) -> None:
         """Write an object by one conditional write: of two writers at a time the first one wins."""
@@ -211,7 +219,7 @@ def site_notice(exchange: Exchange, site: Site) -> SiteNotice | None:
     Raises:
         StoreError: E319, the place is that of another site, or cannot be read.
     """
-    data = exchange.read(SITE)
+    data = exchange.read(SITE, most=NOTICE_MAX_BYTES)
     if data is None:
         return None
     place = "" if site.exchange is None else site.exchange.place

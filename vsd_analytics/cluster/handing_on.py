@@ -1,4 +1,7 @@
-"""A node hands on what it acknowledged, and lets go of a file only when the site has a receipt for it.
+"""A node hands on what it acknowledged, and lets go of a file only when the site has signed a receipt for it.
+
+Receipts and forgotten days that the site did not sign are not obeyed: whoever writes to the place can say anything
+there, and has not the secret of the site.
 
 One round: make ready what came, let go of what has a receipt, write what is missing at the place, forget the days that
 the site forgot. It can stop anywhere: what was written twice is counted once by the fold of the site.
@@ -17,6 +20,7 @@ from vsd_analytics.cluster.exchange import (
     ABOUT_NODE,
     NODES,
     RECEIPTS,
+    SITE,
     Exchange,
     NodeNotice,
     SiteNotice,
@@ -24,7 +28,9 @@ from vsd_analytics.cluster.exchange import (
     site_notice,
     unusable,
 )
+from vsd_analytics.cluster.signatures import HandedFile, Signer, is_same
 from vsd_analytics.errors import StoreError, VsdError, Where
+from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable, outbox
 from vsd_analytics.store.day_chain import read_chain
@@ -73,37 +79,41 @@ def hand_on(site: Site, exchange: Exchange, *, now: datetime, stop: Callable[[],
         notice = site_notice(exchange, site)
         if notice is None:
             raise unusable(site.exchange.place, "no site receives there yet; at the site: vsd node receive")
-        if site.settings.pseudonyms and not notice.mark:
-            raise unusable(site.exchange.place, "the site has made no secret there yet; at the site: vsd node receive")
-        _refuse_other_secret(site, notice)
+        if not notice.mark:
+            raise unusable(
+                site.exchange.place, "the site has made no secret yet; there: vsd node invite --out join.json"
+            )
+        signer = _signer(site, notice)
         receipts = set(exchange.names(f"{RECEIPTS}/{node}/"))
         there = set(exchange.names(f"{NODES}/{node}/"))
+        fronts = {name.rpartition("-")[0] + "-" for name in there}
         n_written = n_received = 0
         for path in outbox.ready(root):
             if stop():
                 break
-            name = f"{NODES}/{node}/{path.parent.name}/{path.name}"
-            if f"{RECEIPTS}/{node}/{path.stem}" in receipts:
+            file = HandedFile.of_outbox(path, node=node)
+            if file.receipt not in receipts and file.front in fronts:
+                continue
+            data = path.read_bytes()
+            if durable.digest(data) != path.stem:
+                refused = refused or damaged_segment(path)
+            elif file.receipt in receipts and _is_signed(exchange, file, signer.receipt(file, data)):
                 durable.remove(path)
                 n_received += 1
-            elif name not in there:
-                data = path.read_bytes()
-                if durable.digest(data) != path.stem:
-                    refused = refused or damaged_segment(path)
-                    continue
-                exchange.add(name, data)
+            elif file.front not in fronts:
+                exchange.add(signer.name(file, data), data)
                 n_written += 1
-        held = {path.stem for path in outbox.ready(root)}
+        held = {HandedFile.of_outbox(path, node=node) for path in outbox.ready(root)}
+        fronts_held, receipts_held = {file.front for file in held}, {file.receipt for file in held}
         for name in sorted(there):
-            if f"{RECEIPTS}/{node}/{(stem := Path(name).stem)}" in receipts and stem not in held:
-                exchange.remove(name)  # a copy that came after the site had read the first one
-        for name in sorted(receipts):
-            if name.rpartition("/")[2] not in held:
+            if _is_left_over(name, fronts_held, receipts):
                 exchange.remove(name)
+        for name in sorted(receipts - receipts_held):
+            exchange.remove(name)
         n_forgotten = _forget(DayKeys(site.root / "secrets"), notice.closed())
         n_waiting = outbox.n_waiting(root)
         about = NodeNotice(node, now.astimezone(UTC), n_waiting, VERSION)
-        exchange.replace(f"{NODES}/{node}/{ABOUT_NODE}", msgspec.json.encode(about))
+        exchange.replace(f"{NODES}/{node}/{ABOUT_NODE}", msgspec.json.encode(signer.signed(about)))
     if refused is not None:
         raise refused
     return HandedOn(n_written, n_received, n_waiting, n_forgotten)
@@ -123,17 +133,45 @@ def _made_ready(site: Site) -> VsdError | None:
     return None
 
 
-def _refuse_other_secret(site: Site, notice: SiteNotice) -> None:
+def _signer(site: Site, notice: SiteNotice) -> Signer:
+    """Return what tells the site's signatures, once the site's own notice has one."""
     chain = read_chain(site.root / "secrets")
-    if not site.settings.pseudonyms or (chain is not None and chain.mark() == notice.mark):
-        return
-    raise StoreError(
-        "the site has another secret than this node",
-        code="E320",
-        where=Where(str(site.root / "secrets")),
-        why="a person that two nodes see would get two pseudonyms and count twice",
-        fix="at the site: vsd node invite --out join.json; make this node in a new folder and vsd node join join.json",
-    )
+    if chain is None or (notice.mark and chain.mark() != notice.mark):
+        raise StoreError(
+            "this node has not joined the site" if chain is None else "the site has another secret than this node",
+            code="E320",
+            where=Where(str(site.root / "secrets")),
+            why="without the secret of the site, a receipt of anybody would look like one of the site"
+            if chain is None
+            else "a person that two nodes see would get two pseudonyms and count twice",
+            fix="at the site: vsd node invite --out join.json; here: vsd node join join.json"
+            if chain is None
+            else "at the site: vsd node invite --out join.json; in a new folder here: vsd node join join.json",
+        )
+    signer = Signer(chain)
+    if not signer.has_signed(notice):
+        assert site.exchange is not None
+        raise unusable(
+            site.exchange.place,
+            f"{SITE} there is not signed by the site, so its receipts and forgotten days are not obeyed; "
+            "a site of version 1.1 signs nothing: upgrade it, then at the site: vsd node receive",
+        )
+    return signer
+
+
+def _is_signed(exchange: Exchange, file: HandedFile, receipt: bytes) -> bool:
+    return is_same(exchange.read(file.receipt, most=len(receipt)) or b"", receipt)
+
+
+def _is_left_over(name: str, fronts_held: set[str], receipts: set[str]) -> bool:
+    """Return whether a file at the place is of no use: a copy that came after the receipt, or one of version 1.1."""
+    front, kind = name.rpartition("-")[0] + "-", Path(name).parent.name
+    if kind not in (*TABLES, outbox.IMPORTS) or front in fronts_held:
+        return False
+    stem = Path(name).stem
+    file = f"{RECEIPTS}/{name.split('/')[1]}/{stem.rpartition('-')[0]}"
+    is_unsigned = "-" not in stem
+    return file in receipts or (is_unsigned and any(f"/{stem}-" in held for held in fronts_held))
 
 
 def _forget(keys: DayKeys, closed: ClosedDays) -> int:

@@ -1,11 +1,13 @@
 """The store of a site receives what its nodes hand on.
 
-Of each file: read it, compare it with its name, look into it, put it into the spool durably, write the receipt, remove
-it from the place. A stop anywhere leaves the file or a receipt for it. What comes twice is counted once by the fold,
-which also puts records of sealed hours into quarantine.
+Of each file: read it, compare it with the signature in its name, look into it, put it into the spool durably, write the
+receipt, remove it from the place. A stop anywhere leaves the file or a receipt for it. What comes twice is counted once
+by the fold, which also puts records of sealed hours into quarantine.
 
-A file that this site cannot use now (a camera that vsd.toml does not describe, another version of the tables) stays at
-the place without a receipt: it is received when that is corrected.
+A file whose signature is wrong was damaged on its way, or somebody without the secret of the site put it there: it is
+removed, and the node writes its own again. A file that this site cannot use now (a camera that vsd.toml does not
+describe, another version of the tables, more than a part may hold) stays at the place without a receipt: it is received
+when that is corrected. Bad rows go to quarantine, as those of files do.
 """
 
 from __future__ import annotations
@@ -15,17 +17,17 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 import msgspec
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from vsd_analytics.cluster.exchange import (
     ABOUT_NODE,
     NODES,
+    NOTICE_MAX_BYTES,
     RECEIPTS,
     SITE,
     Exchange,
@@ -34,27 +36,31 @@ from vsd_analytics.cluster.exchange import (
     reaching,
     site_notice,
 )
+from vsd_analytics.cluster.parts_of_nodes import PART_MAX_BYTES, HandedPart, PartError, raw_rows
+from vsd_analytics.cluster.signatures import HandedFile, Signer, is_same
 from vsd_analytics.errors import StoreError
-from vsd_analytics.ingest.intake.camera_lives import NOT_THERE, DescribedLives
+from vsd_analytics.ingest.intake.normalise import Fault, Normaliser
 from vsd_analytics.ingest.intake.pseudonyms import Pseudonyms
-from vsd_analytics.ingest.intake.sealed_hours import FORGOTTEN
-from vsd_analytics.schema import SCHEMAS, TABLES, TableName
+from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import durable, late_records, quarantine
+from vsd_analytics.store import durable, quarantine
 from vsd_analytics.store.day_chain import read_chain
 from vsd_analytics.store.erasures import KnownErasures, are_erased
 from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
 from vsd_analytics.store.outbox import IMPORTS
 from vsd_analytics.store.owners import OWNER
-from vsd_analytics.store.part_files import engines_in
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.store import FoldResult, Store
 
-FUTURE = "time-out-of-range"
+RECEIPT_MAX_BYTES = 100
+UNSIGNED = "it has no signature, as those of version 1.1: upgrade the node; it hands the records on again by itself"
+NO_SECRET = "this site has no secret to tell whose it is: vsd node invite --out join.json, and join the node again"
 _FILE = re.compile(
     rf"^{NODES}/(?P<node>[a-z0-9][a-z0-9_-]*)/(?P<kind>{'|'.join((*TABLES, IMPORTS))})"
-    r"/(?P<digest>[0-9a-f]{16})\.(parquet|jsonl)$"
+    r"/(?P<digest>[0-9a-f]{16})(?:-(?P<stamp>[0-9a-f]{16})-[0-9a-f]{32})?(?P<suffix>\.parquet|\.jsonl)$"
 )
+_CHUNK = 10_000
+_TEXT_CHARS, _NAME_CHARS = 500, 80
 _ORDER = (*reversed(TABLES), IMPORTS)
 """A frame is received after the persons it counts."""
 
@@ -67,18 +73,19 @@ class Received:
         n_files: Files received.
         n_records: Records in them, by node.
         n_again: Files that were there again after their receipt.
-        n_damaged: Files whose bytes did not match their name; the node writes them again.
+        damaged: Files whose signature is wrong, removed: damaged on their way, or put there by somebody without the
+            secret. The node writes its own again.
         n_erased: Records left out because they were erased here on request.
         n_quarantined: Records put into quarantine, by reason; those of sealed hours are in `fold`.
         held: Files that this site cannot use now, each with the reason.
-        nodes: What each node said last.
+        nodes: What each node said last, signed by it.
         fold: What the store gained.
     """
 
     n_files: int = 0
     n_records: Counter[str] = field(default_factory=Counter)
     n_again: int = 0
-    n_damaged: int = 0
+    damaged: list[str] = field(default_factory=list)
     n_erased: int = 0
     n_quarantined: Counter[str] = field(default_factory=Counter)
     held: dict[str, str] = field(default_factory=dict)
@@ -101,9 +108,11 @@ def receive(site: Site, exchange: Exchange, *, now: datetime, stop: Callable[[],
     """
     assert site.exchange is not None
     keys = DayKeys(site.root / "secrets")
+    chain = read_chain(keys.folder)
+    signer = None if chain is None else Signer(chain)
     result = Received()
     with reaching(site.exchange.place):
-        _say(site, exchange, keys)
+        _say(site, exchange, keys, signer)
         names = exchange.names(f"{NODES}/")
         paths = sorted(
             (m for name in names if (m := _FILE.match(name))), key=lambda m: (_ORDER.index(m["kind"]), m.string)
@@ -113,32 +122,43 @@ def receive(site: Site, exchange: Exchange, *, now: datetime, stop: Callable[[],
         for match in paths:
             if stop():
                 break
-            receipt = f"{RECEIPTS}/{match['node']}/{match['digest']}"
-            if receipt in receipts:
-                result.n_again += 1
-            elif (data := exchange.read(match.string)) is None:
+            if signer is None or match["stamp"] is None:
+                result.held[match.string] = NO_SECRET if signer is None else UNSIGNED
                 continue
-            elif durable.digest(data) != match["digest"]:
-                result.n_damaged += 1  # without a receipt the node writes it again
-            elif not desk.take(match, data):
+            data = exchange.read(match.string, most=PART_MAX_BYTES)
+            if data is None:
+                continue
+            file = HandedFile(match["node"], match["kind"], match["digest"], match["stamp"], match["suffix"])
+            if len(data) > PART_MAX_BYTES or not is_same(signer.name(file, data), match.string):
+                result.damaged.append(match.string)  # without a receipt the node writes it again
+            elif file.receipt in receipts and _has_receipt(exchange, file, signer.receipt(file, data)):
+                result.n_again += 1
+            elif not desk.take(match.string, file, data):
                 continue
             else:
-                exchange.replace(receipt, b"received\n")
+                exchange.replace(file.receipt, signer.receipt(file, data))
             exchange.remove(match.string)
-        result.nodes = _notices(exchange, names)
+        result.nodes = _notices(exchange, names, signer)
     result.fold = desk.store.fold()
     return result
 
 
-def _say(site: Site, exchange: Exchange, keys: DayKeys) -> None:
+def _has_receipt(exchange: Exchange, file: HandedFile, receipt: bytes) -> bool:
+    """Return whether the receipt of a file is there, and not another text in its place."""
+    return is_same(exchange.read(file.receipt, most=RECEIPT_MAX_BYTES) or b"", receipt)
+
+
+def _say(site: Site, exchange: Exchange, keys: DayKeys, signer: Signer | None) -> None:
     """Bring what the site says at the place up to date."""
     closed, chain = keys.closed(), read_chain(keys.folder)
     mark = "" if chain is None else chain.mark()
     notice = SiteNotice(site.site_id, tuple(sorted(closed.days)), closed.before, tuple(sorted(closed.held)), mark)
+    if signer is not None:
+        notice = signer.signed(notice)
     try:
         known = site_notice(exchange, site)
     except StoreError:
-        data = exchange.read(SITE)
+        data = exchange.read(SITE, most=NOTICE_MAX_BYTES)
         if data is not None and _is_notice(data):
             raise  # of another site
         known = None
@@ -149,19 +169,28 @@ def _say(site: Site, exchange: Exchange, keys: DayKeys) -> None:
 def _is_notice(data: bytes) -> bool:
     try:
         msgspec.json.decode(data, type=SiteNotice)
-    except (msgspec.DecodeError, UnicodeDecodeError):
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
         return False
     return True
 
 
-def _notices(exchange: Exchange, names: list[str]) -> list[NodeNotice]:
+def _notices(exchange: Exchange, names: list[str], signer: Signer | None) -> list[NodeNotice]:
+    """Return what nodes say of themselves; not what somebody else says of them."""
     notices = []
     for name in names:
-        if PurePosixPath(name).name == ABOUT_NODE and (data := exchange.read(name)) is not None:
+        path = PurePosixPath(name)
+        node = path.parent.name
+        if (
+            signer is not None
+            and name == f"{NODES}/{node}/{ABOUT_NODE}"
+            and (data := exchange.read(name, most=NOTICE_MAX_BYTES)) is not None
+        ):
             try:
-                notices.append(msgspec.json.decode(data, type=NodeNotice))
-            except (msgspec.DecodeError, UnicodeDecodeError):
+                notice = msgspec.json.decode(data, type=NodeNotice)
+            except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
                 continue
+            if notice.node == node and signer.has_signed(notice):
+                notices.append(notice)
     return notices
 
 
@@ -171,72 +200,93 @@ class _Desk:
     def __init__(self, site: Site, keys: DayKeys, now: datetime, result: Received) -> None:
         self.site, self.keys, self.result = site, keys, result
         self.store = Store(site.acknowledged, site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
+        self._now = now
         self._pseudonyms = Pseudonyms(site, keys)
-        self._lives = DescribedLives(site)
         self._erasures = KnownErasures(self.store.root)
         self._cameras = pa.array([camera.camera_id for camera in site.cameras], pa.string())
-        self._last_ms = int((now.timestamp() + site.settings.future_max_s) * 1000)
         self._run = next_run(self.store.root)
 
-    def take(self, match: re.Match[str], data: bytes) -> bool:
+    def take(self, name: str, file: HandedFile, data: bytes) -> bool:
         """Make a file durable here; return False, and note why, when it cannot be used now."""
-        if match["kind"] == IMPORTS:
-            self._note_imports(data, node=match["node"])
-        elif (table := _table(match["kind"])) is not None:
+        if file.kind == IMPORTS:
+            self._note_imports(data, node=file.node)
+        elif (table := _table(file.kind)) is not None:
             try:
-                rows = _read(table, data)
-                self._refuse_unknown_cameras(rows)
-            except ValueError as error:
-                self.result.held[match.string] = str(error)
+                self.result.n_records[file.node] += self._store(name, table, file, data)
+            except PartError as error:
+                self.result.held[name] = str(error)
                 return False
-            self._store(table, rows, data, match)
-            self.result.n_records[match["node"]] += rows.num_rows
         self.result.n_files += 1
         return True
 
-    def _store(self, table: TableName, rows: pa.Table, data: bytes, match: re.Match[str]) -> None:
-        self._erasures.refresh()
-        is_erased = are_erased(rows, self._erasures.every)
-        self.result.n_erased += is_erased.true_count
-        n_all, rows = rows.num_rows, rows.filter(pc.invert(is_erased))
-        bad = self._bad(rows)
-        is_good = np.ones(rows.num_rows, dtype=bool)
-        folder = self.site.root / quarantine.FOLDER
-        for reason, (mask, detail) in bad.items():
-            late = rows.filter(pa.array(mask))
-            source = f"{match['node']}/{table}/{match['digest']}.parquet"
-            late_records.to_quarantine(folder, table, late, source=source, reason=reason, detail=detail)
-            self.result.n_quarantined[reason] += late.num_rows
-            is_good &= ~mask
-        if is_good.all() and len(is_good) == n_all:
-            durable.publish(self.store.root / "live" / table / f"{match['digest']}.parquet", data)
-        else:
-            engines = engines_in(rows.schema.metadata)
-            self.store.append(table, rows.filter(pa.array(is_good)), engines=engines)
+    def _store(self, name: str, table: TableName, file: HandedFile, data: bytes) -> int:
+        """Put the rows of a part into the spool, bad ones into quarantine; return their number."""
+        folder = self.store.root / "live" / table
+        durable.make_dirs(folder)
+        durable.sweep_temporaries(folder, file_name="received.parquet")
+        with durable.temporary(folder / "received.parquet", mode=0o600) as (path, stream):
+            stream.write(data)
+            stream.flush()
+            part = HandedPart(Path(path), table, name=name, settings=self.site.settings)
+            for piece in part.pieces():  # all of it can be used, or nothing is stored
+                self._refuse_unknown_cameras(piece.rows)
+            normaliser = Normaliser(self.site, now=self._now, keys=self.keys if self.site.settings.pseudonyms else None)
+            self._erasures.refresh()
+            source, n_rows = f"{file.node}/{table}/{file.digest}.parquet", 0
+            for piece in part.pieces():
+                is_erased = are_erased(piece.rows, self._erasures.every)
+                self.result.n_erased += is_erased.true_count
+                rows = piece.rows.filter(pc.invert(is_erased))
+                is_good = np.ones(rows.num_rows, dtype=bool)
+                for fault in normaliser.faults(table, raw_rows(table, rows)):
+                    self._quarantine(table, fault, rows[OWNER].take(pa.array(fault.at)), source=source, first=n_rows)
+                    is_good[fault.at] = False
+                for reject in piece.rejected:
+                    entry = quarantine.QuarantineEntry(
+                        source=source, line=reject.line, reason=reject.reason, detail=reject.detail, text=reject.text
+                    )
+                    quarantine.write(self.site.root / quarantine.FOLDER, [entry])
+                    self.result.n_quarantined[reject.reason] += reject.n
+                good = rows.filter(pa.array(is_good))
+                if self.site.settings.pseudonyms:
+                    for day in self._pseudonyms.days(good["ts"].cast(pa.int64()).to_numpy()):
+                        self.keys.key(day)  # so that vsd purge --forget-keys knows the day
+                self.store.append(table, good, engines=part.engines)
+                n_rows += piece.rows.num_rows + len(piece.rejected)
+        return n_rows
 
-    def _bad(self, rows: pa.Table) -> dict[str, tuple[np.ndarray, str]]:
-        """Return which rows are too late in time or of a forgotten day, by reason; give each other day its key."""
-        ts_ms = rows["ts"].cast(pa.int64()).to_numpy()
-        bad: dict[str, tuple[np.ndarray, str]] = {}
-        is_future = ts_ms > self._last_ms
-        if is_future.any():
-            bad[FUTURE] = (is_future, "its time lies beyond the clock of this machine")
-        if self._lives and (is_outside := self._lives.are_outside(rows).to_numpy(zero_copy_only=False)).any():
-            bad[NOT_THERE] = (is_outside, self._lives.detail)
-        if self.site.settings.pseudonyms:
-            closed = self.keys.closed()
-            is_closed = self._pseudonyms.of_days(ts_ms, closed) & ~is_future
-            if is_closed.any():
-                bad[FORGOTTEN] = (is_closed, "the key of its day was destroyed before it came")
-            for day in self._pseudonyms.days(ts_ms[~is_future & ~is_closed]):
-                self.keys.key(day)  # so that vsd purge --forget-keys knows the day
-        return bad
+    def _quarantine(self, table: TableName, fault: Fault, owners: pa.ChunkedArray, *, source: str, first: int) -> None:
+        """Put bad rows into quarantine, durably; a second time changes nothing.
+
+        The entries get no instant of arrival, so they cannot be replayed. A replay would replace their track ids,
+        which are pseudonyms already, by pseudonyms of pseudonyms.
+        """
+        folder = self.site.root / quarantine.FOLDER
+        owner_of = owners.to_pylist()
+        for start in range(0, fault.rows.num_rows, _CHUNK):
+            held = []
+            for at, row in enumerate(fault.rows.slice(start, _CHUNK).to_pylist(), start):
+                record = {c: v for c, v in row.items() if v is not None and c not in ("line", "zone", "camera_id")}
+                entry = quarantine.QuarantineEntry(
+                    source=source,
+                    line=first + row["line"],
+                    reason=fault.reason,
+                    detail=fault.detail,
+                    text=", ".join(f"{c}={v}" for c, v in record.items())[:_TEXT_CHARS],
+                    table=table,
+                    row=record,
+                    import_id=owner_of[at],
+                )
+                held.append(entry)
+            quarantine.write(folder, held)
+        self.result.n_quarantined[fault.reason] += fault.rows.num_rows
 
     def _refuse_unknown_cameras(self, rows: pa.Table) -> None:
         named = pc.unique(rows["camera_id"])
         unknown = named.filter(pc.invert(pc.is_in(named, value_set=self._cameras))).to_pylist()
         if unknown:
-            raise ValueError(f"vsd.toml describes no camera {', '.join(map(repr, sorted(unknown)[:5]))}")
+            shown = ", ".join(repr(name[:_NAME_CHARS]) for name in sorted(unknown)[:5])
+            raise PartError(f"vsd.toml describes no camera {shown}")
 
     def _note_imports(self, data: bytes, *, node: str) -> None:
         known = imports_of(self.store.root)
@@ -251,17 +301,3 @@ class _Desk:
 
 def _table(kind: str) -> TableName | None:
     return next((table for table in TABLES if table == kind), None)
-
-
-def _read(table: TableName, data: bytes) -> pa.Table:
-    """Return the rows of a segment; ValueError where they are not of this version's tables."""
-    try:
-        rows = pq.read_table(pa.BufferReader(data), use_threads=False)
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise ValueError(f"it is no segment of records: {str(error)[:200]}") from None
-    wanted, columns = SCHEMAS[table], [n for n in rows.column_names if n != OWNER]
-    if columns != wanted.names or any(rows.schema.field(f.name).type != f.type for f in wanted):
-        raise ValueError("its columns are those of another version of this program: install one version everywhere")
-    if any(rows[f.name].null_count for f in wanted if not f.nullable):
-        raise ValueError("values are missing that every record has")
-    return rows

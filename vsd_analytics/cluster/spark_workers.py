@@ -12,7 +12,7 @@ from pyspark import SparkConf, SparkContext
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.site.model import Site
-from vsd_analytics.warehouse.spread import Spread, Work
+from vsd_analytics.warehouse.distributed import DistributedRun, Work
 
 AHEAD = 4
 """Days handed out at once for each core: Spark returns the results of all of them together."""
@@ -22,7 +22,7 @@ _RAISED = re.compile(r"^[\w.]*(?:Error|Exception): .*$", re.MULTILINE)
 
 
 @contextlib.contextmanager
-def connected(address: str) -> Iterator[Spread]:
+def connected(address: str) -> Iterator[DistributedRun]:
     """Connect to a Spark master, and yield what hands out units to its workers; see `workers`."""
     conf = SparkConf().setMaster(address).setAppName("vsd build").set("spark.ui.enabled", "false")
     conf.set("spark.driver.maxResultSize", "0").set("spark.log.level", "ERROR")
@@ -33,7 +33,7 @@ def connected(address: str) -> Iterator[Spread]:
         raise _failed(f"Spark does not start with master {address}", str(error)) from None
     try:
 
-        def spread(work: Work, site: Site, days: Sequence[int]) -> Iterator[tuple[int, Mapping[str, bytes]]]:
+        def distributed(work: Work, site: Site, days: Sequence[int]) -> Iterator[tuple[int, Mapping[str, bytes]]]:
             n_ahead = AHEAD * max(1, context.defaultParallelism)
             for first in range(0, len(days), n_ahead):
                 some = days[first : first + n_ahead]
@@ -44,7 +44,7 @@ def connected(address: str) -> Iterator[Spread]:
                         raise
                     raise _failed("Spark gave up one day", str(error)) from None
 
-        yield spread
+        yield distributed
     finally:
         context.stop()
 

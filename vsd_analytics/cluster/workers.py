@@ -6,11 +6,11 @@ import contextlib
 from collections.abc import Iterator
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.warehouse.spread import Spread
+from vsd_analytics.warehouse.distributed import DistributedRun
 
 
 @contextlib.contextmanager
-def workers(address: str) -> Iterator[Spread]:
+def workers(address: str) -> Iterator[DistributedRun]:
     """Connect to an engine, and yield what hands out units to its workers.
 
     Args:
@@ -38,5 +38,5 @@ def workers(address: str) -> Iterator[Spread]:
         raise UsageError(
             f"--on {address} needs more packages", why=str(error), fix=f"pip install 'vsd-analytics[{extra}]'"
         ) from None
-    with connected(address) as spread:
-        yield spread
+    with connected(address) as distributed:
+        yield distributed

@@ -8,7 +8,7 @@ from dataclasses import replace
 from datetime import date, datetime, time
 from functools import partial
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 from zoneinfo import ZoneInfo
 
 from vsd_analytics.config.calibrations import read_calibrations, view_of_planes
@@ -21,6 +21,8 @@ from vsd_analytics.site.model import Area, Camera, Fixture, FixtureKind, Floor, 
 PLAN_SUFFIXES = (".svg", ".png", ".jpg", ".jpeg")
 
 _POLYGON = "[[12, 4.2], [20, 4.2], [20, 7.2], [12, 7.2]]"
+_IGNORE_PX = "[[[1500, 0], [1919, 0], [1919, 600], [1500, 600]]]"
+_IGNORE_FORM: Form = {"type": "array", "items": {"type": "array", "items": {"type": "array"}, "minItems": 3}}
 _CORNER_MAX_M = 1e6  # as far as coordinate_max_m may reach
 _PICTURE_PX: Form = {"type": "array", "items": {"type": "integer", "minimum": 1}, "minItems": 2, "maxItems": 2}
 
@@ -84,6 +86,7 @@ def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: st
             source=read_camera_source(table, camera_id),
             first_day=first_day,
             end_day=end_day,
+            ignore_px=table.parsed("ignore_px", example=_IGNORE_PX, parse=_ignored, form=_IGNORE_FORM) or (),
         )
         if planes and "view" not in table.values:
             camera = replace(camera, view=view_of_planes(table, camera))
@@ -328,6 +331,23 @@ def _polygon(table: TableReader, key: str, *, required: bool = False) -> tuple[P
         )
         return None
     return points if is_simple(table, key, points) else None
+
+
+def _ignored(value: Any) -> tuple[tuple[Point, ...], ...]:
+    """Return polygons in a picture."""
+    from shapely import Polygon
+
+    polygons: list[tuple[Point, ...]] = []
+    for corners in value if isinstance(value, list) else [value]:
+        pairs = [c for c in corners if isinstance(c, list) and len(c) == 2] if isinstance(corners, list) else []
+        numbers = [v for pair in pairs for v in pair]
+        if len(pairs) < 3 or len(pairs) != len(corners) or not all(type(v) in (int, float) for v in numbers):
+            raise ValueError("it is no list of polygons, each with three corners [column, row] or more, in pixels")
+        shape = Polygon(pairs)
+        if not (shape.is_valid and shape.area > 0):
+            raise ValueError("a polygon crosses or touches itself, or has no area")
+        polygons.append(tuple((float(u), float(v)) for u, v in pairs))
+    return tuple(polygons)
 
 
 def _check_engine_ids(tables: Iterable[TableReader]) -> None:

@@ -37,7 +37,7 @@ _EXPLAINED = {CLOCKS_DISAGREE: "E708", CANNOT_STORE: "E304"}
 def examine_live(
     site: Site, *, now: datetime, environ: Mapping[str, str], has_config: bool = False
 ) -> Iterator[Finding]:
-    """Check the listener and the broker; yields nothing for a site without `[mqtt]`.
+    """Check the listener and the broker; yields nothing where nothing listens.
 
     Args:
         site: The site.
@@ -46,11 +46,12 @@ def examine_live(
         has_config: The user named the broker's configuration. Else the usual file is checked, when the broker is on
             this machine and the file is of a broker with its port.
     """
+    status = read_status(site.root)
     if site.broker is None:
-        if any(camera.source is not None for camera in site.cameras):
-            yield from examine_listener(site, status=read_status(site.root), now=now)
+        if status is not None or any(camera.source is not None for camera in site.cameras):
+            yield from examine_listener(site, status=status, now=now)
         return
-    yield from examine_listener(site, status=read_status(site.root), now=now)
+    yield from examine_listener(site, status=status, now=now)
     yield from _examine_broker(site.broker, environ=environ)
     if not has_config and site.broker.host in LOCAL_HOSTS and USUAL_CONFIG.exists():
         ports = ports_of(USUAL_CONFIG)

@@ -229,9 +229,12 @@ def _watch(site: Site) -> Iterator[Finding]:
 
 
 def _live(site: Site, *, now: datetime, environ: Mapping[str, str], broker_config: Path | None) -> Iterator[Finding]:
-    if site.broker is None:
+    from vsd_analytics.live.status import FILE as HEARTBEAT
+
+    has_sources = any(camera.source is not None for camera in site.cameras)
+    if site.broker is None and not has_sources and not (site.root / HEARTBEAT).exists():
         return
-    from vsd_analytics.doctor.broker import examine_live  # the MQTT client is loaded only where there is a broker
+    from vsd_analytics.doctor.broker import examine_live  # the MQTT client is loaded only where something listens
 
     yield from examine_live(site, now=now, environ=environ, has_config=broker_config is not None)
 

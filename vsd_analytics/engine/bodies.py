@@ -53,7 +53,7 @@ class Bodies:
         self.camera = None if homography is None else photographer(homography, size_px)
         self.left_out: Counter[str] = Counter()
         self.n_extended = 0
-        self._heights_m: list[float] = []
+        self._heights_m: Array = np.empty(0)
 
     @property
     def usual_m(self) -> float:
@@ -67,7 +67,7 @@ class Bodies:
         height_m = heights_m(detections.box, self.camera)
         with np.errstate(invalid="ignore"):
             is_whole = ~touches_edge(detections.box, self.size_px) & (height_m > WHOLE_M[0]) & (height_m < WHOLE_M[1])
-        self._heights_m = [*self._heights_m, *height_m[is_whole].tolist()][-MOST_LEARNT:]
+        self._heights_m = np.concatenate([self._heights_m, height_m[is_whole]])[-MOST_LEARNT:].copy()
 
     def cleaned(self, detections: Detections) -> Detections:
         """Return the people of a picture, each once and with boxes down to the floor.

@@ -277,6 +277,8 @@ class LiveSource:
     def _why_closed(self) -> str:
         if self._is_file:
             return "the file is no video" if Path(self.address).is_file() else "there is no such file"
+        if DEVICE.fullmatch(self.address):
+            return _why_no_device(Path(self.address))
         return f"it answers and shows nothing: a wrong path, a wrong login, or no picture within {OPEN_S:g} s"
 
     def _with_login(self) -> str:
@@ -288,6 +290,14 @@ class LiveSource:
         parts = urlsplit(address)
         login = quote(self.username, safe="") + (f":{secret}" if self.password is not None else "")
         return urlunsplit(parts._replace(netloc=f"{login}@{parts.netloc}"))
+
+
+def _why_no_device(device: Path) -> str:
+    if not device.exists():
+        return "there is no such device"
+    if not os.access(device, os.R_OK | os.W_OK):
+        return "this user may not read it: add the user to its group, mostly video"
+    return "another program has it, or it gives no pictures"
 
 
 def be_quiet() -> None:

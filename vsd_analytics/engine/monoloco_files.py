@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vsd_analytics.engine.people import Array, People, PeopleRows, joints_of, unusable
 
@@ -40,8 +41,12 @@ class MonolocoPeople:
     def between(self, first_ms: int, end_ms: int) -> MonolocoPeople:
         """Return the frames of [first_ms, end_ms) and their persons; `people` needs times."""
         part = self.people.between(first_ms, end_ms)
-        rows = np.isin(self.people.frame, part.frames)
-        return replace(self, people=part, xyz=self.xyz[rows], sd_m=self.sd_m[rows], is_social=self.is_social[rows])
+        return replace(self.rows(np.isin(self.people.frame, part.frames)), people=part)
+
+    def rows(self, chosen: NDArray[np.bool_]) -> MonolocoPeople:
+        """Return some of the persons, over the same frames."""
+        people, xyz = self.people.rows(chosen), self.xyz[chosen]
+        return MonolocoPeople(people, xyz, self.sd_m[chosen], self.is_social[chosen])
 
 
 def is_monoloco(path: Path) -> bool:

@@ -23,6 +23,9 @@ MIN_PEOPLE: Final = 8
 MIN_ROWS_UNTRACKED, MIN_PARTS = 80, 30
 """Without track ids the same few people may come back in all frames: so many walks, or parts of walks, are enough, or
 `MIN_PEOPLE` at once."""
+FEW_PEOPLE, FEW_WALKS = 30, 100
+"""Persons by track ids, or walks and parts of walks without, below which an accepted calibration is often wrong by more
+than a tenth, and along the view by more (docs/engine.md)."""
 MAX_SCATTER: Final = 0.20
 """Heights that differ more than this are not those of upright people."""
 TALL, MAX_TALL = 1.3, 0.1
@@ -41,6 +44,7 @@ class FromPeople(LikelyCameras):
         camera: The camera.
         n_rows: Whole upright people in all frames.
         n_people: Persons by track id; None without tracks.
+        n_walks: Those, or walks and parts of walks without track ids.
         n_walkers: Persons whose speeds took part.
         uses_joints: Whether joints measured, not boxes.
         scatter: Robust relative sd of the heights.
@@ -55,6 +59,7 @@ class FromPeople(LikelyCameras):
     camera: CameraModel
     n_rows: int
     n_people: int | None
+    n_walks: int
     n_walkers: int
     uses_joints: bool
     scatter: float
@@ -63,6 +68,11 @@ class FromPeople(LikelyCameras):
     usual_turn: Turn
     map: Array
     view_map: Array
+
+    @property
+    def is_of_few(self) -> bool:
+        """Return whether it rests on fewer people than a calibration should."""
+        return self.n_walks < (FEW_WALKS if self.n_people is None else FEW_PEOPLE)
 
 
 def calibrate_from_people(people: People, *, size_px: tuple[int, int]) -> FromPeople:
@@ -125,6 +135,7 @@ def calibrate_from_people(people: People, *, size_px: tuple[int, int]) -> FromPe
         size_px=size_px,
         n_rows=len(seen.low),
         n_people=n_people,
+        n_walks=n_walks,
         n_walkers=fitted.n_walkers,
         uses_joints=seen.has_lean,
         scatter=fitted.scatter,

@@ -15,6 +15,8 @@ NO_FOOT: Final = "no foot, or no body above it"
 ABOVE_HORIZON: Final = "at or above the horizon"
 OFF_PLANES: Final = "outside all planes"
 """Why a person has no place."""
+IGNORED: Final = "in a part of the picture that is ignored"
+"""Why a person is none: a mirror, a screen, a window (`ignore_px` of the camera)."""
 
 Quality = Literal["metric", "body", "relative"]
 

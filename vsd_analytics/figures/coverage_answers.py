@@ -13,6 +13,7 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 
 CLOSED: Final = Reason("recorded.closed_then")
 NOT_THERE: Final = Reason("camera.not_there")
+_ANY_RECORDED: Final = "select 1 from camera_hours where recorded_s > 0 limit 1"
 _HOURS: Final = (
     Column("recorded_share", "share", "share", "M1", per="scheduled_h"),
     Column("recorded_h", "fact", "h"),
@@ -95,12 +96,14 @@ def coverage_answers(warehouse: Warehouse, *, until_ms: int | None = None) -> tu
             ),
             holds,
         ),
-        _gaps(found, holds),
+        _gaps(found, holds, is_recorded=bool(warehouse.rows(_ANY_RECORDED))),
         Answer("restarts", RESTARTS, restarts, holds),
     )
 
 
-def _gaps(found: Mapping[str, Any], holds: HoldsFor) -> Answer:
+def _gaps(found: Mapping[str, Any], holds: HoldsFor, *, is_recorded: bool) -> Answer:
+    if not is_recorded:
+        return Answer("message_gaps", GAPS, (), holds, nothing=Reason("recorded.nothing"), state="not_enough_data")
     if found["n_missing"] is None:
         why = Reason("engine.no_numbers")
         return Answer("message_gaps", GAPS, (), holds, nothing=why, state="not_measurable")

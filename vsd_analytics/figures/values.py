@@ -20,7 +20,7 @@ def measured(estimate: Estimated | None, *, reason: Reason | None = None) -> Val
     value = Value.of(estimate, reason=reason)
     if value.value is None:
         return lack(value.state, value.reason)
-    return replace(value, state="ok", reason=value.reason if value.lo is None else None)
+    return replace(value, reason=value.reason if value.lo is None else None)
 
 
 def known(number: float | None, reason: Reason | None, state: State = "not_enough_data") -> Value:

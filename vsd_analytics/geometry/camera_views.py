@@ -54,6 +54,9 @@ VIEW_REACH_M = 30.0
 DISC_SEGMENTS = 16
 """Segments of a quarter of such a disc."""
 
+SLIT_M = 0.05
+"""Width of the cut that joins a hole in a view to its border: a view is one outline."""
+
 NEAREST_TO_FARTHEST = 1000.0
 """Depth ratio at which the view is cut off before it reaches the horizon."""
 
@@ -75,7 +78,8 @@ def view_polygon(camera: Camera, *, calibration: Calibration | None, bounds: Bou
     """Return the part of the floor a camera sees.
 
     The camera's own `view` when it has one. Else the picture rectangle below the horizon through the homography, at
-    most `VIEW_REACH_M` from the floor at the bottom centre of the picture, which is the nearest it sees.
+    most `VIEW_REACH_M` from the floor at the bottom centre of the picture, which is the nearest it sees. Floor in its
+    `ignore_px` is not seen in either case, as far as a calibration says where it is.
 
     Args:
         camera: The camera.
@@ -94,7 +98,30 @@ def view_polygon(camera: Camera, *, calibration: Calibration | None, bounds: Bou
         return None
     else:
         view = seen_floor(calibration.homography, picture_px=camera.picture_px)
+    if (ignored := ignored_floor(camera, calibration)) is not None:
+        view = one_ring(_as_polygon(shapely.make_valid(view).difference(ignored)))
     return view if bounds is None else _as_polygon(view.intersection(shapely.box(*bounds)))
+
+
+def ignored_floor(camera: Camera, calibration: Calibration | None) -> BaseGeometry | None:
+    """Return the floor in a camera's `ignore_px`; None where nothing is ignored, or nothing says where it is."""
+    import shapely
+
+    if not camera.ignore_px or calibration is None or camera.picture_px is None:
+        return None
+    ignored = shapely.union_all([shapely.Polygon(corners) for corners in camera.ignore_px])
+    rest = shapely.box(0, 0, *camera.picture_px).difference(ignored)
+    return seen_floor(calibration.homography, picture_px=camera.picture_px, without=rest)
+
+
+def one_ring(part: Polygon) -> Polygon:
+    """Return a polygon without holes: each is cut open to the border at the nearest spot."""
+    import shapely
+
+    while part.interiors:
+        slit = shapely.shortest_line(part.interiors[0], part.exterior).buffer(SLIT_M / 2, cap_style="square")
+        part = max(shapely.get_parts(part.difference(slit)), key=shapely.area)
+    return part
 
 
 def seen_floor(

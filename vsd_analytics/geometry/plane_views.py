@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from vsd_analytics.geometry.camera_views import seen_floor
+from vsd_analytics.geometry.camera_views import one_ring, seen_floor
 from vsd_analytics.geometry.homography import as_matrix, project
 
 if TYPE_CHECKING:
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 SEAM_M: Final = 1.0
 """Floor between two planes up to this wide is taken as seen: what a step hides, and points that do not quite agree."""
-
-SLIT_M: Final = 0.05
 
 
 def planes_in_force(planes: Sequence[Plane], at: datetime | None) -> tuple[Plane, ...]:
@@ -65,7 +63,7 @@ def view_with_planes(
 
     The images of the planes' polygons, and what the rest of the picture shows by the camera's calibration. Gaps up to
     `SEAM_M` are closed. A view is one outline, so floor within it that the camera does not see, such as that behind a
-    stage, is joined to its border by a slit of `SLIT_M`.
+    stage, is joined to its border by a slit (`camera_views.one_ring`).
 
     Args:
         planes: Those in force.
@@ -81,17 +79,7 @@ def view_with_planes(
     union = shapely.union_all(floors)
     closed = union.buffer(SEAM_M / 2, join_style="mitre").buffer(-SEAM_M / 2, join_style="mitre")
     parts = [part for part in shapely.get_parts(closed.union(union)) if part.geom_type == "Polygon"]
-    return shapely.union_all([_one_ring(part) for part in parts if part.area > SEAM_M**2 / 4])
-
-
-def _one_ring(part: Polygon) -> Polygon:
-    """Return a polygon without holes: each is cut open to the border at the nearest spot."""
-    import shapely
-
-    while part.interiors:
-        slit = shapely.shortest_line(part.interiors[0], part.exterior).buffer(SLIT_M / 2, cap_style="square")
-        part = max(shapely.get_parts(part.difference(slit)), key=shapely.area)
-    return part
+    return shapely.union_all([one_ring(part) for part in parts if part.area > SEAM_M**2 / 4])
 
 
 def _begins(plane: Plane) -> datetime:

@@ -18,6 +18,11 @@ APART_MIN = 20
 """After so many messages in a row outside the limits of time, this machine's clock may be the wrong one."""
 
 HELD_MAX_BYTES = 16 << 20
+
+FRAMES = "frames"
+"""Path of VSD frame messages by HTTP; any other path is the id of a `[[source]]`."""
+TOPIC = "POST /"
+"""Front of the topic that a posted message has in quarantine and logs."""
 RESTARTED = 10_000
 RANGES_MAX = 1000
 

@@ -1,8 +1,7 @@
 """`vsd listen`: live messages into the store. A message is acknowledged only after its records are durable.
 
-One thread talks to the broker and appends to the spool; folding runs in a process of its own, and the HTTP server and
-what looks at pictures in threads that wait for the first one. The order for every batch: read, check, quarantine bad
-records, append pairs, observations and frames, call the observers, acknowledge.
+One thread talks to the broker and appends to the spool; folding has a process, the HTTP server and what looks at
+pictures have threads that wait for it. Every batch: read, check, quarantine, append, call the observers, acknowledge.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ from vsd_analytics.live.mapped import mapped_readers, topics_of
 from vsd_analytics.live.message_queue import MessageDoor
 from vsd_analytics.live.mqtt import SESSION_MIN_S, WINDOW, BrokerLink
 from vsd_analytics.live.quarantining import LiveQuarantine
-from vsd_analytics.live.status import CANNOT_STORE, CLOCKS_DISAGREE, Status, offline, write_status
+from vsd_analytics.live.status import CANNOT_STORE, CLOCKS_DISAGREE, LISTENING, Status, offline, write_status
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Broker, Site
 from vsd_analytics.store.layout import segment_paths
@@ -113,8 +112,9 @@ class Listener:
         self._fold_again_s = 0.0
         self._spooled_since_fold = [0, 0]
         self._status_at_s = 0.0
-        source = (door.name if door is not None else "") if broker is None else f"mqtt://{broker.host}:{broker.port}"
-        self._quarantine = LiveQuarantine(site, source=source, now=clock())
+        self._is_refused = False
+        names = (broker and f"mqtt://{broker.host}:{broker.port}", door and door.name)
+        self._quarantines = [LiveQuarantine(site, source=name, now=clock()) for name in names if name]
         self._agreement = ClockAgreement()
         self._disagreement: str | None = None
         self._epoch_reported = 0
@@ -177,7 +177,8 @@ class Listener:
         finally:
             self._folding.stop()
             with contextlib.suppress(OSError):
-                self._quarantine.close()
+                for quarantine in self._quarantines:
+                    quarantine.close()
             self.status.state = "stopped"
             self.beat()
             for opened in (self.door, self.link):
@@ -193,7 +194,7 @@ class Listener:
         """
         assert self.link is not None
         deliveries = self.link.take()
-        ready = self._stored(deliveries)
+        ready = self._stored(deliveries, self._quarantines[0])
         if ready is None:
             return False
         self.status.n_acknowledged += self.link.acknowledge(deliveries)
@@ -205,7 +206,7 @@ class Listener:
         offered = self.door.take()
         deliveries = [message for one in offered for message in one.messages]
         first = self._preparer.n_messages + 1
-        ready = self._stored(deliveries)
+        ready = self._stored(deliveries, self._quarantines[-1])
         if ready is None:
             return False
         bad: dict[int, list[Rejected]] = {}
@@ -215,12 +216,12 @@ class Listener:
         self.door.settle(offered, bad)
         return True
 
-    def _stored(self, deliveries: Sequence[ReceivedMessage]) -> Prepared | None:
+    def _stored(self, deliveries: Sequence[ReceivedMessage], quarantine: LiveQuarantine) -> Prepared | None:
         """Make good and bad records of messages durable; return None when disk or key refused."""
         now = self._clock()
         try:
             ready = self._preparer.prepare(deliveries, now=now)
-            self._quarantine.add(ready, now=now)
+            quarantine.add(ready, now=now)
             n_segments = 0
             for name in reversed(TABLES):  # a frame is stored after the persons it counts
                 rows = ready.tables.get(name)
@@ -229,10 +230,10 @@ class Listener:
                     n_segments += 1
         except (VsdError, OSError) as error:
             # the messages stay held and fill the window, so that the broker queues the rest on its own disk
-            self._store_again_s = time.monotonic() + next(self._store_waiting_s)
+            self._store_again_s, self._is_refused = time.monotonic() + next(self._store_waiting_s), True
             self._report_error(f"nothing can be stored, so nothing is acknowledged: {error}", state=CANNOT_STORE)
             return None
-        self._store_waiting_s = self._delays_s()
+        self._store_waiting_s, self._store_again_s, self._is_refused = self._delays_s(), 0.0, False
         self._note_times(ready, now=now)
         self._show(ready.tables)
         self._note_stored(deliveries, ready.tables, n_segments=n_segments)
@@ -307,18 +308,18 @@ class Listener:
         elif link.error is not None:
             if not link.is_connected:
                 status.connected_since = None
-            state = "listening" if link.is_connected else "waiting for the broker"
+            state = LISTENING if link.is_connected else "waiting for the broker"
             self._report_error(f"{link.broker.host}:{link.broker.port}: {link.error}", state=state)
 
     def _note_well(self) -> None:
         """Note that messages come in, unless the disk refuses or the clocks disagree."""
         status = self.status
-        if time.monotonic() < self._store_again_s:
+        if self._is_refused:  # until something is stored again: that it is tried again does not make it well
             return
         if self._disagreement is not None:
             self._report_error(self._disagreement, state=CLOCKS_DISAGREE)
         else:
-            status.state, status.error, self._error_reported = "listening", None, None
+            status.state, status.error, self._error_reported = LISTENING, None, None
 
     def _note_times(self, ready: Prepared, *, now: datetime) -> None:
         """Check whether this machine's clock and the messages agree, and report it once when they do not."""

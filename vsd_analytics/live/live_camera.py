@@ -16,6 +16,7 @@ from vsd_analytics.engine.detections import Detections
 from vsd_analytics.engine.floor_method import locate
 from vsd_analytics.engine.floor_points import floor_points
 from vsd_analytics.engine.frame_pictures import Picture
+from vsd_analytics.engine.ignored_parts import engine_ignoring, in_parts
 from vsd_analytics.engine.live_sources import HUNG_S, LivePicture, LiveSource
 from vsd_analytics.engine.live_tracker import LiveTracker
 from vsd_analytics.engine.messages import frame_messages
@@ -103,6 +104,7 @@ class LiveCamera:
         n_processed: Pictures looked at.
         n_hung: Pictures that were not counted since they showed nothing of now.
         n_unstored: Frames that found no room because nothing could be stored.
+        n_ignored: People left out because they were in a part of the picture that is ignored.
         error: Why its last picture could not be looked at; None = it could.
         last_ms: When the last picture looked at was; None = none yet.
         newest: The last frame, for the look page; None where nobody looks.
@@ -113,7 +115,7 @@ class LiveCamera:
         self, camera: Camera, source: LiveSource, *, within_m: float, distance_m: float, tiles: TileChoice
     ) -> None:
         self.camera, self.source = camera, source
-        self.n_processed = self.n_hung = self.n_unstored = 0
+        self.n_processed = self.n_hung = self.n_unstored = self.n_ignored = 0
         self.error: str | None = None
         self.last_ms: int | None = None
         self.newest: LiveFrame | None = None
@@ -160,6 +162,7 @@ class LiveCamera:
             "too_slow": counts.n_replaced,
             "hung": self.n_hung,
             "not_stored": self.n_unstored,
+            "people_ignored": self.n_ignored,
             "connections": counts.n_connections,
         }
 
@@ -182,6 +185,9 @@ class LiveCamera:
         picture_px = _size(picture)
         size_px = self.camera.picture_px or picture_px
         detections = detections.mapped((size_px[0] / picture_px[0], size_px[1] / picture_px[1]), (0.0, 0.0))
+        is_ignored = in_parts(detections.box, self.camera.ignore_px)
+        self.n_ignored += int(is_ignored.sum())
+        detections = detections.rows(~is_ignored)
         planes = planes_in_force(self.camera.planes, datetime.fromtimestamp(ms / 1000, tz=UTC))
         if used is not None and not planes:
             self._bodies.learn(detections)
@@ -230,7 +236,8 @@ class LiveCamera:
     def _message(self, frame: LiveFrame) -> list[bytes]:
         if frame.seen is None:
             return []
-        return list(frame_messages(frame.seen, camera=self.camera.camera_id, ts_ms=np.array([frame.ms])))
+        seen = replace(frame.seen, engine=engine_ignoring(frame.seen.engine, self.camera.ignore_px))
+        return list(frame_messages(seen, camera=self.camera.camera_id, ts_ms=np.array([frame.ms])))
 
 
 def _size(picture: Picture) -> tuple[int, int]:

@@ -8,23 +8,26 @@ from __future__ import annotations
 import hmac
 import json
 import secrets
-import threading
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from http import HTTPStatus
-from http.cookies import CookieError, SimpleCookie
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any, ClassVar, Final
-from urllib.parse import parse_qs, urlsplit
+from typing import Any, Final
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
 
 from vsd_analytics.engine.ratios import Ratios
 from vsd_analytics.errors import LiveError, VsdError
 from vsd_analytics.live.look_view import LookView
+from vsd_analytics.service.guard import Guard
+from vsd_analytics.service.http_server import HttpServer
 from vsd_analytics.wording.languages import speaking
 
 HOST: Final = "127.0.0.1"
 BODY_MAX: Final = 1000
-READ_S: Final = 10.0
+_UNKNOWN: Final = "open the address that vsd engine live --look printed"
 HEADERS: Final = {
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
@@ -64,8 +67,15 @@ class LookServer:
     ) -> None:
         self.view, self.pages, self.policy, self.language, self.clock = view, pages, policy, language, clock
         self.token = token or secrets.token_urlsafe(24)
+        guard = Guard(
+            self._answer,
+            may_ask=self._may_ask,
+            refuse=_refused,
+            unknown=(_UNKNOWN, {}),
+            is_from_here=self._is_from_here,
+        )
         try:
-            self._server = _LookHTTPServer((HOST, port), _LookHandler)
+            self._server = HttpServer(guard, host=HOST, port=port)
         except OSError as error:
             raise LiveError(
                 f"--look: nothing can listen at {HOST}:{port}",
@@ -73,11 +83,10 @@ class LookServer:
                 why=str(error.strerror or error),
                 fix="--look 0 takes a free port",
             ) from None
-        self._server.look = self
-        self.port = int(self._server.server_address[1])
+        self.port = self._server.port
         self.hosts = (f"{HOST}:{self.port}", f"localhost:{self.port}")
         self.cookie = f"vsd-look-{self.port}"
-        threading.Thread(target=self._server.serve_forever, args=(0.2,), name="look", daemon=True).start()
+        self._server.start()
 
     @property
     def address(self) -> str:
@@ -86,127 +95,98 @@ class LookServer:
 
     def close(self) -> None:
         """Stop."""
-        self._server.shutdown()
-        self._server.server_close()
+        self._server.close()
 
+    def _may_ask(self, request: Request) -> bool:
+        """Return whether a request has the cookie, or the token that gives one."""
+        if _is_same(request.query_params.get("token", ""), self.token) and request.method == "GET":
+            return True
+        return _is_same(request.cookies.get(self.cookie, ""), self.token)
 
-class _LookHTTPServer(ThreadingHTTPServer):
-    daemon_threads = True
-    block_on_close = False
-    look: LookServer
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a connection that broke off."""
-
-
-class _LookHandler(BaseHTTPRequestHandler):
-    """One connection."""
-
-    server_version = "vsd"
-    sys_version = ""
-    timeout: ClassVar[float] = READ_S
-    server: _LookHTTPServer
-
-    def do_GET(self) -> None:
-        """Show the page, or the newest frame of a camera."""
-        look = self.server.look
-        parts = urlsplit(self.path)
-        asked = {key: values[0] for key, values in parse_qs(parts.query).items()}
-        if not self._is_from_here(look):
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
             return
-        if self._is_known(asked.get("token", "")):  # before any routing
-            self._answer(HTTPStatus.SEE_OTHER, "", "text/plain", Location="/", **self._cookie(look))
-            return
-        if not self._has_cookie(look):
-            return
-        camera_id = asked.get("camera", next(iter(look.pages)))
-        if camera_id not in look.pages:
-            self._answer(HTTPStatus.NOT_FOUND, "there is no such camera\n", "text/plain")
-        elif parts.path == "/":
-            page = {"Content-Security-Policy": look.policy}
-            self._answer(HTTPStatus.OK, look.pages[camera_id], "text/html", **page)
-        elif parts.path == "/now":
-            try:
-                ratios = _ratios(asked) if "horizontal" in asked else None
-            except (VsdError, ValueError):
-                self._answer(HTTPStatus.BAD_REQUEST, "two ratios between 0 and 1\n", "text/plain")
-                return
-            with speaking(look.language):
-                self._json(HTTPStatus.OK, look.view.now(camera_id, ratios))
+        request = Request(scope, receive)
+        if request.method == "GET":
+            answer = await run_in_threadpool(self._shown, request.url.path, dict(request.query_params))
+        elif request.method == "POST":
+            answer = await self._calibrated(request)
         else:
-            self._answer(HTTPStatus.NOT_FOUND, "there is no such address\n", "text/plain")
+            answer = _refused(HTTPStatus.METHOD_NOT_ALLOWED, "a page is read, and a calibration is posted")
+        await answer(scope, receive, send)
 
-    def do_POST(self) -> None:
+    def _shown(self, path: str, asked: Mapping[str, str]) -> Response:
+        """Return the page, or the newest frame of a camera."""
+        if _is_same(asked.get("token", ""), self.token):  # before any routing; the cookie takes its place
+            cookie = f"{self.cookie}={self.token}; HttpOnly; SameSite=Strict; Path=/"
+            return _text(HTTPStatus.SEE_OTHER, "", **{"Location": "/", "Set-Cookie": cookie})
+        camera_id = asked.get("camera", next(iter(self.pages)))
+        if camera_id not in self.pages:
+            return _text(HTTPStatus.NOT_FOUND, "there is no such camera\n")
+        if path == "/":
+            page = {"Content-Security-Policy": self.policy}
+            return _text(HTTPStatus.OK, self.pages[camera_id], media_type="text/html", **page)
+        if path != "/now":
+            return _text(HTTPStatus.NOT_FOUND, "there is no such address\n")
+        try:
+            ratios = _ratios(asked) if "horizontal" in asked else None
+        except (VsdError, ValueError):
+            return _text(HTTPStatus.BAD_REQUEST, "two ratios between 0 and 1\n")
+        with speaking(self.language):
+            return _json(HTTPStatus.OK, self.view.now(camera_id, ratios))
+
+    async def _calibrated(self, request: Request) -> Response:
         """Put a calibration by eye into force."""
-        look = self.server.look
-        if not self._is_from_here(look, is_change=True) or not self._has_cookie(look):
-            return
-        length = self.headers.get("Content-Length", "")
-        is_json = self.headers.get("Content-Type", "").partition(";")[0] == "application/json"
-        if self.path != "/calibration" or not is_json or not (length.isdecimal() and int(length) <= BODY_MAX):
-            self._answer(HTTPStatus.BAD_REQUEST, "a small JSON object goes to /calibration\n", "text/plain")
-            return
+        length = request.headers.get("content-length", "")
+        is_json = request.headers.get("content-type", "").partition(";")[0] == "application/json"
+        if request.url.path != "/calibration" or not is_json or not (length.isdecimal() and int(length) <= BODY_MAX):
+            return _refused(HTTPStatus.BAD_REQUEST, "a small JSON object goes to /calibration")
         try:
-            asked = json.loads(self.rfile.read(int(length)))
+            asked = json.loads(await request.body())
             camera_id, ratios = str(asked["camera"]), _ratios(asked)
-            known = look.pages[camera_id]
-        except (ValueError, KeyError, TypeError, VsdError, OSError):
-            self._answer(HTTPStatus.BAD_REQUEST, "a camera and two ratios between 0 and 1\n", "text/plain")
-            return
+            known = self.pages[camera_id]
+        except (ValueError, KeyError, TypeError, VsdError, RecursionError, ClientDisconnect):
+            return _text(HTTPStatus.BAD_REQUEST, "a camera and two ratios between 0 and 1\n")
         assert known
+        return await run_in_threadpool(self._saved, camera_id, ratios)
+
+    def _saved(self, camera_id: str, ratios: Ratios) -> Response:
         try:
-            with speaking(look.language):
-                saved = look.view.save(camera_id, ratios, now=look.clock().replace(microsecond=0))
+            with speaking(self.language):
+                saved = self.view.save(camera_id, ratios, now=self.clock().replace(microsecond=0))
         except (VsdError, OSError) as error:
             why = error.what if isinstance(error, VsdError) else "the disk refused it"
-            self._json(HTTPStatus.INTERNAL_SERVER_ERROR, {"calibration": None, "error": why})
-            return
-        self._json(HTTPStatus.OK, {"calibration": saved, "error": None})
+            return _json(HTTPStatus.INTERNAL_SERVER_ERROR, {"calibration": None, "error": why})
+        return _json(HTTPStatus.OK, {"calibration": saved, "error": None})
 
-    def log_message(self, *_: Any) -> None:
-        """Write no line per request: the first has the token."""
-
-    def _is_from_here(self, look: LookServer, *, is_change: bool = False) -> bool:
-        """Return whether a request names this server and comes from its own page; else refuse it.
+    def _is_from_here(self, request: Request) -> bool:
+        """Return whether a request names this server and comes from its own page.
 
         Another host name is that of a page elsewhere that was led to this address (DNS rebinding).
         """
-        origin = self.headers.get("Origin")
-        is_own = origin in [f"http://{host}" for host in look.hosts] or (origin is None and not is_change)
-        if self.headers.get("Host") in look.hosts and is_own:
-            return True
-        self._answer(HTTPStatus.FORBIDDEN, "this is for pages of this address alone\n", "text/plain")
-        return False
+        origin = request.headers.get("origin")
+        is_change = request.method == "POST"
+        is_own = origin in [f"http://{host}" for host in self.hosts] or (origin is None and not is_change)
+        return request.headers.get("host") in self.hosts and is_own
 
-    def _is_known(self, token: str) -> bool:
-        return hmac.compare_digest(token.encode("utf-8", "replace"), self.server.look.token.encode())
 
-    def _has_cookie(self, look: LookServer) -> bool:
-        try:
-            cookie = SimpleCookie(self.headers.get("Cookie", "")).get(look.cookie)
-        except CookieError:
-            cookie = None
-        if cookie is not None and self._is_known(cookie.value):
-            return True
-        self._answer(HTTPStatus.UNAUTHORIZED, "open the address that vsd engine live --look printed\n", "text/plain")
-        return False
+def _is_same(token: str, wanted: str) -> bool:
+    return hmac.compare_digest(token.encode("utf-8", "replace"), wanted.encode())
 
-    def _cookie(self, look: LookServer) -> dict[str, str]:
-        return {"Set-Cookie": f"{look.cookie}={look.token}; HttpOnly; SameSite=Strict; Path=/"}
 
-    def _json(self, status: HTTPStatus, content: Mapping[str, Any]) -> None:
-        self._answer(status, json.dumps(content, allow_nan=False), "application/json")
+def _refused(status: int, title: str, *, detail: str | None = None, headers: dict[str, str] | None = None) -> Response:
+    """Return the answer to a request whose body was not read."""
+    return _text(status, f"{title}{f': {detail}' if detail else ''}\n", **{**(headers or {}), "Connection": "close"})
 
-    def _answer(self, status: HTTPStatus, text: str, media_type: str, **headers: str) -> None:
-        body = text.encode()
-        self.send_response(status)
-        for name, value in {**HEADERS, "Content-Security-Policy": "default-src 'none'", **headers}.items():
-            self.send_header(name, value)
-        self.send_header("Content-Type", f"{media_type}; charset=utf-8")
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        if self.command != "HEAD":
-            self.wfile.write(body)
+
+def _json(status: int, content: Mapping[str, Any]) -> Response:
+    return _text(status, json.dumps(content, allow_nan=False), media_type="application/json")
+
+
+def _text(status: int, text: str, *, media_type: str = "text/plain", **headers: str) -> Response:
+    named = {**HEADERS, "Content-Security-Policy": "default-src 'none'", **headers}
+    named["Content-Type"] = f"{media_type}; charset=utf-8"
+    return Response(text.encode(), status, named)
 
 
 def _ratios(asked: Mapping[str, Any]) -> Ratios:

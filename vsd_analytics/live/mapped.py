@@ -15,8 +15,7 @@ from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch
 from vsd_analytics.ingest.reading.frame_rows import FrameRows
 from vsd_analytics.ingest.reading.json_messages import JsonMessages
 from vsd_analytics.ingest.reading.raw import without_zones
-from vsd_analytics.live.batches import ReceivedMessage
-from vsd_analytics.live.posts import FRAMES, TOPIC
+from vsd_analytics.live.batches import FRAMES, TOPIC, ReceivedMessage
 from vsd_analytics.site.model import ReadingRule, Site
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final, Protocol
 
 from vsd_analytics.ingest.reading.adapter import Rejected
@@ -23,13 +23,13 @@ class OfferedMessages:
         messages: In the order they were sent.
         n_bytes: Their size.
         bad: Rejected records, by number of the message; None until the messages are durable.
-        is_done: Set when `bad` is.
+        tell: Called, in the thread that stores, when `bad` is set or nothing is taken any more.
     """
 
     messages: Sequence[ReceivedMessage]
     n_bytes: int
     bad: Sequence[tuple[int, Rejected]] | None = None
-    is_done: threading.Event = field(default_factory=threading.Event)
+    tell: Callable[[], None] = lambda: None
 
 
 class MessageDoor(Protocol):
@@ -115,7 +115,7 @@ class MessageQueue:
         for one in offered:
             one.bad = [(i, r) for i in range(len(one.messages)) for r in bad.get(at + i, ())]
             at += len(one.messages)
-            one.is_done.set()
+            one.tell()
         with self._changed:
             del self._waiting[: len(offered)]
             self._n_messages -= at
@@ -128,4 +128,4 @@ class MessageQueue:
             self._is_closed = True
             waiting, self._waiting = self._waiting, []
         for one in waiting:
-            one.is_done.set()
+            one.tell()

@@ -1,45 +1,41 @@
-"""Messages by HTTP: a server in threads of its own, which answers when the listener has stored them.
+"""Messages by HTTP: requests are answered by a thread of their own when the listener has stored their messages.
 
-A request is answered 202 only after its messages are durable. It speaks plain HTTP and is meant for this machine; for
-others put a proxy with TLS before it.
+A request is answered 202 only after its messages are durable. The server (`service.http_server`) speaks plain HTTP and
+is meant for this machine; for others put a proxy with TLS before it.
 """
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import hmac
 import json
 import os
-import threading
-import time
 from collections import Counter
 from collections.abc import Collection, Mapping
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any, ClassVar, Final
+from typing import Any, Final
 
 import msgspec
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
 
 from vsd_analytics.config.access_token import UnsafeTokenError, access_token, is_loopback
 from vsd_analytics.errors import LiveError, Where
 from vsd_analytics.ingest.reading.adapter import EXCERPT_CHARS
-from vsd_analytics.live.batches import ReceivedMessage
+from vsd_analytics.live.batches import FRAMES, TOPIC, ReceivedMessage
 from vsd_analytics.live.message_queue import MESSAGES_MAX, MessageQueue, OfferedMessages
+from vsd_analytics.service.guard import Guard
+from vsd_analytics.service.http_server import HttpServer
 
 DEFAULT_ADDRESS: Final = "127.0.0.1:8765"
 TOKEN_VARIABLE: Final = "VSD_HTTP_TOKEN"
 TOKEN_FILE: Final = Path("secrets") / "http-token"
-FRAMES: Final = "frames"
-"""Path of VSD frame messages; any other path is the id of a `[[source]]`."""
-TOPIC: Final = "POST /"
-"""Front of the topic that a posted message has in quarantine and logs."""
-STOP_POLL_S: Final = 0.2
-"""How often the server looks whether it shall stop."""
-CONNECTIONS_MAX: Final = 64
 REJECTED_SHOWN: Final = 100
-READ_S: Final = 15.0
 ANSWER_S: Final = 30.0
+_LATER: Final = {"Retry-After": "1"}
 
 
 class PostInbox(MessageQueue):
@@ -58,13 +54,15 @@ class PostInbox(MessageQueue):
     def __init__(self, address: str, *, token: str, sources: Collection[str], body_max_bytes: int) -> None:
         super().__init__()
         self.name = "http"
-        self.token = token.encode()
         self.paths = (FRAMES, *sources)
         self.body_max_bytes = body_max_bytes
         self.n_refused: Counter[str] = Counter()
+        self._wanted = b"Bearer " + token.encode()
+        unknown = ("the header Authorization: Bearer TOKEN is missing or wrong", {"WWW-Authenticate": "Bearer"})
+        app = Guard(self._answer, may_ask=self._has_token, refuse=self._refused, unknown=unknown)
         host, port = host_and_port(address)
         try:
-            self._server = _Server((host, port), _Handler)
+            self._server = HttpServer(app, host=host, port=port)
         except OSError as error:
             raise LiveError(
                 f"--http {address}: nothing can listen there",
@@ -72,10 +70,8 @@ class PostInbox(MessageQueue):
                 why=str(error.strerror or error),
                 fix="name another port, or stop the program that has it: ss -ltnp",
             ) from None
-        self._server.inbox = self
-        self.address = f"{host}:{self._server.server_address[1]}"
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(STOP_POLL_S,), daemon=True)
-        self._thread.start()
+        self.address = f"{host}:{self._server.port}"
+        self._server.start()
 
     @property
     def is_loopback(self) -> bool:
@@ -83,165 +79,93 @@ class PostInbox(MessageQueue):
         return is_loopback(self.address.rpartition(":")[0])
 
     def as_dict(self) -> dict[str, Any]:
-        """Return its state for the heartbeat: address, and refused requests by status."""
-        return {"address": self.address, "refused": dict(self.n_refused)}
+        """Return its state for the heartbeat: address, refused requests by status, and connections that were cut."""
+        return {"address": self.address, "refused": dict(self.n_refused), "cut": dict(self._server.n_cut)}
 
     def close(self) -> None:
         """Stop taking requests, and answer those that wait with 503."""
         super().close()
-        self._server.shutdown()
-        self._server.finish()
+        self._server.close()
 
+    def _has_token(self, request: Request) -> bool:
+        given = request.headers.get("authorization", "").encode("utf-8", "replace")
+        return hmac.compare_digest(given, self._wanted)
 
-class _Server(ThreadingHTTPServer):
-    """The server: a thread a connection, a bounded number of them."""
-
-    daemon_threads = True
-    block_on_close = False
-    inbox: PostInbox
-
-    def __init__(self, *arguments: Any) -> None:
-        self._room = threading.BoundedSemaphore(CONNECTIONS_MAX)
-        self._n_busy = 0
-        super().__init__(*arguments)
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        """Serve a connection in a thread; close it where too many are open."""
-        if not self._room.acquire(blocking=False):
-            self.inbox.n_refused["too many connections"] += 1
-            self.shutdown_request(request)
+    async def _answer(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Take the messages of one request, and answer when they are stored."""
+        if scope["type"] != "http":
             return
-        super().process_request(request, client_address)
+        with contextlib.suppress(ClientDisconnect):  # it sends again what was not answered
+            answer = await self._answered(Request(scope, receive))
+            await answer(scope, receive, send)
 
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Serve a connection."""
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._room.release()
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing of a connection that broke off: its sender got no answer and sends again."""
-
-    def finish(self) -> None:
-        """Close the port, after a moment for answers that are on their way."""
-        until_s = time.monotonic() + 1.0
-        while self._n_busy and time.monotonic() < until_s:
-            time.sleep(0.01)
-        self.server_close()
-
-    @contextlib.contextmanager
-    def answering(self) -> Any:
-        """Count a request that will be answered."""
-        self._n_busy += 1
-        try:
-            yield
-        finally:
-            self._n_busy -= 1
-
-
-class _Refusal(Exception):  # noqa: N818 - an answer, not an error of the program
-    """An answer that is not 202: status, a sentence for people."""
-
-
-class _Handler(BaseHTTPRequestHandler):
-    """One connection."""
-
-    protocol_version = "HTTP/1.1"
-    server_version = "vsd"
-    sys_version = ""
-    timeout: ClassVar[float] = READ_S
-    server: _Server
-
-    def do_POST(self) -> None:
-        """Take messages, and answer when they are stored."""
-        inbox = self.server.inbox
-        with self.server.answering():
-            try:
-                posted = self._posted(inbox)
-                if not inbox.put(posted):
-                    raise _Refusal(HTTPStatus.SERVICE_UNAVAILABLE, "too much waits to be stored: send it again later")
-                posted.is_done.wait(ANSWER_S)
-                if posted.bad is None:
-                    text = "not stored yet: send it again, records that were stored meanwhile count once"
-                    raise _Refusal(HTTPStatus.SERVICE_UNAVAILABLE, text)
-            except _Refusal as refusal:
-                status, why = refusal.args
-                inbox.n_refused[str(int(status))] += 1
-                self._answer(status, {"error": why})
-                return
-            n_bad = len({number for number, _ in posted.bad})
-            shown = posted.bad[:REJECTED_SHOWN]
-            rejected = [{"message": n, "reason": r.reason, "detail": r.detail[:EXCERPT_CHARS]} for n, r in shown]
-            self._answer(
-                HTTPStatus.UNPROCESSABLE_ENTITY if n_bad else HTTPStatus.ACCEPTED,
-                {
-                    "stored": len(posted.messages) - n_bad,
-                    "quarantined": n_bad,
-                    **({"rejected": rejected} if rejected else {}),
-                },
-            )
-
-    def do_GET(self) -> None:
-        """Refuse to show anything."""
-        self._answer(HTTPStatus.METHOD_NOT_ALLOWED, {"error": "messages are posted here; nothing can be read"})
-
-    do_PUT = do_DELETE = do_PATCH = do_HEAD = do_OPTIONS = do_GET  # noqa: N815 - names of the library
-
-    def log_message(self, *_: Any) -> None:
-        """Write no line per request."""
-
-    def _posted(self, inbox: PostInbox) -> OfferedMessages:
-        """Read a request; what is refused before its body was read ends the connection."""
-        self.close_connection = True
-        given = self.headers.get("Authorization", "").encode("utf-8", "replace")
-        if not hmac.compare_digest(given, b"Bearer " + inbox.token):
-            raise _Refusal(HTTPStatus.UNAUTHORIZED, "the header Authorization: Bearer TOKEN is missing or wrong")
-        path = self.path.partition("?")[0].strip("/")
-        if path not in inbox.paths:
-            known = ", ".join(f"/{p}" for p in inbox.paths[:20])
-            raise _Refusal(HTTPStatus.NOT_FOUND, f"nothing is taken there; there are {known}")
-        if self.headers.get("Content-Encoding", "identity") != "identity":
-            raise _Refusal(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "send the body as it is, not compressed")
-        length = self.headers.get("Content-Length", "")
-        if "Transfer-Encoding" in self.headers or not (length.isascii() and length.isdigit() and len(length) < 12):
-            raise _Refusal(HTTPStatus.LENGTH_REQUIRED, "send a Content-Length")
-        if int(length) > inbox.body_max_bytes:
-            text = f"a body has at most {inbox.body_max_bytes:,} bytes (line_max_bytes)"
-            raise _Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, text)
-        body = self._body(int(length))
-        is_lines = any(kind in self.headers.get("Content-Type", "").lower() for kind in ("ndjson", "jsonl"))
-        messages = messages_of(body, is_lines=is_lines)
+    async def _answered(self, request: Request) -> Response:
+        if (refusal := self._refusal(request)) is not None:
+            refusal.headers["Connection"] = "close"  # its body was not read
+            return refusal
+        body = await request.body()
+        kind = request.headers.get("content-type", "").lower()
+        messages = messages_of(body, is_lines="ndjson" in kind or "jsonl" in kind)
         if not messages:
-            raise _Refusal(HTTPStatus.BAD_REQUEST, "the body holds no message")
+            return self._refused(HTTPStatus.BAD_REQUEST, "the body holds no message")
         if len(messages) > MESSAGES_MAX:
-            raise _Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a request has at most {MESSAGES_MAX:,} messages")
-        self.close_connection = self.headers.get("Connection", "").lower() == "close"
-        return OfferedMessages([ReceivedMessage(TOPIC + path, m, len(m)) for m in messages], len(body))
+            return self._refused(
+                HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"a request has at most {MESSAGES_MAX:,} messages"
+            )
+        loop, is_done = asyncio.get_running_loop(), asyncio.Event()
 
-    def _body(self, length: int) -> bytes:
-        try:
-            body = self.rfile.read(length)
-        except OSError:
-            body = b""
-        if len(body) < length:
-            raise _Refusal(HTTPStatus.BAD_REQUEST, "the body ended early")
-        return body
+        def tell() -> None:
+            with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
+                loop.call_soon_threadsafe(is_done.set)
 
-    def _answer(self, status: HTTPStatus, content: Mapping[str, Any]) -> None:
-        body = json.dumps(content).encode() + b"\n"
-        self.send_response(status)
-        self.send_header("Content-Type", "application/json")
-        self.send_header("Content-Length", str(len(body)))
-        if status == HTTPStatus.UNAUTHORIZED:
-            self.send_header("WWW-Authenticate", "Bearer")
-        if status == HTTPStatus.SERVICE_UNAVAILABLE:
-            self.send_header("Retry-After", "1")
-        if self.close_connection:
-            self.send_header("Connection", "close")
-        self.end_headers()
-        if self.command != "HEAD":
-            self.wfile.write(body)
+        topic = TOPIC + _path(request)
+        posted = OfferedMessages([ReceivedMessage(topic, m, len(m)) for m in messages], len(body), tell=tell)
+        if not self.put(posted):
+            return self._refused(
+                HTTPStatus.SERVICE_UNAVAILABLE, "too much waits to be stored: send it again later", headers=_LATER
+            )
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(is_done.wait(), ANSWER_S)
+        if posted.bad is None:
+            text = "not stored yet: send it again, records that were stored meanwhile count once"
+            return self._refused(HTTPStatus.SERVICE_UNAVAILABLE, text, headers=_LATER)
+        n_bad = len({number for number, _ in posted.bad})
+        shown = posted.bad[:REJECTED_SHOWN]
+        rejected = [{"message": n, "reason": r.reason, "detail": r.detail[:EXCERPT_CHARS]} for n, r in shown]
+        told = {"stored": len(messages) - n_bad, "quarantined": n_bad, **({"rejected": rejected} if rejected else {})}
+        return _json(HTTPStatus.UNPROCESSABLE_ENTITY if n_bad else HTTPStatus.ACCEPTED, told)
+
+    def _refusal(self, request: Request) -> Response | None:
+        """Return why a request is refused before its body is read; None = it is not."""
+        if request.method != "POST":
+            return self._refused(HTTPStatus.METHOD_NOT_ALLOWED, "messages are posted here; nothing can be read")
+        if _path(request) not in self.paths:
+            known = ", ".join(f"/{p}" for p in self.paths[:20])
+            return self._refused(HTTPStatus.NOT_FOUND, f"nothing is taken there; there are {known}")
+        if request.headers.get("content-encoding", "identity") != "identity":
+            return self._refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "send the body as it is, not compressed")
+        length = request.headers.get("content-length")
+        if length is None:
+            return self._refused(HTTPStatus.LENGTH_REQUIRED, "send a Content-Length")
+        if int(length) > self.body_max_bytes:
+            text = f"a body has at most {self.body_max_bytes:,} bytes (line_max_bytes)"
+            return self._refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, text)
+        return None
+
+    def _refused(
+        self, status: int, title: str, *, detail: str | None = None, headers: dict[str, str] | None = None
+    ) -> Response:
+        """Return an answer that stores nothing, and count it."""
+        self.n_refused[str(int(status))] += 1
+        return _json(status, {"error": title if detail is None else f"{title}: {detail}"}, headers)
+
+
+def _path(request: Request) -> str:
+    return str(request.scope["path"]).strip("/")
+
+
+def _json(status: int, content: Mapping[str, Any], headers: Mapping[str, str] | None = None) -> Response:
+    return Response(json.dumps(content).encode() + b"\n", status, headers, media_type="application/json")
 
 
 def messages_of(body: bytes, *, is_lines: bool = False) -> list[bytes]:

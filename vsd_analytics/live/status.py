@@ -17,6 +17,7 @@ from vsd_analytics.live.folding import Folded, peak_mb
 from vsd_analytics.store.durable import publish
 
 FILE = Path("status") / "listen.json"
+LISTENING: Final = "listening"
 CANNOT_STORE: Final = "cannot store"
 CLOCKS_DISAGREE: Final = "clocks disagree"
 
@@ -153,16 +154,37 @@ def offline(started: datetime) -> bytes:
 def write_status(root: Path, status: dict[str, Any], *, file: Path = FILE) -> None:
     """Write a heartbeat to `<project>/status/listen.json`; a reader sees all of the old one or of the new one.
 
-    It is no record, so it need not survive a power cut, and a disk that refuses it stops nothing.
+    It is no record, so it need not survive a power cut, and a disk that refuses it stops nothing. A full disk has no
+    room for a second file: what is wrong is then written into the blocks of the old one, which would say that all is
+    well.
 
     Args:
         root: The project folder.
         status: The content.
         file: What it is written to instead.
     """
-    text = json.dumps(status, ensure_ascii=False, indent=1)
-    with contextlib.suppress(OSError):
-        publish(root / file, text.encode("utf-8", "replace"), is_synced=False)
+    try:
+        publish(root / file, _as_bytes(status, indent=1), is_synced=False)
+    except OSError as refused:
+        why = str(refused.strerror or refused)
+        if status.get("state") == LISTENING:
+            status = {**status, "state": CANNOT_STORE}
+        status = {**status, "error": status.get("error") or f"the disk refused the status: {why}"}
+        with contextlib.suppress(OSError):
+            _write_in_place(root / file, _as_bytes(status))
+
+
+def _as_bytes(status: dict[str, Any], *, indent: int | None = None) -> bytes:
+    return json.dumps(status, ensure_ascii=False, indent=indent).encode("utf-8", "replace")
+
+
+def _write_in_place(path: Path, data: bytes) -> None:
+    """Write a file's content again within the blocks it has; a content that needs more stays unwritten."""
+    with path.open("r+b", buffering=0) as opened:
+        about = os.fstat(opened.fileno())
+        if len(data) <= about.st_blocks * 512:
+            opened.write(data.ljust(about.st_size))  # in one call, and spaces to its old end: a reader finds no half
+            opened.truncate(len(data))
 
 
 def read_status(root: Path) -> dict[str, Any] | None:

@@ -217,7 +217,7 @@ def planner_pages(
     n_weeks = weeks_needed(site, monday) if weeks is None else weeks
     first = first_day(site, monday, other, weeks=n_weeks)
     with open_warehouse(site, first, last, on_plan=on_plan, on_hours=on_hours) as warehouse:
-        warehouse.compute_ahead(*_MARTS)
+        warehouse.prefetch(*_MARTS)
         warehouse.materialise("violations", "camera_hours", "area_hours")
         return [
             planner_data(warehouse, floor=f, monday=monday, before=other, weeks=n_weeks, clock=clock) for f in floors

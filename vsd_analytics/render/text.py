@@ -157,7 +157,7 @@ def _has_value(rows: Sequence[Row], columns: Sequence[Column]) -> bool:
 def _reasons(row: Row, columns: Sequence[Column]) -> Iterator[Reason]:
     for column in columns:
         value = row[column.name]
-        if isinstance(value, Value) and value.reason is not None and value.state != "ok":
+        if isinstance(value, Value) and value.reason is not None and value.is_uncertain:
             yield value.reason
 
 

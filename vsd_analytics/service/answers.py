@@ -65,6 +65,7 @@ class ReportAnswers:
         self._state = self._state_now()
         self._looked_at = clock()
         self._made: OrderedDict[tuple[str, ...], Any] = OrderedDict()
+        self._mistake: VsdError | None = None
 
     def site(self) -> bytes:
         """Return the site as JSON: id, name, time zone, floors, cameras, areas, stored weeks."""
@@ -166,14 +167,24 @@ class ReportAnswers:
         return _state_of(self._root), int(self._present().timestamp()) // 3600
 
     def _fresh(self) -> Site:
-        """Return the site; forget all answers when a file of the project changed, or an hour ended, since then."""
+        """Return the site; forget all answers when a file of the project changed, or an hour ended, since then.
+
+        Raises:
+            VsdError: The project cannot be read, at each request until a file of it is changed again: an answer from
+                before would look as if the change was in force.
+        """
         if self._clock() - self._looked_at >= LOOK_AGAIN_S:
             self._looked_at = self._clock()
             state = self._state_now()
             if state != self._state:
-                self._site = load_site(self._root)
-                self._state = state
+                self._state, self._mistake = state, None
                 self._made.clear()
+                try:
+                    self._site = load_site(self._root)
+                except VsdError as error:
+                    self._mistake = error
+        if self._mistake is not None:
+            raise self._mistake
         return self._site
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from functools import partial
+from http import HTTPStatus
 from typing import Any, Final
 
 from starlette.applications import Starlette
@@ -19,6 +19,7 @@ from starlette.routing import Route
 from vsd_analytics.errors import ConfigError, StoreError, VsdError
 from vsd_analytics.service.access import RateLimit, is_allowed
 from vsd_analytics.service.answers import NotFoundError, ReportAnswers
+from vsd_analytics.service.guard import Guard
 from vsd_analytics.service.openapi import ADDRESSES, Address, document
 
 HEADERS: Final = {
@@ -56,37 +57,22 @@ def make_app(answers: ReportAnswers, *, token: str, limit: RateLimit, title: str
         body = await run_in_threadpool(ask, *request.path_params.values())
         return _answer(request, body, address.media_type)
 
-    guarded = partial(_guard, token=token, limit=limit)
-    routes = [Route("/health", guarded(health, is_open=True)), Route("/openapi.json", guarded(openapi))]
-    routes += [Route(a.path, guarded(partial(answer, address=a))) for a in ADDRESSES]
-    return Starlette(
+    routes = [Route("/health", health), Route("/openapi.json", openapi)]
+    routes += [Route(a.path, partial(answer, address=a)) for a in ADDRESSES]
+    app = Starlette(
         routes=routes,
         exception_handlers={HTTPException: _http_problem, VsdError: _problem, Exception: _unexpected},
     )
-
-
-Handler = Callable[[Request], Awaitable[Response]]
-
-
-def _guard(handler: Handler, *, token: str, limit: RateLimit, is_open: bool = False) -> Handler:
-    """Return a handler that answers only clients that are not too fast and have the token."""
-
-    async def guarded(request: Request) -> Response:
-        wait_s = limit.wait_s(request.client.host if request.client is not None else "")
-        if wait_s > 0:
-            headers = {"Retry-After": str(math.ceil(wait_s))}
-            return _problem_response(429, "too many requests", detail=f"ask again in {wait_s:.1f} s", headers=headers)
-        if not is_open and not is_allowed(request.headers.get("authorization"), token=token):
-            return _problem_response(
-                401,
-                "the token is missing or wrong",
-                detail="every address but /health needs it",
-                fix="send the header Authorization: Bearer TOKEN",
-                headers=_UNAUTHORISED,
-            )
-        return await handler(request)
-
-    return guarded
+    app.router.redirect_slashes = False  # a redirect names the host that the caller named
+    app.add_middleware(
+        Guard,
+        may_ask=lambda request: is_allowed(request.headers.get("authorization"), token=token),
+        refuse=_problem_response,
+        unknown=("the token is missing or wrong", _UNAUTHORISED),
+        limit=limit,
+        open_paths=("/health",),
+    )
+    return app
 
 
 def _answer(request: Request, body: bytes, media_type: str) -> Response:
@@ -129,6 +115,8 @@ def _problem_response(
     code: str | None = None,
     headers: dict[str, str] | None = None,
 ) -> Response:
+    if status == HTTPStatus.UNAUTHORIZED:
+        detail, fix = "every address but /health needs it", "send the header Authorization: Bearer TOKEN"
     body: dict[str, Any] = {"type": "about:blank", "title": title, "status": status, "detail": detail, "fix": fix}
     if code is not None:
         body |= {"type": f"urn:vsd-analytics:{code}", "code": code}

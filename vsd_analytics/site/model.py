@@ -77,6 +77,8 @@ class Camera:
         source: Where `vsd engine live` gets its pictures; None = another engine sends its people.
         first_day: First local day on which it is there; None = always was.
         end_day: Local day from which it no longer is; None = still is.
+        ignore_px: Polygons in the picture, pixels: a mirror, a screen, a window to the street. Whoever has the feet in
+            one is left out, and the floor in it counts as not seen.
     """
 
     camera_id: str
@@ -92,6 +94,7 @@ class Camera:
     has_clock: bool = False
     planes: tuple[Plane, ...] = ()
     source: CameraSource | None = None
+    ignore_px: tuple[tuple[Point, ...], ...] = ()
     first_day: date | None = None
     end_day: date | None = None
 

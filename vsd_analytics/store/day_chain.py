@@ -56,6 +56,13 @@ class DayChain:
         """
         return hashlib.blake2b(b"", key=self.from_day(_FAR_DAY).state, person=b"mark", digest_size=8).hexdigest()
 
+    def exchange_key(self) -> bytes:
+        """Return the key by which a site and its nodes sign what they put at their place, like `mark` the same for all.
+
+        It comes from a day far ahead, and gives neither the keys of days nor the mark.
+        """
+        return _derived(self.from_day(_FAR_DAY).state, b"exchange")
+
     def as_dict(self) -> dict[str, str]:
         """Return what the file holds."""
         return {"day": self.day.isoformat(), "state": self.state.hex()}

@@ -7,7 +7,7 @@ are dropped before they are stored, quarantined or fetched. They do not go to qu
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -109,6 +109,12 @@ def are_erased(rows: pa.Table, every: Iterable[Erasure]) -> pa.Array:
     for erasure in every:
         is_erased |= erasure.which.mask(rows).to_numpy(zero_copy_only=False)
     return pa.array(is_erased)
+
+
+def notes_of_erased(n_dropped: Mapping[str, int]) -> list[str]:
+    """Return a warning (W312) where a source brought erased records again, by what was dropped of it."""
+    n = n_dropped.get(ERASED, 0)
+    return [f"W312: {n:,} of its records were {ERASED} before, and are not stored again"] if n else []
 
 
 def rows_in_scope(path: Path, scope: RecordScope) -> int:

@@ -42,7 +42,7 @@ class ImportLine(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
         content: A hash of the file's bytes; "" in lines of earlier versions.
         reading: A hash of how it was read: columns, units, clock.
         node: Node that read it; "" = this project.
-        sketch: `ingest.sketch` of its first records; "" in lines of earlier versions.
+        landmarks: A few of its first records (`ingest.intake.second_delivery`); "" in lines of earlier versions.
     """
 
     id: str
@@ -54,7 +54,7 @@ class ImportLine(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     content: str = ""
     reading: str = ""
     node: str = ""
-    sketch: str = ""
+    landmarks: str = ""
 
 
 @dataclass

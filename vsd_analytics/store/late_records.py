@@ -30,9 +30,7 @@ def is_late(rows: pa.Table, seals: Seals) -> pa.Array:
     return pa.array(np.array(is_sealed, dtype=bool)[of_row])
 
 
-def to_quarantine(
-    folder: Path, table: TableName, rows: pa.Table, *, source: str, reason: str = SEALED, detail: str = _DETAIL
-) -> None:
+def to_quarantine(folder: Path, table: TableName, rows: pa.Table, *, source: str) -> None:
     """Put rows of one segment into quarantine, durably; a second time changes nothing.
 
     The entries get no instant of arrival, so they cannot be replayed. A replay would replace their track ids, which
@@ -43,8 +41,8 @@ def to_quarantine(
             quarantine.QuarantineEntry(
                 source=source,
                 line=line,
-                reason=reason,
-                detail=detail,
+                reason=SEALED,
+                detail=_DETAIL,
                 text=", ".join(f"{c}={v}" for c, v in row.items())[:_TEXT_CHARS],
                 table=table,
                 row=_raw(row),

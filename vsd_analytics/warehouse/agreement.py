@@ -95,7 +95,7 @@ def stored_disagreements(site: Site) -> list[VsdError]:
 def _stored_disagreements(site: Site, store: Store) -> list[VsdError]:
     index = PartIndex(store, first_hour=None, last_hour=None)
     units = {unit.number: unit for unit in day_units(index, index.hours(), site=site)}
-    paths = weeks_of_days(site).resting({number: day_path(site, unit) for number, unit in units.items()})
+    paths = weeks_of_days(site).joined_paths({number: day_path(site, unit) for number, unit in units.items()})
     known = read_days(site, [units[number] for number, path in paths.items() if path.exists()])
     cameras_of: dict[int, Collection[str]] = {number: day.cameras for number, day in known.items()}
     for number in units.keys() - known.keys():

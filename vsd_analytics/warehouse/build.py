@@ -19,7 +19,7 @@ from vsd_analytics.store.published import publish_links
 from vsd_analytics.store.reused_memory import reused_memory
 from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.store.store import Store
-from vsd_analytics.warehouse import beside, superseded
+from vsd_analytics.warehouse import settings_variants, superseded
 from vsd_analytics.warehouse.agreement import refuse_disagreement
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.camera_days import (
@@ -33,11 +33,11 @@ from vsd_analytics.warehouse.camera_days import (
     weeks_of_days,
 )
 from vsd_analytics.warehouse.compute import day_facts, hour_facts
+from vsd_analytics.warehouse.distributed import DistributedRun, publish_days
 from vsd_analytics.warehouse.fact_days import DayWriter, FactDays, slices
 from vsd_analytics.warehouse.factfiles import damaged_facts, is_undamaged_file, is_whole
 from vsd_analytics.warehouse.input_fingerprint import InputHashes
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
-from vsd_analytics.warehouse.spread import Spread, publish_days
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 from vsd_analytics.warehouse.units import PartIndex, Unit, batches, days_around, merged_parts
 
@@ -53,7 +53,7 @@ def build(
     has_lock: bool = False,
     is_trusting: bool = False,
     is_published: bool = False,
-    spread: Spread | None = None,
+    distributed: DistributedRun | None = None,
 ) -> BuildResult:
     """Recompute the stale facts of a range.
 
@@ -70,7 +70,7 @@ def build(
             unless something was stale. Reports use it: they open the files they need later anyway.
         is_published: Swap `published/current` to the facts of everything stored (`store.published`). Needs the whole
             range, and the settings of vsd.toml.
-        spread: Runs units of a day elsewhere (`warehouse.spread`); None = compute everything here.
+        distributed: Runs units of a day elsewhere (`warehouse.distributed`); None = compute everything here.
 
     Returns:
         What was recomputed, and why. A second call finds everything fresh. The bytes of a fact file depend on its
@@ -86,10 +86,10 @@ def build(
     try:
         if has_lock:
             with reused_memory():
-                return _build(site, store, first_hour, last_hour, facts, on_hours, on_plan, is_trusting, spread)
+                return _build(site, store, first_hour, last_hour, facts, on_hours, on_plan, is_trusting, distributed)
         with reused_memory(), removal.reading(store.root):
             with superseded.reading(root):
-                result = _build(site, store, first_hour, last_hour, facts, on_hours, on_plan, is_trusting, spread)
+                result = _build(site, store, first_hour, last_hour, facts, on_hours, on_plan, is_trusting, distributed)
                 is_published = is_published and first_hour is last_hour is None and _publish(site, result)
             unneeded = list(result.superseded_files)
             if first_hour is None and last_hour is None:
@@ -123,26 +123,26 @@ def _build(
     on_hours: Callable[[int], None] | None,
     on_plan: Callable[[int], None] | None,
     is_trusting: bool,
-    spread: Spread | None,
+    distributed: DistributedRun | None,
 ) -> BuildResult:
     first_day, last_day = _days(first_hour, last_hour)
     index, hours, sealed = _range(site, store, first_day, last_day)
     check = _Checker(store)
     day_units_of = day_units(index, [*hours, *sealed.hours], site=site)
-    days = _fresh_days(site, day_units_of, check, spread)
+    days = _fresh_days(site, day_units_of, check, distributed)
     refuse_disagreement(site, {number: day.cameras for number, day in days.items()}, sealed)
     units = hour_units(site, index, hours, days)
     files = FactDays(site, units, facts=facts, is_trusting=is_trusting)
-    files.take_apart()
+    files.split_weeks()
     stale = _stale(files)
     computed = _computed(units, stale)
     reasons = Counter(files.reason(u) for u in computed)
     if on_plan is not None:
         on_plan(len(computed))
-    if spread is not None and len(stale) > 1:
+    if distributed is not None and len(stale) > 1:
         n_hours = Counter(u.number // 24 for u in computed)
         wanted = {day: [files.paths[name][day] for name in names] for day, names in stale.items()}
-        publish_days(hour_work, site, wanted, spread, on_day=lambda day: on_hours and on_hours(n_hours[day]))
+        publish_days(hour_work, site, wanted, distributed, on_day=lambda day: on_hours and on_hours(n_hours[day]))
     else:
         _write_hours(site, files, stale, computed, days, check=check, on_hours=on_hours)
     for folder in {files.paths[name][day].parent for day in stale for name in files.names}:
@@ -158,15 +158,15 @@ def _build(
         # Of facts that nobody asked for, older files stay: rows of the hours that did not change are taken from them.
         asked = {DAY_FACT, *files.names, *(relations("facts").keys() - files.paths.keys())}
         unneeded = superseded.find(
-            {name: root for name, root in beside.roots(site).items() if name in asked},
+            {name: root for name, root in settings_variants.roots(site).items() if name in asked},
             site_id=site.site_id,
             fresh=paths,
             sealed=sealed,
             first_day=first_day,
             last_day=last_day,
         )
-        unneeded = (*unneeded, *beside.surplus(site))
-    beside.note_use(site)
+        unneeded = (*unneeded, *settings_variants.surplus(site))
+    settings_variants.note_use(site)
     fingerprints = {**{h: s.fingerprint for h, s in sealed.hours.items()}, **{u.number: u.fingerprint for u in units}}
     return BuildResult(
         len(units) - len(computed),
@@ -181,7 +181,7 @@ def _build(
 
 
 def day_work(site: Site, day: int) -> dict[str, bytes]:
-    """Return the file of the fact `camera_days` of a UTC day by its path below the project: a unit of `spread`."""
+    """Return the file of the fact `camera_days` of a UTC day by its path below the project: a unit of `distributed`."""
     store = Store(site.root / "store", site_id=site.site_id)
     index = PartIndex(store, first_hour=day * 24, last_hour=day * 24 + 23)
     unit = next(u for u in day_units(index, [day * 24], site=site) if u.number == day)
@@ -193,7 +193,7 @@ def day_work(site: Site, day: int) -> dict[str, bytes]:
 
 
 def hour_work(site: Site, day: int) -> dict[str, bytes]:
-    """Return the missing files of the hourly facts of a UTC day by path below the project: a unit of `spread`.
+    """Return the missing files of the hourly facts of a UTC day by path below the project: a unit of `distributed`.
 
     Reads the fact `camera_days` of the days around, which must be there.
     """
@@ -228,7 +228,7 @@ def _publish(site: Site, result: BuildResult) -> bool:
 
     A full or read-only disk costs nothing but the new generation.
     """
-    if beside.folder(site) is not None:
+    if settings_variants.folder(site) is not None:
         return False
     with contextlib.suppress(OSError):
         return publish_links(site.root, current_files(site, result))
@@ -356,7 +356,7 @@ def build_plan(site: Site, *, first_hour: int | None = None, last_hour: int | No
     store = Store(site.root / "store", site_id=site.site_id)
     index, hours, sealed = _range(site, store, *_days(first_hour, last_hour))
     units = day_units(index, [*hours, *sealed.hours], site=site)
-    paths = weeks_of_days(site).resting({u.number: day_path(site, u) for u in units})
+    paths = weeks_of_days(site).joined_paths({u.number: day_path(site, u) for u in units})
     is_there = {path: is_undamaged_file(path) for path in set(paths.values())}
     days = read_days(site, [u for u in units if is_there[paths[u.number]]])
     unknown = {h // 24 for h in hours if any(d in paths and d not in days for d in days_around(h))}
@@ -391,16 +391,16 @@ class _Checker:
 
 
 def _fresh_days(
-    site: Site, units: Sequence[Unit], check: Callable[[Iterable[Part]], None], spread: Spread | None
+    site: Site, units: Sequence[Unit], check: Callable[[Iterable[Part]], None], distributed: DistributedRun | None
 ) -> dict[int, KnownDay]:
     """Return the fact `camera_days` of each UTC day, after computing the stale ones."""
     paths, weeks = {u.number: day_path(site, u) for u in units}, weeks_of_days(site)
-    weeks.take_apart(paths)
-    resting = weeks.resting(paths)
+    weeks.split_weeks(paths)
+    resting = weeks.joined_paths(paths)
     missing = [u for u in units if not is_whole(resting[u.number])]
-    if spread is not None and len(missing) > 1:
+    if distributed is not None and len(missing) > 1:
         wanted = {u.number: [paths[u.number]] for u in missing}
-        publish_days(day_work, site, wanted, spread, on_day=lambda day: sweep_temporaries(paths[day].parent))
+        publish_days(day_work, site, wanted, distributed, on_day=lambda day: sweep_temporaries(paths[day].parent))
         missing = []
     for batch in batches(missing):
         check(p for parts in merged_parts(batch).values() for p in parts)

@@ -17,7 +17,7 @@ from vsd_analytics.warehouse.fact_days import slices
 from vsd_analytics.warehouse.fact_weeks import FactWeeks
 from vsd_analytics.warehouse.factfiles import damaged_facts, fact_bytes
 from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, SiteInputs, fact_inputs, text_hash
-from vsd_analytics.warehouse.reach import NearParts, Spans, noted_spans, reach_ms, spans_of
+from vsd_analytics.warehouse.lookback import NearParts, Spans, lookback_ms, noted_spans, spans_of
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import PartIndex, Unit, day_unit, days_around, fact_path, hour_unit
 
@@ -31,7 +31,7 @@ class KnownDay:
         rows: Its rows.
         digest: Hash of the rows.
         cameras: Cameras with records.
-        reach_ms: How far beyond an hour of the day its facts read records.
+        lookback_ms: How far beyond an hour of the day its facts read records.
         spans: Of parts of the day that share an hour and a table. The first day of a week's file has those of all its
             days.
     """
@@ -40,7 +40,7 @@ class KnownDay:
     rows: pa.Table
     digest: str
     cameras: frozenset[str]
-    reach_ms: int
+    lookback_ms: int
     spans: Spans
 
 
@@ -72,7 +72,7 @@ def joined_days(
 ) -> dict[int, Path]:
     """Join the files of weeks that are over; return the file with the rows of each day. See `FactWeeks.join`."""
     weeks = weeks_of_days(site)
-    own = weeks.resting({unit.number: day_path(site, unit) for unit in units})
+    own = weeks.joined_paths({unit.number: day_path(site, unit) for unit in units})
     return weeks.join(own, first_day=first_day, last_day=last_day, without=without)
 
 
@@ -90,7 +90,8 @@ def read_days(site: Site, units: Iterable[Unit]) -> dict[int, KnownDay]:
     settings = params(site)
     units_of = {unit.number: unit for unit in units}
     days_in: dict[Path, list[int]] = defaultdict(list)
-    for day, path in weeks_of_days(site).resting({day: day_path(site, unit) for day, unit in units_of.items()}).items():
+    own_paths = {day: day_path(site, unit) for day, unit in units_of.items()}
+    for day, path in weeks_of_days(site).joined_paths(own_paths).items():
         days_in[path].append(day)
     found = {}
     for path, days in days_in.items():
@@ -104,7 +105,7 @@ def read_days(site: Site, units: Iterable[Unit]) -> dict[int, KnownDay]:
         for day, own in slices(rows, "utc_day", days):
             known = own.to_pylist()
             cameras = frozenset(row["camera_id"] for row in known)
-            of_day = KnownDay(units_of[day], own, text_hash(known), cameras, reach_ms(settings, known), spans)
+            of_day = KnownDay(units_of[day], own, text_hash(known), cameras, lookback_ms(settings, known), spans)
             found[day], spans = of_day, {}
     return {day: found[day] for day in units_of}
 
@@ -116,7 +117,7 @@ def hour_units(site: Site, index: PartIndex, hours: Iterable[int], days: Mapping
     units = []
     for hour in hours:
         around = [days[d] for d in days_around(hour) if d in days]
-        parts = near(hour, max((day.reach_ms for day in around), default=0))
+        parts = near(hour, max((day.lookback_ms for day in around), default=0))
         units.append(hour_unit(index, hour, near=parts, current=_current(hour, around, times), depends_on=inputs))
     return units
 

@@ -17,7 +17,7 @@ from vsd_analytics.warehouse.duckdb_failures import failed_inside, inside
 from vsd_analytics.warehouse.graphs import components
 from vsd_analytics.warehouse.held import ENUMS, Held
 from vsd_analytics.warehouse.input_fingerprint import dependencies
-from vsd_analytics.warehouse.reach import reach_ms
+from vsd_analytics.warehouse.lookback import lookback_ms
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 from vsd_analytics.warehouse.stored_records import columns_of, read_records, with_names
 
@@ -61,8 +61,8 @@ def hour_facts(
     Ids are texts, or dictionaries that have other names, too. Relations of `sql/staging` with an instant can be asked
     for as well; their rows come in any order.
 
-    The rows of an hour depend only on the records of that hour and of its two neighbours at most `reach_ms` away, not
-    on the other hours that are computed with it.
+    The rows of an hour depend only on the records of that hour and of its two neighbours at most `lookback_ms` away,
+    not on the other hours that are computed with it.
 
     Args:
         site: The project.
@@ -76,7 +76,7 @@ def hour_facts(
         SqlError: E604, DuckDB fails internally, also with careful settings.
     """
     computed, inputs = dependencies(facts)
-    margin_ms = reach_ms(params(site), camera_days.to_pylist())
+    margin_ms = lookback_ms(params(site), camera_days.to_pylist())
     spans = (first_hour * HOUR_MS - margin_ms, (last_hour + 1) * HOUR_MS + margin_ms)
     around = quarters(first_hour=first_hour - 1, last_hour=last_hour + 1)
     small = {**site_relations(site), "quarters": around, "camera_days": camera_days}

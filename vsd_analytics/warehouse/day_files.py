@@ -26,7 +26,7 @@ from pathlib import Path
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.layout import list_parts, unit_folder
-from vsd_analytics.warehouse import beside
+from vsd_analytics.warehouse import settings_variants
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.dimensions import params
 from vsd_analytics.warehouse.fact_weeks import FactWeeks, fingerprints
@@ -76,7 +76,7 @@ class DayFiles:
 
     def __init__(self, site: Site, built: BuildResult, *, extents: Sequence[Extent]) -> None:
         self._site, self._extents = site, extents
-        self._roots, self._root = beside.roots(site), beside.root_of_marts(site)
+        self._roots, self._root = settings_variants.roots(site), settings_variants.root_of_marts(site)
         self._params, self._times = params(site), SiteInputs(site)
         # The fingerprint of a sealed hour is not enough: a purge by camera changes its facts and not their fingerprint.
         hours = {h: [u.fingerprint, sorted(u.facts.items())] for h, u in built.sealed.hours.items()}
@@ -212,7 +212,7 @@ def superseded_anywhere(site: Site, fresh: Collection[Path]) -> list[Path]:
 
     There are several where a reader held the older one when the newer one was written, or was killed.
     """
-    roots = [site.root / "facts", *beside.folders(site)]
+    roots = [site.root / "facts", *settings_variants.folders(site)]
     folders = [(root / folder, name) for root in roots for folder in (FOLDER.name, WEEKS) for name in _ever_stored()]
     paths = [part.path for folder, name in folders for part in list_parts(folder, name, site.site_id)]
     newest = {path.parent: path for path in sorted(paths, key=lambda p: (_written_ns(p), p.name))}
@@ -233,7 +233,7 @@ def no_longer_stored(site: Site) -> list[Path]:
     of_sealed = {r.name for r in relations_stored_by_day() if r.layer == "facts"}
     by_week = {*facts, *(r.name for r in relations_stored_by_day())}
     stored: dict[Path, Collection[str]] = {}
-    for root in (site.root / "facts", *beside.folders(site)):
+    for root in (site.root / "facts", *settings_variants.folders(site)):
         stored |= {root: facts, root / FOLDER.name: of_sealed, root / WEEKS: by_week}
     return [
         p.path
@@ -260,7 +260,7 @@ def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
         return []
     within, facts = {"first_hour": min(near) * 24, "last_hour": max(near) * 24 + 23}, relations("facts")
     found: list[Path] = []
-    for root in (site.root / "facts", *beside.folders(site)):
+    for root in (site.root / "facts", *settings_variants.folders(site)):
         for name in _ever_stored():
             parts = list_parts(root, name, site.site_id, **within)
             found += [p.path for p in parts if p.hour // 24 in own]
@@ -277,7 +277,7 @@ def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
 def spare_other_days(site: Site, hours: Collection[int]) -> None:
     """Write the other days of the weeks of facts that lie in `facts_around` some hours as files of their own."""
     own = {h // 24 for h in hours}
-    for root in (site.root / "facts", *beside.folders(site)) if own else ():
+    for root in (site.root / "facts", *settings_variants.folders(site)) if own else ():
         for name in relations("facts"):
             weeks = FactWeeks(root, name, site.site_id)
             for week in weeks.files(min(own), max(own)):

@@ -26,7 +26,7 @@ import pyarrow.parquet as pq
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import publish
 from vsd_analytics.store.layout import unit_folder
-from vsd_analytics.warehouse import beside
+from vsd_analytics.warehouse import settings_variants
 from vsd_analytics.warehouse.dimensions import ASKED_TABLES, asked_tables
 from vsd_analytics.warehouse.fact_weeks import FactWeeks, fingerprints, first_day_of
 from vsd_analytics.warehouse.factfiles import (
@@ -79,7 +79,7 @@ class FactDays:
         is_trusting: bool = False,
         write: Write | None = None,
     ) -> None:
-        self._roots, self._site_id = beside.roots(site), site.site_id
+        self._roots, self._site_id = settings_variants.roots(site), site.site_id
         every = stored_facts(site)
         self._weeks = {name: FactWeeks(self._roots[name], name, site.site_id) for name in every}
         self.names = every if facts is None else [name for name in every if name in facts]
@@ -99,16 +99,16 @@ class FactDays:
     def paths(self) -> Mapping[str, Mapping[int, Path]]:
         """The path of the fresh file of every fact and UTC day, or of its week; a day's whether it exists or not."""
         trusts = self._is_trusting
-        return {name: self._weeks[name].resting(own, is_trusting=trusts) for name, own in self._day_paths.items()}
+        return {name: self._weeks[name].joined_paths(own, is_trusting=trusts) for name, own in self._day_paths.items()}
 
     @cached_property
     def _day_paths(self) -> Mapping[str, Mapping[int, Path]]:
         return {name: {day: self._path(name, day) for day in self.units} for name in self._inputs_of}
 
-    def take_apart(self) -> None:
+    def split_weeks(self) -> None:
         """Write the fresh days of weeks of which other days are stale as files of their own. Asked before `paths`."""
         for name in self.names:
-            self._weeks[name].take_apart(self._day_paths[name])
+            self._weeks[name].split_weeks(self._day_paths[name])
 
     def joined(
         self, *, first_day: int | None, last_day: int | None, without: Collection[int]
@@ -156,7 +156,7 @@ class FactDays:
             older = () if is_fresh else self._older(name, day).values()
             noted = [hours[unit.number] for hours in older if unit.number in hours]
             has_any |= is_fresh or bool(noted)
-            if not is_fresh and not noted and beside.is_beside(self._roots[name]):
+            if not is_fresh and not noted and settings_variants.is_variant(self._roots[name]):
                 has_any, changed = True, changed | {"settings"}
             if not is_fresh and not noted and name in self._of_places and name not in self._torn(day):
                 changed |= self._of_places[name]

@@ -37,7 +37,7 @@ from vsd_analytics.warehouse.factfiles import (
     noted_inputs,
 )
 from vsd_analytics.warehouse.input_fingerprint import InputHashes
-from vsd_analytics.warehouse.reach import Spans, span_metadata, spans_of
+from vsd_analytics.warehouse.lookback import Spans, span_metadata, spans_of
 from vsd_analytics.warehouse.week_files import DAYS, FOLDER
 
 RUNNING_DAYS = 7
@@ -87,7 +87,7 @@ class FactWeeks:
         last = None if last_day is None else last_day * 24 + 23
         return list_parts(self.root / FOLDER, self.name, self.site_id, first_hour=first, last_hour=last)
 
-    def resting(self, paths: Mapping[int, Path], *, is_trusting: bool = False) -> dict[int, Path]:
+    def joined_paths(self, paths: Mapping[int, Path], *, is_trusting: bool = False) -> dict[int, Path]:
         """Return the file that has the rows of each day: a week's where it has those of all these days of the week.
 
         Args:
@@ -103,7 +103,7 @@ class FactWeeks:
                 found |= dict.fromkeys(own, week.path)
         return found
 
-    def take_apart(self, paths: Mapping[int, Path]) -> None:
+    def split_weeks(self, paths: Mapping[int, Path]) -> None:
         """Write the fresh days of weeks of which other days are stale as files of their own; see `write_days`.
 
         Args:
@@ -135,7 +135,7 @@ class FactWeeks:
         disk refuses.
 
         Args:
-            paths: The file that has the rows of each day, by UTC day number; see `resting`.
+            paths: The file that has the rows of each day, by UTC day number; see `joined_paths`.
             first_day: First UTC day of which all files are known; None = open.
             last_day: Last one, inclusive; None = open.
             without: UTC days whose weeks are not joined.

@@ -16,7 +16,7 @@ from vsd_analytics.store.duck import literal_list
 from vsd_analytics.store.durable import publish, sweep_temporaries
 from vsd_analytics.store.seals import FOLDER as SEALED
 from vsd_analytics.store.seals import Seals
-from vsd_analytics.warehouse import beside
+from vsd_analytics.warehouse import settings_variants
 from vsd_analytics.warehouse.build import record_rows
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.day_files import SITE_DAY, DayFile, DayFiles
@@ -110,11 +110,11 @@ class RelationSources:
         self._whole_facts, self._rows_of_days = whole_facts, rows_of_days
         self._read: list[Path] = []
         self._superseded = superseded_files
-        self._roots = beside.roots(site)
+        self._roots = settings_variants.roots(site)
         self._asked = tuple(asked)
         self._marts: dict[str, list[WeekFile]] = {}
 
-    def ahead(self, names: Iterable[str]) -> None:
+    def prefetch(self, names: Iterable[str]) -> None:
         """Write the missing week files of all marts that some relations read, a few days at a time.
 
         Marts of the same days share what they are computed from, so they are computed together.
@@ -233,7 +233,7 @@ class RelationSources:
 
     def _mart_by_weeks(self, relation: Relation) -> RelationSource:
         """Return the rows of a mart: of each week from its file, or as they were computed."""
-        self.ahead([relation.name])
+        self.prefetch([relation.name])
         weeks = self._marts[relation.name]
         paths = [week.path for week in weeks if not week.rows]
         mondays = {week.monday for week in weeks}

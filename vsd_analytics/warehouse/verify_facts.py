@@ -27,7 +27,7 @@ from vsd_analytics.store.verify_files import (
     foreign_files,
     is_part,
 )
-from vsd_analytics.warehouse import agreement, beside
+from vsd_analytics.warehouse import agreement, settings_variants
 from vsd_analytics.warehouse.audits import audit_rows
 from vsd_analytics.warehouse.build import BuildPlan, build_plan
 from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
@@ -220,7 +220,7 @@ def check_facts(
     def is_known(name: str) -> bool:
         if name in former:
             return True
-        for other in beside.folders(site):
+        for other in settings_variants.folders(site):
             name = name.removeprefix(f"{other.relative_to(site.root / 'facts').as_posix()}/")
         folder, _, rest = name.partition("/")
         relation, _, file = rest.partition("/") if folder in below else (folder, "", rest)
@@ -278,7 +278,7 @@ def _fingerprint(folder: Path, name: str, part: Part, inputs: Mapping[str, Any])
 
 def _check_beside(site: Site) -> tuple[int, list[StoreFault]]:
     """Return the number of files of other settings, and findings of those that are damaged."""
-    paths = [path for folder in beside.folders(site) for path in sorted(folder.rglob("*.parquet"))]
+    paths = [path for folder in settings_variants.folders(site) for path in sorted(folder.rglob("*.parquet"))]
     return len(paths), [_damaged_fact(path) for path in paths if path.is_file() and not is_undamaged_file(path)]
 
 

@@ -148,7 +148,7 @@ class Warehouse:
             superseded_files=self._superseded,
             asked=self._relations,
         )
-        self._catalog = Catalog(self._con, self._sources.of, self._sources.ahead)
+        self._catalog = Catalog(self._con, self._sources.of, self._sources.prefetch)
 
     def __enter__(self) -> Warehouse:
         return self
@@ -199,13 +199,13 @@ class Warehouse:
         """
         self._retry_carefully(", ".join(names), lambda: self._catalog.materialise(names))
 
-    def compute_ahead(self, *marts: str) -> None:
+    def prefetch(self, *marts: str) -> None:
         """Compute and store the days of marts that have no file yet, all of these marts together.
 
         Marts of the same days share what they are computed from. A page that asks for one mart after the other would
         have it computed as often as it asks.
         """
-        self._retry_carefully(", ".join(marts), lambda: self._sources.ahead(marts))
+        self._retry_carefully(", ".join(marts), lambda: self._sources.prefetch(marts))
 
     def prepare(self, query: str) -> None:
         """Create the facts and marts that a query names. `run`, `table`, `frame` and `rows` do it themselves."""

@@ -57,7 +57,7 @@ class NanoDet:
             corner, stride = cells_of(self.preparation.size_px, STRIDES, begin=MIDDLE)
         score = scores[:, self.person]
         chosen = np.flatnonzero(score >= least_score)
-        logits = bins[chosen].reshape(len(chosen), 4, -1)
+        logits = bins[chosen].reshape(len(chosen), 4, bins.shape[1] // 4)
         share = np.exp(logits - logits.max(axis=2, keepdims=True))
         share /= share.sum(axis=2, keepdims=True)
         side = share @ np.arange(logits.shape[2]) * stride[chosen, None]

@@ -45,6 +45,10 @@ select distinct camera_days.interval_ms::bigint as ms from camera_days inner joi
 where floor_id = $floor and utc_day between $first and $last order by ms
 """
 
+_ANY_RECORDED: Final = """
+select 1 from camera_hours where floor_id = $floor and local_date between $first and $last and recorded_s > 0 limit 1
+"""
+
 
 @answers("M1", "M2", "M4", "M29")
 def recording(inputs: FigureInputs) -> tuple[Answer, ...]:
@@ -87,7 +91,10 @@ def _quality(inputs: FigureInputs) -> Row:
     days = {"first": first // 86_400_000, "last": (end - 1) // 86_400_000}
     intervals = data.warehouse.rows(_INTERVALS, {**floor, **days})
     n_seen = (sums["n"] or 0) + (sums["n_doubled"] or 0)
-    lost, unnumbered = coverage.missing_messages, Reason("engine.no_numbers")
+    lost = coverage.missing_messages
+    week = {"first": data.monday, "last": data.sunday}
+    is_recorded = bool(data.warehouse.rows(_ANY_RECORDED, {**floor, **week}))
+    unnumbered = Reason("engine.no_numbers" if is_recorded else "recorded.nothing")
 
     def share(part: float | None) -> Value:
         return Value((part or 0) / n_seen) if n_seen else Value.missing(tracks.reason or Reason("nobody.seen"))

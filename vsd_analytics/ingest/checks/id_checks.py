@@ -12,7 +12,8 @@ import numpy as np
 
 from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceCheck, SourceWarning, has_positions, has_tracks
 from vsd_analytics.ingest.checks.sample import is_new
-from vsd_analytics.ingest.reading.column_hints import ids_like
+from vsd_analytics.ingest.reading.column_hints import OBJECTS, PERSON, ids_like, letters
+from vsd_analytics.ingest.reading.table_head import TableHead
 
 TWO_PLACES_M: Final = 1.0
 """Nobody is in two places this far apart at once; two boxes of one person are nearer."""
@@ -33,7 +34,7 @@ def _ids(case: Case) -> Iterator[SourceWarning]:
     if not sample.n:
         return
     why = "a violation needs the same two people for 3 seconds; records, person-hours and maps are not concerned"
-    like = [] if case.head is None else ids_like(case.head.ignored)
+    like = [] if case.head is None else [n for n in ids_like(case.head.ignored) if not _holds_classes(case.head, n)]
     named = f"--map {shlex.quote('track_id=' + like[0])}" if like else "export it as track_id"
     if case.head is not None and not sample.has_ids:
         what = "there are no track ids: violations cannot be counted"
@@ -51,6 +52,12 @@ def _ids(case: Case) -> Iterator[SourceWarning]:
         if len(sample.track.names) >= 2 * ROWS_MIN and sample.n_instants >= 3 and is_once.mean() > 0.9:
             what = f"{len(sample.track.names):,} track ids, and nearly each has one record: they do not last"
             yield SourceWarning(what, why, f"map the id of the track, not of the detection or row: {named}")
+
+
+def _holds_classes(head: TableHead, column: str) -> bool:
+    """Return whether a column whose name may be that of an id holds classes, as `name` does."""
+    values = head.values.get(column, ())
+    return bool(values) and all(letters(value) in PERSON | OBJECTS for value in values)
 
 
 def _of_several(case: Case) -> Iterator[SourceWarning]:

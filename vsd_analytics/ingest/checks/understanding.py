@@ -13,7 +13,6 @@ from vsd_analytics.errors import InputError, VsdError, Where
 from vsd_analytics.ingest.checks.check_case import ROWS_MIN, Case, SourceWarning, floor_bounds_m, picture_px
 from vsd_analytics.ingest.checks.check_table import warnings_of
 from vsd_analytics.ingest.checks.sample import Extent, Sample, extent
-from vsd_analytics.ingest.checks.sketch import sketch_of
 from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, Source
 from vsd_analytics.ingest.reading.cell_values import full_score
 from vsd_analytics.ingest.reading.column_hints import named_like
@@ -75,7 +74,6 @@ class SourceProfile:
         profile: The `[[source]]` of vsd.toml that says how it is read; None = none.
         warnings: What looks wrong.
         filtered: Values of the columns that `--where` compares, the most frequent first.
-        sketch: `sketch.sketch_of` the records looked at.
     """
 
     format: str
@@ -107,7 +105,6 @@ class SourceProfile:
     profile: str | None = None
     warnings: tuple[SourceWarning, ...] = ()
     filtered: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    sketch: str = ""
 
     @property
     def sure_warnings(self) -> tuple[SourceWarning, ...]:
@@ -188,7 +185,6 @@ def understand(case: Case, *, name: str) -> SourceProfile:
         rows=_rows(sample, head),
         profile=case.options.profile,
         warnings=warnings_of(case),
-        sketch=sketch_of(sample),
         filtered={} if head is None else {n: [v for v, _ in c.most_common(5)] for n, c in head.filtered.items()},
     )
 

@@ -49,7 +49,7 @@ class JuPedSim:
         """
         n_done = 0
         try:
-            with closing(_opened(source.path)) as database:
+            with closing(opened_database(source.path)) as database:
                 clock = _clock(source, options, database)
                 (n_rows,) = database.execute("select count(*) from trajectory_data").fetchone()
                 if n_rows > records_max(source.size_bytes, source.settings):
@@ -63,7 +63,7 @@ class JuPedSim:
             raise damaged_after(source, n_done, why=f"SQLite says: {str(error)[:200]}") from None
 
 
-def _opened(path: Path) -> sqlite3.Connection:
+def opened_database(path: Path) -> sqlite3.Connection:
     """Open a database for reading alone: no journal is made beside it, and nothing of it is run."""
     database = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro&immutable=1", uri=True)
     database.execute("pragma trusted_schema = off")

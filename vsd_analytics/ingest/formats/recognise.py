@@ -9,6 +9,7 @@ from typing import Final
 
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.formats.adapters import adapter, formats
+from vsd_analytics.ingest.formats.jupedsim import opened_database
 from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, Source, empty, not_a_file
 
 
@@ -52,6 +53,7 @@ _CSV: Final = "export the table as CSV or Parquet"
 _UNPACK: Final = "unpack it, and name the files inside; gzip, bzip2, zstd, zip and tar are read as they are"
 _PICTURE: Final = "vsd engine run finds people in pictures with --detector MODEL.onnx (docs/detectors.md)"
 _DRAWING: Final = "vsd check makes a floor plan of it: vsd check FILE --picture plan.svg"
+_SQLITE: Final = b"SQLite format 3"
 _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
     (b"\xd0\xcf\x11\xe0", "an Excel workbook of before 2007 (xls)", "save it as xlsx or CSV UTF-8"),
     (
@@ -59,11 +61,7 @@ _KINDS: Final[tuple[tuple[bytes, str, str], ...]] = (
         "a Feather file of version 1",
         "write it again with pyarrow.feather.write_feather, or as Parquet",
     ),
-    (
-        b"SQLite format 3",
-        "a SQLite database",
-        'export the table: sqlite3 -header -csv FILE "select * from TABLE" > a.csv',
-    ),
+    (_SQLITE, "a SQLite database", "export the table as CSV"),
     (
         b"%PDF",
         "a PDF",
@@ -139,11 +137,31 @@ def kind_of_no_table(source: Source) -> tuple[str, str] | None:
         return "an OpenDocument spreadsheet (ods)", "save it as xlsx or CSV UTF-8"
     if _DXF.match(head):
         return "an architect's drawing (DXF)", _named(_DRAWING, source)
+    if head.startswith(_SQLITE) and (table := _table_of(source)) is not None:
+        query = f"sqlite3 -header -csv {shlex.quote(source.file_name)} 'select * from \"{table}\"' > table.csv"
+        return "a SQLite database", f"export the table: {query}"
     known = next(((what, _named(fix, source)) for start, what, fix in _KINDS if head.startswith(start)), None)
     start = source.head(4096)
     if known is None and b"\0" not in start and b"\n" not in start and start.count(b"\r") > 2:
         return "text whose lines end with CR alone", f"tr '\\r' '\\n' < {shlex.quote(source.file_name)} > lines.csv"
     return known
+
+
+def _table_of(source: Source) -> str | None:
+    """Return the table of a SQLite database that has most columns; None where none has a plain name."""
+    import sqlite3
+    from contextlib import closing
+
+    try:
+        with closing(opened_database(source.path)) as database:
+            tables = [
+                name for (name,) in database.execute("select name from sqlite_schema where type = 'table' limit 100")
+            ]
+            plain = [t for t in tables if isinstance(t, str) and re.fullmatch(r"\w{1,100}", t, re.ASCII)]
+            widths = {t: len(database.execute(f"pragma table_info({t})").fetchall()) for t in plain}
+    except sqlite3.Error:
+        return None
+    return max(widths, key=lambda table: widths[table], default=None)
 
 
 def _named(fix: str, source: Source) -> str:

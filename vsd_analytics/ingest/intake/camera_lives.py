@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Final
 
 import numpy as np
@@ -10,6 +11,7 @@ import pyarrow.compute as pc
 
 from vsd_analytics.site.instants import day_start_ms
 from vsd_analytics.site.model import Site
+from vsd_analytics.store.camera_floors import note_floors
 
 NOT_THERE: Final = "camera-not-there"
 
@@ -49,3 +51,9 @@ class DescribedLives:
             if end_ms is not None:
                 is_outside |= is_its & (instants >= end_ms)
         return pa.array(is_outside)
+
+
+def note_floors_of(site: Site, cameras: Collection[str]) -> None:
+    """Note on which floors cameras are whose records were stored just now; see `store.camera_floors`."""
+    floors = {camera_id: site.camera(camera_id).floor_id for camera_id in cameras}
+    note_floors(site.root / "store", floors, described={floor.floor_id for floor in site.floors})

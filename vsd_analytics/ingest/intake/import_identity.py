@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
+from datetime import UTC, datetime
 from pathlib import Path
 
 import msgspec
 
 from vsd_analytics.errors import VsdError
 from vsd_analytics.ingest.checks.check_case import SourceWarning
-from vsd_analytics.ingest.checks.sketch import is_same_recording
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable
@@ -68,40 +68,56 @@ def reading_id(options: IngestOptions, *, kind: str) -> str:
     return durable.digest(msgspec.json.encode(how, order="deterministic"))
 
 
-def warning_of_earlier_reading(site: Site, source: Source, reading: str, sketch: str) -> SourceWarning | None:
-    """Return the warning of a file whose records are stored already, with other times, places or ids: W230.
+def import_line(
+    source: Source, kind: str, identity: tuple[str, str, str], at: datetime, run: int, landmarks: str
+) -> ImportLine:
+    """Return the line of the list of imports for a source.
 
-    Records at other times, or with other ids, would be stored a second time. Records at the same times are second
-    deliveries: their first places would stay.
+    Args:
+        source: The source.
+        kind: Name of the adapter.
+        identity: `import_id`, `content_id` and `reading_id`.
+        at: When it is imported.
+        run: Number of the command.
+        landmarks: A few of its first records.
+    """
+    name = source.name.encode("utf-8", "backslashreplace").decode()
+    import_id, content, reading = identity
+    return ImportLine(
+        id=import_id,
+        at=at.astimezone(UTC),
+        run=run,
+        source=name,
+        format=kind,
+        content=content,
+        reading=reading,
+        landmarks=landmarks,
+    )
+
+
+def warning_of_earlier_reading(site: Site, source: Source, reading: str) -> SourceWarning | None:
+    """Return the warning of a file whose bytes are stored already, read in another way: W230.
+
+    Records at other times would be stored a second time. Records at the same times are second deliveries: their first
+    places would stay.
 
     Args:
         site: The site. Imports that were taken back raise no warning, nor do those without a stored record.
         source: The file that is about to be imported.
         reading: Its `reading_id`.
-        sketch: Its `sketch_of`.
     """
     earlier = [line for line in imports_of(site.root / "store").values() if line.content and not line.is_taken_back]
     other = [line for line in earlier if line.reading != reading]
     content = content_id(content_of(source.path)) if other else ""
     other = [line for line in other if line.content == content]
-    alike = [] if other else [line for line in earlier if is_same_recording(sketch, line.sketch)]
-    stored_import = other or alike
-    held = holdings(Store(site.root / "store", site_id=site.site_id)) if stored_import else {}
-    stored: ImportLine | None = next((line for line in reversed(stored_import) if line.id in held), None)
+    held = holdings(Store(site.root / "store", site_id=site.site_id)) if other else {}
+    stored: ImportLine | None = next((line for line in reversed(other) if line.id in held), None)
     if stored is None:
         return None
     n_records = sum(held[stored.id].n_records.values())
-    is_same_file = stored.content == content
-    what = (
-        "the same file is stored already, read in another way"
-        if is_same_file
-        else "the same recording is stored already, with other times or other ids"
-    )
     return SourceWarning(
-        f"{what}: import {stored.id}, {n_records:,} records",
-        "with another clock everybody would be stored twice; with another unit or column the first places would stay"
-        if is_same_file
-        else "people would be at the same places again, and be counted twice",
+        f"the same file is stored already, read in another way: import {stored.id}, {n_records:,} records",
+        "with another clock everybody would be stored twice; with another unit or column the first places would stay",
         f"take the first import back with `vsd purge --import {stored.id}`, and import again",
         is_sure=True,
         code="W230",

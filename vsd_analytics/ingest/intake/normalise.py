@@ -56,6 +56,23 @@ class Normalised:
     n_dropped: Mapping[str, int]
 
 
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Rows that may not be stored for one reason.
+
+    Attributes:
+        reason: Slug.
+        detail: One sentence for people.
+        rows: The raw rows.
+        at: Their places among all rows, from 0.
+    """
+
+    reason: str
+    detail: str
+    rows: pa.Table
+    at: np.ndarray
+
+
 class Normaliser:
     """Normalises the batches of one ingest.
 
@@ -105,13 +122,12 @@ class Normaliser:
             raw = batch.table(name)
             if not raw.num_rows:
                 continue
-            raw = raw.append_column("camera_id", self._camera_ids(raw["camera"]))
             if self._erasures.every:  # first of all: quarantine would store them
-                is_erased = are_erased(raw, self._erasures.every)
+                named = raw.append_column("camera_id", self._camera_ids(raw["camera"]))
+                is_erased = are_erased(named, self._erasures.every)
                 raw = raw.filter(pc.invert(is_erased))
                 dropped[ERASED] += is_erased.true_count
-            checks = [*self._common_checks(), *self._closed_checks(), *self._checks(name), self._crowds.check(name)]
-            rows = _good(name, raw, checks, bad, n_whole=n_whole)
+            rows = _good(name, *self._passed(name, raw), bad, n_whole=n_whole)
             if name == "observations":
                 rows = self._observations(rows)
             elif name == "pairs":
@@ -119,6 +135,31 @@ class Normaliser:
             rows = _with(rows, {"ts": rows["ts_ms"].cast(TS)})
             tables[name] = pa.table([rows[c] for c in SCHEMAS[name].names], schema=NORMALISED[name])
         return Normalised(tables, bad, +dropped)
+
+    def faults(self, name: TableName, raw: pa.Table) -> list[Fault]:
+        """Return which rows may not be stored, without storing any: for rows that another machine has normalised.
+
+        Args:
+            name: Table of the rows.
+            raw: Rows in the columns of `RAW_SCHEMAS`.
+        """
+        self._closed.refresh()
+        return self._passed(name, raw)[1]
+
+    def _passed(self, name: TableName, raw: pa.Table) -> tuple[pa.Table, list[Fault]]:
+        """Return the rows that pass all checks, and the others with the first reason each."""
+        raw = raw.append_column("camera_id", self._camera_ids(raw["camera"]))
+        checks = [*self._common_checks(), *self._closed_checks(), *self._checks(name), self._crowds.check(name)]
+        faults = list[Fault]()
+        at, rows = np.arange(raw.num_rows), raw
+        for reason, detail, is_bad in checks:
+            mask = pc.fill_null(is_bad(rows), False)
+            if not pc.any(mask).as_py():
+                continue
+            is_faulty = np.asarray(mask)
+            faults.append(Fault(reason, detail, rows.filter(mask), at[is_faulty]))
+            at, rows = at[~is_faulty], rows.filter(pc.invert(mask))
+        return rows, faults
 
     def _camera_ids(self, cameras: pa.ChunkedArray) -> pa.Array:
         coded = cameras.combine_chunks().dictionary_encode()
@@ -156,7 +197,7 @@ class Normaliser:
 
     def _checks(self, name: TableName) -> list[Check]:
         if name == "frames":
-            return []
+            return [_negative("n_persons", "n_pairs")]
         return self._observation_checks() if name == "observations" else self._pair_checks()
 
     def _observation_checks(self) -> list[Check]:
@@ -173,6 +214,7 @@ class Normaliser:
                 f"a coordinate is more than {limit:g} m from the origin or {PIXEL_MAX:g} px from the picture",
                 lambda r: _or(_beyond(limit, r, "x_m", "y_m"), _beyond(PIXEL_MAX, r, "u_px", "v_px")),
             ),
+            _negative("person"),
             *_shared_checks("track"),
         ]
 
@@ -205,6 +247,7 @@ class Normaliser:
                     pc.equal(r["track_a"], r["track_b"]),
                 ),
             ),
+            _negative("person_a", "person_b"),
             *_shared_checks(*_PAIR_TRACKS),
         ]
 
@@ -271,27 +314,32 @@ def _shared_checks(*tracks: str) -> list[Check]:
     ]
 
 
+def _negative(*columns: str) -> Check:
+    return (
+        "negative-number",
+        "a count, or the number of a person in its frame, is negative",
+        lambda rows: _any(lambda values: pc.less(values, 0), rows, *columns),
+    )
+
+
 def _good(
-    name: TableName, rows: pa.Table, checks: list[Check], bad: list[Rejected], *, n_whole: int | None
+    name: TableName, rows: pa.Table, faults: Sequence[Fault], bad: list[Rejected], *, n_whole: int | None
 ) -> pa.Table:
-    """Return the rows that pass all checks; append the others to `bad` with the first reason each."""
+    """Return the rows that passed; append the others to `bad`."""
     shown = [c for c in rows.column_names if c not in ("line", "camera_id")]
-    for reason, detail, is_bad in checks:
-        mask = pc.fill_null(is_bad(rows), False)
-        if not pc.any(mask).as_py():
-            continue
-        good = rows.filter(mask)
-        n_single = good.num_rows if n_whole is None else min(good.num_rows, max(0, n_whole - len(bad)))
-        n_more = good.num_rows - n_single  # these become one record with a count, shown by the first of them
-        for i, row in enumerate(good.slice(0, n_single + (n_more > 0)).to_pylist()):
+    for fault in faults:
+        n_rows = fault.rows.num_rows
+        n_single = n_rows if n_whole is None else min(n_rows, max(0, n_whole - len(bad)))
+        n_more = n_rows - n_single  # these become one record with a count, shown by the first of them
+        for i, row in enumerate(fault.rows.slice(0, n_single + (n_more > 0)).to_pylist()):
             as_json = row_json({c: row[c] for c in shown if row[c] is not None})
             row["ts_ms"] = _readable(row["ts_ms"])
             text = ", ".join(f"{c}={row[c]}" for c in shown if row[c] is not None and c != "zone")
-            record = rejected(row["line"], reason=reason, detail=detail, record=text)
+            record = rejected(row["line"], reason=fault.reason, detail=fault.detail, record=text)
             n = 1 if i < n_single else n_more
             # a row of a crowded frame must not be replayed: on its own it would pass the check
-            bad.append(replace(record, n=n) if reason == TOO_MANY else replace(record, table=name, row=as_json, n=n))
-        rows = rows.filter(pc.invert(mask))
+            is_whole = fault.reason != TOO_MANY
+            bad.append(replace(record, table=name, row=as_json, n=n) if is_whole else replace(record, n=n))
     return rows
 
 

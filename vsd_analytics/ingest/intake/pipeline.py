@@ -8,10 +8,10 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from datetime import UTC, datetime
+from datetime import datetime
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from vsd_analytics.config.reading_rules import reading_rule_of
 from vsd_analytics.errors import DiskError, InputError, UsageError, VsdError, Where
@@ -20,20 +20,22 @@ from vsd_analytics.ingest.checks.late_look import LateLook
 from vsd_analytics.ingest.checks.sample import SAMPLE_ROWS, sample_of
 from vsd_analytics.ingest.checks.understanding import SourceProfile, refused, table_head, understand
 from vsd_analytics.ingest.formats.recognise import find_adapter
+from vsd_analytics.ingest.intake.camera_lives import note_floors_of
 from vsd_analytics.ingest.intake.import_identity import (
     content_id,
     content_of,
     import_id,
+    import_line,
     known_shapes,
     note_shape,
     reading_id,
     warning_of_earlier_reading,
 )
-from vsd_analytics.ingest.intake.normalise import Normaliser
+from vsd_analytics.ingest.intake.normalise import Normalised, Normaliser
 from vsd_analytics.ingest.intake.pseudonyms import keys_of
 from vsd_analytics.ingest.intake.quarantine_writer import Quarantine, SourceReading
 from vsd_analytics.ingest.intake.rule_camera import with_named_camera
-from vsd_analytics.ingest.intake.stored_places import note_of_other_places
+from vsd_analytics.ingest.intake.second_delivery import Door
 from vsd_analytics.ingest.reading.adapter import (
     Adapter,
     IngestOptions,
@@ -48,9 +50,8 @@ from vsd_analytics.ingest.reading.limits import within_bounds
 from vsd_analytics.ingest.reading.raw import n_rows, without_zones
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import ReadingRule, Site
-from vsd_analytics.store.camera_floors import note_floors
-from vsd_analytics.store.erasures import ERASED
-from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
+from vsd_analytics.store.erasures import notes_of_erased
+from vsd_analytics.store.imports import imports_of, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.store import FoldResult, Store
 from vsd_analytics.store.stretches import far_off_notes
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 ENGINE_MAX_CHARS = 200
+T = TypeVar("T")
 _NOTHING_SAID = IngestOptions()
 
 OF_PROFILE = {f.name for f in fields(IngestOptions)} & {f.name for f in fields(ReadingRule)} - {
@@ -82,8 +84,7 @@ class SourceResult:
         notes: Things the user should know.
         error: Why the rest of the source could not be read, if so.
         first_ms, last_ms: Instants of the first and last record (UTC milliseconds), None without records.
-        days: Records by UTC day number.
-        cameras: Cameras with records.
+        days, cameras: Records by UTC day number; cameras with records.
         card: What was understood of it; None when nothing could be read.
         is_new_shape: Whether the project has imported no file with such columns before.
         import_id: Its id in the list of imports; "" for a dry run, or when nothing was read.
@@ -171,7 +172,7 @@ def ingest(
     """
     with_site(site, options)  # a mistake in the options is one of all files
     store = store or Store(site.acknowledged, site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
-    keys = None if is_dry_run else keys_of(site)
+    keys = keys_of(site, is_reading=is_dry_run)
     normaliser = Normaliser(site, now=now, keys=keys)
     sources = [Source(path, settings=site.settings, shown=(shown or {}).get(path)) for path in paths]
     earlier = (line.source for line in imports_of(site.root / "store").values() if not line.is_taken_back)
@@ -196,8 +197,7 @@ def ingest(
                 on_source(result)
         fold = target.fold(on_rows=on_rows) if is_folding or is_dry_run else FoldResult()
     if not is_dry_run:
-        floors = {c: site.camera(c).floor_id for result in results for c in result.cameras}
-        note_floors(site.root / "store", floors, described={f.floor_id for f in site.floors})
+        note_floors_of(site, {camera_id for result in results for camera_id in result.cameras})
     return IngestResult(results, FoldResult(), fold) if is_dry_run else IngestResult(results, fold)
 
 
@@ -233,13 +233,14 @@ class _Ingest:
         folder = None if self.is_dry_run else self.site.root / "quarantine"
         quarantine = Quarantine(folder, source=self.source.name, at=self.now)
         try:
-            import_id = ""
-            for batch in self.batches(result):
-                import_id = import_id or self.noted(result)
-                stated = batch if options.zone is None else without_zones(batch)
-                clean = self.normaliser.normalise(stated, n_whole=quarantine.room)
+            cleaned = self.cleaned(self.batches(result), quarantine)
+            head, error = _head(cleaned, rows_in=lambda pair: n_rows(pair[1].tables.values()))
+            door = self.ask_at_door(result, [clean.tables for _, clean in head]) if head else None
+            for number, (batch, clean) in enumerate(chain(head, () if error is not None else cleaned)):
+                if number >= len(head) and door is not None:
+                    result.notes += [note for note in door.look_late(clean.tables) if note not in result.notes]
                 engines = batch.engines or ([options.engine] if options.engine else [])
-                reading = SourceReading(result.format, options, batch.first_line, engines, import_id)
+                reading = SourceReading(result.format, options, batch.first_line, engines, result.import_id)
                 quarantine.add(clean.rejected, reading=reading)
                 result.n_dropped.update(clean.n_dropped)
                 result.notes += [n for n in batch.notes if n not in result.notes]
@@ -247,15 +248,13 @@ class _Ingest:
                     rows = clean.tables.get(name)
                     if rows is None or not rows.num_rows:
                         continue
-                    if name == "observations" and not result.n_records[name] and not self.is_dry_run:
-                        note = note_of_other_places(self.site, rows)
-                        result.notes += [note] if note is not None else []
-                    self.store.append(name, rows, engines=engines, import_id=import_id)
+                    self.store.append(name, rows, engines=engines, import_id=result.import_id)
                     result.n_records[name] += rows.num_rows
                     result.cameras.update(rows["camera_id"].unique().to_pylist())
                     _note_times(result, rows["ts"])
-            if n_erased := result.n_dropped.get(ERASED, 0):
-                result.notes.append(f"W312: {n_erased:,} of its records were {ERASED} before, and are not stored again")
+            result.notes += notes_of_erased(result.n_dropped)
+            if error is not None:
+                raise error
             is_empty = not result.n_records and not quarantine.counts and not result.notes
             if is_empty and not (result.card is not None and result.card.warnings):
                 result.notes.append("W212: no record was found in it")
@@ -269,26 +268,33 @@ class _Ingest:
         result.n_rejected, result.examples = dict(quarantine.counts), quarantine.examples
         return result
 
-    def noted(self, result: SourceResult) -> str:
-        """Note the source in the list of imports, before anything of it is stored, and return its id; "" = dry run."""
+    def cleaned(self, batches: Iterator[RawBatch], quarantine: Quarantine) -> Iterator[tuple[RawBatch, Normalised]]:
+        """Yield each batch with its rows in stored form."""
+        for batch in batches:
+            stated = batch if self.options.zone is None else without_zones(batch)
+            yield batch, self.normaliser.normalise(stated, n_whole=quarantine.room)
+
+    def ask_at_door(self, result: SourceResult, head: Sequence[Mapping[TableName, pa.Table]]) -> Door:
+        """Refuse a source whose records are stored already in another spelling, unless the user is sure, or note it.
+
+        It is noted in the list of imports before anything of it is stored; nothing is for a dry run.
+        """
+        content = [] if self.is_dry_run else content_of(self.source.path)
+        new_id = "" if self.is_dry_run else import_id(self.site, self.options, content, kind=result.format)
+        door = Door(self.site, [Store(self.site.root / "store", site_id=self.site.site_id), self.store], new_id)
+        card = result.card
+        if card is not None and not any(warning.code == "W230" for warning in card.warnings):
+            result.card = card = replace(card, warnings=(*card.warnings, *door.look(head)))
+            if card.sure_warnings and not self.is_dry_run and not self.options.is_sure:
+                raise refused(self.source, card)
         if self.is_dry_run:
-            return ""
-        content = content_of(self.source.path)
-        new_id = import_id(self.site, self.options, content, kind=result.format)
-        line = ImportLine(
-            id=new_id,
-            at=self.now.astimezone(UTC),
-            run=self.run_number,
-            source=self.source.name.encode("utf-8", "backslashreplace").decode(),
-            format=result.format,
-            content=content_id(content),
-            reading=reading_id(self.options, kind=result.format),
-            sketch="" if result.card is None else result.card.sketch,
-        )
+            return door
+        identity = (new_id, content_id(content), reading_id(self.options, kind=result.format))
+        line = import_line(self.source, result.format, identity, self.now, self.run_number, door.landmarks())
         for folder in dict.fromkeys((self.site.root / "store", self.site.acknowledged)):
             note_import(folder, line)
         result.import_id = new_id
-        return new_id
+        return door
 
     def batches(self, result: SourceResult) -> Iterator[RawBatch]:
         """Read the source with its adapter, but nothing of it where its head is almost surely understood wrongly.
@@ -300,7 +306,7 @@ class _Ingest:
             result.format = reader.name
             refuse_unused(self.source, reader, self.options)
             batches = self.counting_bytes(within_bounds(self.source, reader.read(self.source, self.options)))
-            head, error = _head(batches)
+            head, error = _head(batches, rows_in=lambda batch: n_rows(batch.tables.values()))
             if head:
                 self.understand(result, reader, head)
             for batch in chain(head, () if error is not None else batches):
@@ -332,9 +338,7 @@ class _Ingest:
             uses=uses_of(reader),
         )
         card = understand(case, name=reader.name)
-        again = warning_of_earlier_reading(
-            self.site, self.source, reading_id(self.options, kind=reader.name), card.sketch
-        )
+        again = warning_of_earlier_reading(self.site, self.source, reading_id(self.options, kind=reader.name))
         card = card if again is None else replace(card, warnings=(*card.warnings, again))
         result.card = card
         result.is_new_shape = bool(card.columns) and card.shape not in known_shapes(self.site.root)
@@ -356,14 +360,14 @@ class _Ingest:
             self.on_bytes(max(0, self.source.size_bytes - done))
 
 
-def _head(batches: Iterator[RawBatch]) -> tuple[list[RawBatch], VsdError | None]:
+def _head(items: Iterator[T], *, rows_in: Callable[[T], int]) -> tuple[list[T], VsdError | None]:
     """Return the first batches, of at least `SAMPLE_ROWS` records if there are so many, and what ended them early."""
-    head: list[RawBatch] = []
+    head: list[T] = []
     n_found = 0
     try:
-        for batch in batches:
-            head.append(batch)
-            n_found += n_rows(batch.tables.values())
+        for item in items:
+            head.append(item)
+            n_found += rows_in(item)
             if n_found >= SAMPLE_ROWS:
                 break
     except VsdError as error:  # the batches before it count

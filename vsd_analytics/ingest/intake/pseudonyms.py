@@ -15,13 +15,17 @@ from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.ingest.reading.instants import QUARTER_MS
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.day_chain import read_chain
-from vsd_analytics.store.secrets import DayKeys, namer
+from vsd_analytics.store.secrets import DayKeys, PassingKeys, namer
 
 NAMES_MAX = 500_000
 
 
-def keys_of(site: Site) -> DayKeys | None:
+def keys_of(site: Site, *, is_reading: bool = False) -> DayKeys | None:
     """Return the keys that name the tracks of a project; None where it keeps the engine's ids.
+
+    Args:
+        site: The site.
+        is_reading: No key is made: days without one get a passing key, and so does a node that has not joined its site.
 
     Raises:
         StoreError: E320, the project is a node and has not joined its site: its own keys would give people a second
@@ -30,6 +34,8 @@ def keys_of(site: Site) -> DayKeys | None:
     if not site.settings.pseudonyms:
         return None
     folder = site.root / "secrets"
+    if is_reading:
+        return PassingKeys(folder)
     if site.node is not None and read_chain(folder) is None:
         raise StoreError(
             f"the node {site.node!r} has not joined its site",

@@ -42,6 +42,9 @@ _BOXES: Final[tuple[tuple[str, tuple[str, ...]], ...]] = (
 """What lists of four numbers hold whose names end so."""
 _FRAMES: Final = frozenset(("frame", "frameid", "framenumber", "frameno", "frameindex", "frameidx", "framenum"))
 _NAMES_MAX: Final = 12
+_TIME_KEY: Final = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d")
+_UNIX_DIGITS: Final = 9
+"""Keys with so many digits are seconds since 1970, and no numbers of frames."""
 _DOCUMENT: Final = "_id"
 """Name of a database for one of its documents, and of nobody."""
 
@@ -85,6 +88,8 @@ def _paths(thing: Any, front: str = "", depth: int = 0) -> Iterator[tuple[str, A
 
 
 def _guess(message: dict[str, Any], others: list[dict[str, Any]]) -> str | None:
+    if (keyed_frames := _guess_of_keys(message, others)) is not None:
+        return keyed_frames
     lists = [(path, person, frame, False) for path, person, frame in _lists(message, message) if _is_plain(path)]
     keyed = [(path, person, message, True) for path, person in _keyed(message) if _is_plain(path)]
     # the innermost lists hold the people, those around them their frames
@@ -92,6 +97,7 @@ def _guess(message: dict[str, Any], others: list[dict[str, Any]]) -> str | None:
     for path, person, frame, is_keyed in [*lists, *keyed, (None, message, message, False)]:
         fronts = tuple(f"{p}." for p, _, _, _ in keyed if path in (None, p))
         theirs = _mapping(frame, person, others, fronts) or _mapping(message, person, others, fronts)
+        theirs = theirs or (None if path is None or is_keyed else _of_track(frame, person, others))
         if theirs is not None:
             if is_keyed:
                 theirs.setdefault("track_id", KEY)
@@ -105,6 +111,51 @@ def _guess(message: dict[str, Any], others: list[dict[str, Any]]) -> str | None:
                 note = f"   (corners; if the last two are sizes: width={theirs['right']},height={theirs['bottom']})"
             return f"{where} --map {shlex.quote(joined) if '$' in joined else joined}{note}"
     return None
+
+
+def _guess_of_keys(message: Mapping[str, Any], others: list[dict[str, Any]]) -> str | None:
+    """Return the options for frames whose keys are their times or numbers: an object of them, or one inside."""
+    inside = ((name, value) for name, value in message.items() if isinstance(value, dict) and _PLAIN.fullmatch(name))
+    for front, frames in (("", message), *inside):
+        keys, entry = list(frames), next(iter(frames.values()), None)
+        is_number = all(key.isdecimal() and len(key) < 20 for key in keys)
+        if len(keys) < 2 or not (is_number or all(map(_TIME_KEY.match, keys))):
+            continue
+        people: Any = entry
+        path, more = f"{front}.*".lstrip("."), {}
+        if isinstance(entry, dict) and (inner := next(_lists(entry, entry), None)) is not None:
+            path, people = f"{path}.{inner[0]}", [inner[1]]
+        elif isinstance(entry, dict) and all(isinstance(p, dict) for p in entry.values()):
+            people, more = list(entry.values()), {"track_id": KEY}
+        person = next((p for p in people if isinstance(p, dict)), None) if isinstance(people, list) else None
+        time = {"frame" if is_number and len(keys[0]) < _UNIX_DIGITS else "ts": KEY}
+        if person is not None and (theirs := _of_person(person, others)) is not None:
+            note = " --fps 25 --start 2026-11-09T08:00" if "frame" in time else ""
+            joined = ",".join(f"{ours}={name}" for ours, name in {**time, **more, **theirs}.items())
+            return f"--persons {shlex.quote(path)} --map {joined}{note}{note_on_place(theirs)}"
+    return None
+
+
+def _of_track(
+    frame: Mapping[str, Any], point: Mapping[str, Any], others: list[dict[str, Any]]
+) -> dict[str, str] | None:
+    """Return the mapping of timed points: the time is in each of them, and the id in what holds the list."""
+    time = time_like([path for path, _ in leaves(point) if _PLAIN.fullmatch(path)])
+    theirs = None if time is None else _of_person({k: v for k, v in point.items() if k != time}, others)
+    if time is None or theirs is None:
+        return None
+    ids = [path for path in ids_like([p for p, _ in leaves(frame)]) if _PLAIN.fullmatch(path)]
+    return {"ts": time, **({"track_id": ids[0]} if ids else {}), **theirs}
+
+
+def _of_person(person: Mapping[str, Any], others: list[dict[str, Any]]) -> dict[str, str] | None:
+    """Return the id and the place of a person; None where names say no place."""
+    paths = [path for path, _ in leaves(person)]
+    place = place_like(paths) or _by_last_part(paths) or _point(person) or _box(person, others)
+    if not place or not all(map(_PLAIN.fullmatch, place.values())):
+        return None
+    ids = [path for path in ids_like(paths) if _PLAIN.fullmatch(path) and not _is_class(value_at(person, path))]
+    return {**({"track_id": ids[0]} if ids else {}), **_from_upper_left(place, person)}
 
 
 def _mapping(

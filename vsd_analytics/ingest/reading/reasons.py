@@ -37,6 +37,7 @@ FIXES: Final[Mapping[str, str]] = {
     "line-too-long": "if such lines are right, raise line_max_bytes under [ingest] in vsd.toml",
     "long-track-id": "use the engine's short ids",
     "negative-distance": "export distances in metres; leave the cell empty where there is none",
+    "negative-number": "counts, and the numbers of the persons in a frame, begin at 0; leave out what is not known",
     "no-camera": "--camera ID, a column camera_id, or camera_from_name of a [[source]] in vsd.toml",
     "no-distance": "export distance_m, or both positions",
     "no-position": "export x_m y_m, or u_px v_px",
@@ -94,4 +95,6 @@ def fix_of(
     shown = "" if persons is None else f"persons = {json.dumps(persons)}, "
     shown += f"map = {{ {', '.join(f'{ours} = {json.dumps(theirs)}' for ours, theirs in renames.items())} }}"
     by = "the mapping" if source is None else f"[[source]] {source.rule_id!r}"
-    return f"compare it with {by}: {shown if len(shown) <= _MAPPING_CHARS else shown[:_MAPPING_CHARS] + '...'}"
+    compared = f"compare it with {by}: {shown if len(shown) <= _MAPPING_CHARS else shown[:_MAPPING_CHARS] + '...'}"
+    nobody = "; --no-list-is-nobody if a message without its list is a frame without persons"
+    return compared if persons is None else compared + nobody

@@ -111,7 +111,7 @@ def _of_days(
 
 def _made(warehouse: Warehouse) -> Warehouse:
     """Return a warehouse with the marts that every report reads, most of them several times."""
-    warehouse.compute_ahead(*_MARTS)
+    warehouse.prefetch(*_MARTS)
     of_space = ("violations", "camera_hours", "area_hours", "crowding_hours")
     warehouse.materialise(*of_space, "hours", "camera_slots", "joined_days")
     return warehouse

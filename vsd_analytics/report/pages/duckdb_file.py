@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-import tempfile
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
@@ -19,7 +19,7 @@ from vsd_analytics.figures.masked_tables import reports_hold, shared_hours
 from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
-from vsd_analytics.store import durable
+from vsd_analytics.store import durable, spill
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
@@ -96,10 +96,15 @@ def export_duckdb(
                 {"first": monday, "last": sunday},
             ),
         }
-    with tempfile.TemporaryDirectory(prefix="vsd-export-") as folder:
-        made_at = Path(folder) / "export.duckdb"
-        rows = _fill(made_at, inputs)
-        durable.publish(out, made_at.read_bytes(), is_private=True)
+    folder = spill.new_folder()  # of an export that was killed, the next one removes it
+    folder.mkdir()
+    try:
+        rows = _fill(folder / "export.duckdb", inputs)
+        if out.parent.is_dir():
+            durable.sweep_temporaries(out.parent, file_name=out.name)
+        durable.publish(out, (folder / "export.duckdb").read_bytes(), is_private=True)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
     return DuckdbExport(out, rows)
 
 

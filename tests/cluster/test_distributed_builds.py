@@ -19,7 +19,7 @@ from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
-from vsd_analytics.warehouse.spread import Work
+from vsd_analytics.warehouse.distributed import Work
 
 N_FACTS = 1 + len(FACTS_WITHOUT_AREAS)
 Files = Mapping[str, bytes]
@@ -66,7 +66,7 @@ def test_files_are_byte_for_byte_those_of_a_local_build_also_after_late_records(
 ) -> None:
     here, there = copy(three_days, tmp_path / "here"), copy(three_days, tmp_path / "there")
     n_hours: list[int] = []
-    assert build(there, spread=elsewhere, on_hours=n_hours.append).reasons == build(here).reasons == {"new": 3}
+    assert build(there, distributed=elsewhere, on_hours=n_hours.append).reasons == build(here).reasons == {"new": 3}
     assert facts(there) == facts(here)
     assert len(facts(here)) == 3 * N_FACTS
     assert sum(n_hours) == 3
@@ -75,7 +75,7 @@ def test_files_are_byte_for_byte_those_of_a_local_build_also_after_late_records(
         for day in (0, 1):
             store.append("observations", part_of_second_hour(day))
         store.fold()
-    assert build(there, spread=elsewhere).reasons == build(here).reasons
+    assert build(there, distributed=elsewhere).reasons == build(here).reasons
     assert facts(there) == facts(here)
 
 
@@ -92,7 +92,7 @@ def test_a_worker_that_computes_other_facts_publishes_nothing(three_days: Path, 
             yield day, {f"{name}x": data for name, data in work(site, day).items()}
 
     with pytest.raises(StoreError) as caught:
-        build(site, spread=other_version)
+        build(site, distributed=other_version)
     assert caught.value.code == "E315"
     assert facts(site) == {}
 
@@ -113,10 +113,10 @@ def test_a_stopped_run_leaves_the_days_that_were_done_and_the_next_one_computes_
         yield from ((day, work(site, day)) for day in days)
 
     with pytest.raises(KeyboardInterrupt):
-        build(site, spread=stopping)
+        build(site, distributed=stopping)
     done = facts(site)
     assert len(done) == 2 * N_FACTS + 1
-    assert build(site, spread=noting).reasons == {"new": 1}
+    assert build(site, distributed=noting).reasons == {"new": 1}
     assert asked == []  # one day alone is computed here
     assert done.items() <= facts(site).items()
     assert facts(site) == facts(rebuilt(site, tmp_path / "again"))
@@ -137,9 +137,9 @@ def test_dask_workers_in_processes_of_their_own_make_the_same_files(three_days: 
         distributed.LocalCluster(
             n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
         ) as cluster,
-        workers(cluster.scheduler_address) as spread,
+        workers(cluster.scheduler_address) as distributed,
     ):
-        assert build(there, spread=spread).reasons == {"new": 3}
+        assert build(there, distributed=distributed).reasons == {"new": 3}
     assert facts(there) == facts(here)
 
 

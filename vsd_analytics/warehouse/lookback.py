@@ -23,7 +23,7 @@ Spans = Mapping[str, tuple[int, int]]
 _GAPS = ("episode_gap_ms", "visit_gap_ms", "gathering_link_ms")
 
 
-def reach_ms(settings: Mapping[str, Any], days: Iterable[Mapping[str, Any]]) -> int:
+def lookback_ms(settings: Mapping[str, Any], days: Iterable[Mapping[str, Any]]) -> int:
     """Return how far beyond an hour its facts read records: to the next frame, or over the longest gap they bridge.
 
     Only without a heartbeat does a silence count as recorded.
@@ -54,8 +54,8 @@ class NearParts:
     def __init__(self, index: PartIndex, spans: Spans) -> None:
         self._index, self._spans = index, spans
 
-    def __call__(self, hour: int, reach_ms: int) -> frozenset[Part]:
-        """Return the parts of both neighbours that may hold records at most `reach_ms` from an hour.
+    def __call__(self, hour: int, lookback_ms: int) -> frozenset[Part]:
+        """Return the parts of both neighbours that may hold records at most `lookback_ms` from an hour.
 
         The only part of an hour and table always counts: so most hours need no spans.
         """
@@ -65,7 +65,7 @@ class NearParts:
             for parts in self._index.between(beside, beside).values():
                 for part in parts:
                     span = self._spans.get(part.digest) if len(parts) > 1 else None
-                    is_far = span is not None and (span[1] < first - reach_ms or span[0] >= after + reach_ms)
+                    is_far = span is not None and (span[1] < first - lookback_ms or span[0] >= after + lookback_ms)
                     near |= set() if is_far else {part}
         return frozenset(near)
 

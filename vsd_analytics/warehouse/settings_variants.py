@@ -48,7 +48,7 @@ def roots(site: Site) -> Mapping[str, Path]:
     }
 
 
-def is_beside(root: Path) -> bool:
+def is_variant(root: Path) -> bool:
     """Return whether a folder of facts is that of other settings than those of vsd.toml."""
     return root.parent.name == FOLDER.name
 

@@ -16,12 +16,17 @@ from vsd_analytics.store.durable import publish
 
 Work = Callable[[Site, int], Mapping[str, bytes]]
 """A unit of work: site and UTC day number to the bytes of files, by their paths below the project folder."""
-Spread = Callable[[Work, Site, Sequence[int]], Iterator[tuple[int, Mapping[str, bytes]]]]
+DistributedRun = Callable[[Work, Site, Sequence[int]], Iterator[tuple[int, Mapping[str, bytes]]]]
 """Runs a unit for each of some days wherever it likes; yields each day once, in any order, with its files."""
 
 
 def publish_days(
-    work: Work, site: Site, wanted: Mapping[int, Iterable[Path]], spread: Spread, *, on_day: Callable[[int], object]
+    work: Work,
+    site: Site,
+    wanted: Mapping[int, Iterable[Path]],
+    distributed: DistributedRun,
+    *,
+    on_day: Callable[[int], object],
 ) -> None:
     """Hand out days and publish the files that come back.
 
@@ -29,13 +34,13 @@ def publish_days(
         work: The unit of work.
         site: The project.
         wanted: By UTC day number, the paths of the files that its unit must return.
-        spread: Where the units run.
+        distributed: Where the units run.
         on_day: Called with each day that is done.
 
     Raises:
         StoreError: E315, a unit returned other files: it ran in another version, or read other records.
     """
-    for day, files in spread(work, site, sorted(wanted)):
+    for day, files in distributed(work, site, sorted(wanted)):
         paths = {site.root / name: data for name, data in files.items()}
         if paths.keys() != set(wanted[day]):
             raise StoreError(

@@ -26,7 +26,7 @@ from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import compute
 from vsd_analytics.warehouse.build import build
-from vsd_analytics.warehouse.reach import NearParts, noted_spans, reach_ms, spans_of
+from vsd_analytics.warehouse.lookback import NearParts, lookback_ms, noted_spans, spans_of
 from vsd_analytics.warehouse.rules import RULES
 from vsd_analytics.warehouse.units import PartIndex
 
@@ -75,7 +75,7 @@ def test_records_beyond_reach_change_no_byte(
     put(near, world(seed, has_heartbeat=has_heartbeat, every_ms=every_ms))
     shutil.copytree(near.root / "store", wide.root / "store")
     assert build_hour_by_hour(near).n_built >= 3
-    monkeypatch.setattr(compute, "reach_ms", lambda *_: HOUR)
+    monkeypatch.setattr(compute, "lookback_ms", lambda *_: HOUR)
     build_hour_by_hour(wide)
     assert fact_files(near) == fact_files(wide)
 
@@ -137,10 +137,10 @@ def test_without_a_heartbeat_a_silence_reaches_farther(tmp_path: Path) -> None:
 
 def test_reach_is_the_longest_gap_that_is_bridged() -> None:
     day = {"interval_ms": 1000, "has_heartbeat": True}
-    assert reach_ms(GAPS, [day]) == 300_000
-    assert reach_ms({**GAPS, "visit_gap_ms": 400_000}, [day]) == 400_000
-    assert reach_ms(GAPS, [day, {**day, "has_heartbeat": False}]) == 600_000
-    assert reach_ms(GAPS, [day, {**day, "interval_ms": 1_200_000}]) == 3_000_000
+    assert lookback_ms(GAPS, [day]) == 300_000
+    assert lookback_ms({**GAPS, "visit_gap_ms": 400_000}, [day]) == 400_000
+    assert lookback_ms(GAPS, [day, {**day, "has_heartbeat": False}]) == 600_000
+    assert lookback_ms(GAPS, [day, {**day, "interval_ms": 1_200_000}]) == 3_000_000
 
 
 def test_parts_are_near_by_their_first_and_last_instant(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ from warehouse.small_projects import HOUR, T0, Person, beats, fact_files, make_s
 
 from vsd_analytics.retention.purge import Terms, purge_older, purge_range
 from vsd_analytics.site.model import Site
-from vsd_analytics.warehouse.beside import FOLDER, MOST, folder, folders
 from vsd_analytics.warehouse.build import build
+from vsd_analytics.warehouse.settings_variants import FOLDER, MOST, folder, folders
 from vsd_analytics.warehouse.verify_facts import verify
 from vsd_analytics.warehouse.warehouse import Warehouse
 

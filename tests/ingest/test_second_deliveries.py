@@ -1,0 +1,191 @@
+"""A recording that comes again in another spelling is seen, and other recordings are not taken for it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from ingest.prove_second_deliveries import NOW, again, beside_each_other, came, doubts, others
+from ingest.spellings import SPELLINGS, hall, project, renamed, write
+
+from vsd_analytics.api.ingest_frame import ingest_frame
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.config.project import load_site
+from vsd_analytics.errors import InputError
+
+Vsd = Callable[..., tuple[int, str]]
+
+
+@pytest.fixture
+def vsd(capsys: pytest.CaptureFixture[str]) -> Vsd:
+    def call(root: Path, *words: object) -> tuple[int, str]:
+        code = run(cli, ["-C", str(root), "--now", "2026-01-01T00:00Z", *map(str, words)])
+        return code, "".join(capsys.readouterr())
+
+    return call
+
+
+def n_stored(root: Path) -> int:
+    return sum(pq.read_metadata(path).num_rows for path in (root / "store" / "observations").rglob("*.parquet"))
+
+
+def small() -> pd.DataFrame:
+    return hall(7, minutes=6, n_people=14)
+
+
+@pytest.mark.parametrize("name", SPELLINGS)
+def test_every_spelling_is_seen(name: str) -> None:
+    assert "W230" in again(small(), SPELLINGS[name])
+
+
+@pytest.mark.parametrize("name", [n for n, _ in others() if n.startswith(("queue", "statue"))])
+def test_other_recordings_are_not_taken_for_it(name: str) -> None:
+    assert dict(others())[name]() == ""
+
+
+def test_recordings_of_one_floor_at_the_same_times_are_not_taken_for_each_other() -> None:
+    recordings = {f"{seed}": hall(seed, minutes=6, n_people=14) for seed in range(20, 24)}
+    assert [said for _, said in beside_each_other(recordings)] == [""] * 4
+
+
+def test_the_same_again_is_refused_and_the_fix_brings_it_in(tmp_path: Path, vsd: Vsd) -> None:
+    root = project(tmp_path / "p", "a")
+    one, two = write(small(), tmp_path / "one.csv"), write(renamed(small()), tmp_path / "two.csv")
+    assert vsd(root, "ingest", one)[0] == 0
+    assert "W230" in vsd(root, "check", two)[1]
+    code, said = vsd(root, "ingest", two)
+    assert (code, n_stored(root)) == (2, len(small())), said
+    purge = re.findall(r"`vsd (purge --import \w+)`", said)[0]
+    assert vsd(root, *purge.split(), "--force")[0] == 0
+    code, said = vsd(root, "ingest", two)
+    assert (code, n_stored(root)) == (0, len(small())), said
+
+
+def test_a_second_file_of_one_command_is_compared_with_the_first(tmp_path: Path, vsd: Vsd) -> None:
+    root = project(tmp_path / "p", "a")
+    files = [write(small(), tmp_path / "one.csv"), write(renamed(small()), tmp_path / "two.csv")]
+    assert "W230" in vsd(root, "check", *files)[1]
+    code, said = vsd(root, "ingest", *files)
+    assert (code, "W230" in said, n_stored(root)) == (2, True, len(small()))
+
+
+def test_the_same_file_again_and_a_file_that_has_grown_are_known_by_their_keys(tmp_path: Path, vsd: Vsd) -> None:
+    root = project(tmp_path / "p", "a")
+    part = small()[: len(small()) // 2]
+    for frame in (part, part, small()):
+        path = write(frame, tmp_path / "day.csv")
+        assert "W230" not in vsd(root, "check", path)[1]
+        code, said = vsd(root, "ingest", path)
+        assert (code, "W230" in said) == (0, False), said
+    assert n_stored(root) == len(small())
+
+
+def test_of_a_file_that_overlaps_the_rest_is_stored_after_the_cut(tmp_path: Path, vsd: Vsd) -> None:
+    root = project(tmp_path / "p", "a")
+    overlap = SPELLINGS["overlap"]
+    vsd(root, "ingest", write(overlap.stored(small()), tmp_path / "one.csv"))
+    later = overlap.again(small())
+    code, said = vsd(root, "ingest", write(later, tmp_path / "two.csv"))
+    assert code == 2
+    end = re.findall(r"from .{25} to (.{25}), are at the same places", said)[0]
+    rest = later[pd.to_datetime(later["ms"], unit="ms", utc=True) > pd.Timestamp(end) + pd.Timedelta(seconds=1)]
+    code, said = vsd(root, "ingest", write(rest, tmp_path / "rest.csv"))
+    assert (code, n_stored(root)) == (0, len(overlap.stored(small())) + len(rest)), said
+
+
+def two_views() -> pd.DataFrame:
+    """Return people whom two cameras see, each with errors of its own."""
+    rng = np.random.default_rng(3)
+    frames = [
+        small().assign(camera=camera, track=f"{camera}" + small()["track"], **errors)
+        for camera in "ab"
+        for errors in [{axis: (small()[axis] + rng.normal(0, 0.1, len(small()))).round(3) for axis in "xy"}]
+    ]
+    return pd.concat(frames).sort_values("ms", kind="stable")
+
+
+@pytest.mark.parametrize("is_one_file", [True, False])
+def test_two_cameras_of_one_floor_are_asked_for_their_views_and_the_lines_settle_it(
+    is_one_file: bool, tmp_path: Path, vsd: Vsd
+) -> None:
+    root = project(tmp_path / "p", "a", "b")
+    both = two_views()
+    parts = [both] if is_one_file else [both[both["camera"] == camera] for camera in "ab"]
+    files = [write(part, tmp_path / f"{i}.csv") for i, part in enumerate(parts)]
+    for file in files[:-1]:
+        assert vsd(root, "ingest", file)[0] == 0
+    code, said = vsd(root, "ingest", files[-1])
+    assert (code, "W231" in said, n_stored(root)) == (1, True, len(both)), said
+    text = (root / "vsd.toml").read_text()
+    lines = dict(re.findall(r'under \[\[camera\]\] id = "(\w)": (view = \[\[.+?\]\])', said))
+    assert set(lines) == {"a", "b"}
+    for camera, line in lines.items():
+        text = text.replace(f'id = "{camera}"\n', f'id = "{camera}"\n{line}\n')
+    (root / "vsd.toml").write_text(text)
+    assert "W231" not in vsd(root, "check", files[-1])[1]
+    code, said = vsd(root, "ingest", files[-1])
+    assert (code, "W231" in said, n_stored(root)) == (0, False, len(both)), said
+
+
+def in_feet(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame.assign(x=(frame["x"] / 0.3048).round(3), y=(frame["y"] / 0.3048).round(3))
+
+
+def next_hour() -> pd.DataFrame:
+    return renamed(hall(8, minutes=6, n_people=14)).assign(ms=lambda f: f["ms"] + 3_600_000)
+
+
+@pytest.mark.parametrize("is_one_file", [True, False])
+def test_feet_after_metres_are_refused_and_their_unit_settles_it(is_one_file: bool, tmp_path: Path, vsd: Vsd) -> None:
+    root = project(tmp_path / "p", "a")
+    first, then = small(), in_feet(next_hour())
+    if is_one_file:
+        code, said = vsd(root, "ingest", write(pd.concat([first, then]), tmp_path / "day.csv"))
+        cut = pd.Timestamp(re.findall(r"from (.{25}) on, positions of camera a", said)[0])
+        assert abs((pd.Timestamp(int(then["ms"].min()), unit="ms", tz="UTC") - cut).total_seconds()) < 60
+    assert vsd(root, "ingest", write(first, tmp_path / "one.csv"))[0] == 0
+    if not is_one_file:
+        code, said = vsd(root, "ingest", write(then, tmp_path / "two.csv"))
+    assert (code, "W220" in said, "3.28 times as large" in said, "--unit ft" in said) == (2, True, True, True), said
+    unnamed = write(then, tmp_path / "two.csv")
+    unnamed.write_text(unnamed.read_text().replace("x_m,y_m", "x,y", 1))
+    code, said = vsd(root, "ingest", unnamed, "--unit", "ft", "--map", "x_m=x,y_m=y")
+    assert (code, n_stored(root)) == (0, len(first) + len(then)), said
+
+
+def test_metres_after_feet_that_were_taken_for_metres(tmp_path: Path) -> None:
+    root = project(tmp_path / "p", "a")
+    came(root, in_feet(small()), "one", is_sure=True)
+    assert doubts(came(root, next_hour(), "two")) == "W220"
+
+
+def test_a_frame_in_memory_is_asked_the_same(tmp_path: Path) -> None:
+    root = project(tmp_path / "p", "a")
+    columns = {"ms": "ts", "camera": "camera_id", "track": "track_id", "x": "x_m", "y": "y_m"}
+
+    def stored(frame: pd.DataFrame) -> None:
+        named = frame.rename(columns=columns).assign(ts=pd.to_datetime(frame["ms"], unit="ms", utc=True))
+        ingest_frame(load_site(root), named, camera=None, clock=None, name="frame", now=NOW)
+
+    stored(small())
+    stored(small())
+    with pytest.raises(InputError, match="the same recording is stored already"):
+        stored(renamed(small()))
+
+
+def test_a_file_can_be_checked_without_a_project(tmp_path: Path, vsd: Vsd) -> None:
+    path = write(two_views(), tmp_path / "day.csv")
+    code, said = vsd(tmp_path, "check", path)
+    assert code == 1
+    assert "E102" not in said
+    assert "W231" in said
+    assert f"cameras   a ({len(small()):,}), b ({len(small()):,})" in said
+    assert "To go on: vsd init" in said
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["day.csv"]
+    assert vsd(tmp_path, "check", path, "--save", "days")[0] == 2
