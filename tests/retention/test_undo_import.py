@@ -191,7 +191,7 @@ def test_unknown_or_too_short_ids_are_refused(tmp_path: Path, given: str) -> Non
 def test_facts_follow(tmp_path: Path) -> None:
     """Hours after a taken back import are those of a project that never saw it, though facts were computed before."""
     right = write(tmp_path / "right.jsonl", messages(camera="cam-1", day=DAYS[0], hours=(9, 10)))
-    wrong = write(tmp_path / "wrong.jsonl", messages(camera="cam-2", day=DAYS[0], hours=(9, 11)))
+    wrong = write(tmp_path / "wrong.jsonl", messages(camera="cam-2", day=DAYS[0], hours=(9, 11), shift_m=15.0))
     root, never = make_project(tmp_path / "p"), make_project(tmp_path / "never")
     vsd(root, "ingest", str(right), str(wrong))
     vsd(never, "ingest", str(right))

@@ -35,7 +35,14 @@ from vsd_analytics.ingest.intake.recording import (
     key_of,
     lags_of,
 )
-from vsd_analytics.ingest.intake.stored_recordings import KeyedRecords, newest_rows, rows_of, stored_rows, table_of
+from vsd_analytics.ingest.intake.stored_recordings import (
+    KeyedRecords,
+    evenly,
+    newest_rows,
+    rows_of,
+    stored_rows,
+    table_of,
+)
 from vsd_analytics.ingest.intake.unit_changes import UnitChange, change_between, change_within
 from vsd_analytics.schema import TableName
 from vsd_analytics.site.model import Camera, Site
@@ -93,7 +100,7 @@ class Door:
         rows = [t[table] for t in head if table in t and t[table].num_rows]
         if not rows:
             return []
-        asked = rows_of(self.site, table, _evenly(rows, SAMPLE_MAX))
+        asked = rows_of(self.site, table, evenly(rows, SAMPLE_MAX))
         first = [pa.concat_tables(rows).slice(0, DENSE_MAX)]
         dense = rows_of(self.site, table, first, keyed_ms=np.zeros(0, dtype=np.int64))
         self._kept = dense
@@ -121,7 +128,7 @@ class Door:
         table = table_of(tables)
         if table not in tables or not tables[table].num_rows:
             return []
-        asked = rows_of(self.site, table, _evenly([tables[table]], SAMPLE_MAX // 4))
+        asked = rows_of(self.site, table, evenly([tables[table]], SAMPLE_MAX // 4))
         back = f"; take it back: vsd purge --import {self.import_id}" if self.import_id else ""
         return [
             f"W229: of records behind the first ones, {w.what} ({w.code}): {w.why}; {w.fix}{back}"
@@ -440,13 +447,3 @@ def _marks(line: ImportLine) -> tuple[Ints, Floats]:
 
 def _table_of_all(head: Sequence[Tables]) -> TableName:
     return "observations" if any(table_of(tables) == "observations" for tables in head) else "pairs"
-
-
-def _evenly(rows: Sequence[pa.Table], n: int) -> list[pa.Table]:
-    """Return at most `n` rows, drawn evenly: the same ones each time."""
-    whole = pa.concat_tables(rows)
-    if whole.num_rows <= n:
-        return [whole]
-    edges = np.linspace(0, whole.num_rows, n + 1).astype(np.int64)
-    at = edges[:-1] + (np.random.default_rng(0).random(n) * np.diff(edges)).astype(np.int64)
-    return [whole.take(pa.array(at))]

@@ -251,3 +251,13 @@ def _keys(frame: pd.DataFrame) -> Ints:
     values["track_id"] = values["track_id"].fillna("").astype(str)
     values["camera_id"] = values["camera_id"].astype(str)
     return np.asarray(pd.util.hash_pandas_object(values, index=False).to_numpy()).view(np.int64)
+
+
+def evenly(rows: Sequence[pa.Table], n: int) -> list[pa.Table]:
+    """Return at most `n` rows, drawn evenly: the same ones each time."""
+    whole = pa.concat_tables(rows)
+    if whole.num_rows <= n:
+        return [whole]
+    edges = np.linspace(0, whole.num_rows, n + 1).astype(np.int64)
+    at = edges[:-1] + (np.random.default_rng(0).random(n) * np.diff(edges)).astype(np.int64)
+    return [whole.take(pa.array(at))]
