@@ -108,6 +108,6 @@ select
     reported.sends_pairs
 from reported
 cross join params
-inner join cameras on reported.camera_id = cameras.camera_id
+left join cameras on reported.camera_id = cameras.camera_id
 left join medians on reported.camera_id = medians.camera_id and reported.utc_day = medians.utc_day
 order by reported.utc_day, reported.camera_id

@@ -12,7 +12,7 @@
 --   local_hour           0 to 23
 --   fold                 1 in the second of two equal local hours
 --   weekday              1 Monday to 7 Sunday
---   length_s             length of the local hour
+--   length_s             length of the local hour while the camera is there (`from` and `to` of vsd.toml)
 --   open_s               opening time in it
 --   recorded_s           recorded time
 --   recorded_open_s      recorded time in opening hours
@@ -71,7 +71,8 @@
 --   uncertainty  each week's 95 % interval
 --   by           vsd_analytics.figures.trend.trend
 -- steps:
---   spine     every camera and quarter-hour of the calendar, so that an hour without data has a row
+--   spine     every camera and quarter-hour of the calendar, so that an hour without data has a row; where no camera of a floor
+--             is there, all are missing
 --   per_hour  900 s is a quarter-hour; has_distances: pairs were sent, or at least half of the records have a floor position
 -- assumes: where nothing was recorded, or a count cannot be known, it is null, never 0
 with spine as (
@@ -85,7 +86,9 @@ with spine as (
         calendar.local_hour,
         calendar.fold,
         calendar.weekday,
-        calendar.is_open
+        cameras.from_ms <= calendar.quarter * 900000 and calendar.quarter * 900000 < cameras.to_ms as is_in_life,
+        is_in_life or not bool_or(is_in_life) over (partition by cameras.floor_id, calendar.quarter) as is_there,
+        calendar.is_open and is_there as is_open
     from calendar
     cross join cameras
 ),
@@ -100,6 +103,7 @@ per_quarter as (
         spine.local_hour,
         spine.fold,
         spine.weekday,
+        spine.is_there,
         spine.is_open,
         camera_days.has_persons,
         camera_days.has_tracks,
@@ -129,7 +133,7 @@ per_hour as (
         min(local_hour) as local_hour,
         min(fold) as fold,
         min(weekday) as weekday,
-        count(*) * 900 as length_s,
+        count(*) filter (where is_there) * 900 as length_s,
         count(*) filter (where is_open) * 900 as open_s,
         sum(recorded_ms) / 1000.0 as recorded_s,
         coalesce(sum(recorded_ms) filter (where is_open), 0) / 1000.0 as recorded_open_s,

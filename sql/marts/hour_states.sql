@@ -7,8 +7,8 @@
 --   floor_id           null = all cameras
 --   hour_start_ms      UTC instant the local hour starts
 --   local_date
---   recorded_share     of the opening time, mean over cameras; of the whole hour when closed
---   cameras_down       cameras that recorded less than half of it
+--   recorded_share     of the opening time, mean over cameras that are there; of the whole hour when closed
+--   cameras_down       those that recorded less than half of it
 --   state              full, partial, low_data, no_data or closed
 -- assumes: the state governs rates and verdicts only
 with summed as (
@@ -16,13 +16,13 @@ with summed as (
         cameras.floor_id,
         camera_hours.hour_start_ms,
         min(camera_hours.local_date) as local_date,
-        min(camera_hours.open_s) as open_s,
+        max(camera_hours.open_s) as open_s,
         case
-            when min(camera_hours.open_s) > 0 then sum(camera_hours.recorded_open_s) / sum(camera_hours.open_s)
+            when max(camera_hours.open_s) > 0 then sum(camera_hours.recorded_open_s) / sum(camera_hours.open_s)
             else sum(camera_hours.recorded_s) / sum(camera_hours.length_s)
         end as recorded_share,
         count(*) filter (
-            where case
+            where camera_hours.length_s > 0 and case
                 when camera_hours.open_s > 0 then camera_hours.recorded_open_s / camera_hours.open_s
                 else camera_hours.recorded_s / camera_hours.length_s
             end < params.partial_hour_share

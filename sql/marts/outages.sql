@@ -20,6 +20,7 @@
 -- steps:
 --   bounds  one pair of bounds per unbroken part of the calendar: years it leaves out are not missed time
 --   edges   spans of no length at the bounds: a camera without any record then has an outage of the whole range
+--           in which it is there
 --   missed  an outage is cut to opening time quarter by quarter
 -- assumes: time outside the calendar and closed time are no outages
 with bounds as (
@@ -45,19 +46,21 @@ edges as (
     union all
     select
         cameras.camera_id,
-        bounds.first_ms as started_ms,
-        bounds.first_ms as ended_ms,
+        greatest(bounds.first_ms, cameras.from_ms) as started_ms,
+        greatest(bounds.first_ms, cameras.from_ms) as ended_ms,
         false as is_inferred
     from cameras
     cross join bounds
+    where cameras.from_ms < bounds.last_ms and cameras.to_ms > bounds.first_ms
     union all
     select
         cameras.camera_id,
-        bounds.last_ms as started_ms,
-        bounds.last_ms as ended_ms,
+        least(bounds.last_ms, cameras.to_ms) as started_ms,
+        least(bounds.last_ms, cameras.to_ms) as ended_ms,
         false as is_inferred
     from cameras
     cross join bounds
+    where cameras.from_ms < bounds.last_ms and cameras.to_ms > bounds.first_ms
 ),
 
 gaps as (

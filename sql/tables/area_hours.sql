@@ -82,8 +82,8 @@ seen as (
         min(camera_hours.local_date) as local_date,
         min(camera_hours.weekday) as weekday,
         min(camera_hours.local_hour) as local_hour,
-        min(camera_hours.open_s) as open_s,
-        avg(camera_hours.recorded_open_s) as recorded_s,
+        max(camera_hours.open_s) as open_s,
+        avg(camera_hours.recorded_open_s) filter (where camera_hours.length_s > 0) as recorded_s,
         count(camera_hours.exposure_open_s) > 0 as knows_people,
         count(camera_hours.violation_open_s) > 0 as knows_distances,
         count(camera_hours.n_violations_open) > 0 as knows_violations

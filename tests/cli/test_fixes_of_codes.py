@@ -177,6 +177,12 @@ ELSEWHERE: Final[dict[str, tuple[str, str]]] = {
     "W310": (_NOTE, ""),
     "E311": ("a program that reads the store: it is closed", "store/test_removal.py"),
     "E312": ("a range inside an hour that is sealed", "retention/test_purging_by_range.py"),
+    "E321": (
+        "a store that vsd.toml does not describe: its lines are pasted",
+        "warehouse/test_described_stores.py",
+    ),
+    "E322": ("a bucket with erased records: they are erased at its site", "cluster/test_record_mirror.py"),
+    "W312": (_NOTE, "retention/test_erasures.py"),
     "E314": ("hours that were purged by age", "retention/test_undo_import.py"),
     **dict.fromkeys(("E315", "E316", "E317", "E318", "E319", "E320"), (_MACHINES, "")),
     **dict.fromkeys(("E401", "E402", "E403", "E404", "E405", "E407"), (_CALIBRATION, "")),

@@ -36,7 +36,7 @@ from vsd_analytics.cluster.receiving import Received, receive
 from vsd_analytics.doctor.nodes import examine_exchange
 from vsd_analytics.errors import DiskError, StoreError
 from vsd_analytics.live import folding
-from vsd_analytics.retention.purge import Terms, forget_keys, purge_older
+from vsd_analytics.retention.purge import Terms, forget_keys, purge_older, purge_range
 from vsd_analytics.retention.purge_import import purge_import
 from vsd_analytics.store import durable, outbox, quarantine
 from vsd_analytics.store.imports import imports_of
@@ -294,6 +294,22 @@ def test_a_camera_the_site_does_not_know_waits_and_comes_when_it_is_described(wo
     assert send(world).n_waiting == 2, "the list of imports has its receipt"
     toml.write_text(text)
     assert take(world).fold.n_new == 2
+
+
+def test_an_old_file_of_a_node_does_not_bring_back_what_the_site_erased(world: World) -> None:
+    """It holds a record of the erased second, and one just after it, which is stored."""
+    prepared(world)
+    put(world)
+    put(world, at=START + timedelta(seconds=1), track="8")
+    send(world)
+    first_ms = round(START.timestamp() * 1000)
+    terms = Terms(now=NOW, reason="request 7")
+    purge_range(world.site(), camera_id="cam-1", first_ms=first_ms, after_ms=first_ms + 1000, terms=terms)
+    taken = take(world)
+    assert taken.n_erased == 2, "a frame and a person"
+    assert not taken.n_quarantined
+    assert [[ts_ms for _, ts_ms, *_ in rows] for rows in stored(world)] == [[first_ms + 1000], [first_ms + 1000]]
+    assert quarantined(world) == []
 
 
 def test_late_records_of_a_sealed_hour_meet_the_rule_of_the_site(world: World) -> None:

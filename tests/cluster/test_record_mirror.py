@@ -144,6 +144,36 @@ def test_a_project_with_records_of_its_own_fetches_nothing(site: Site, reader: S
     assert parts(reader) == before
 
 
+ERASED_MINUTE = ("--camera", "cam-1", "--range", "2026-11-09T10:00..2026-11-09T10:01", "--reason", "request 7")
+
+
+@pytest.mark.parametrize("are_sealed", [False, True])
+def test_a_bucket_does_not_bring_back_what_its_reader_erased(
+    site: Site, reader: Site, vsd: Vsd, are_sealed: bool
+) -> None:
+    """Nor sealed facts of it; once the site has erased it as well, it is fetched from again."""
+    hour = ("--range", "2026-11-09T10:00..2026-11-09T11:00", "--force") if are_sealed else ()
+    server = ServingBucket()
+    publish_records(site, URL, server)
+    fetch_records(reader, URL, server)
+    vsd(reader.root, "purge", *ERASED_MINUTE, *hour)
+    if are_sealed:
+        purge_older(site, before=date(2026, 11, 10), terms=TERMS)
+        publish_records(site, URL, server)
+    erased = parts(reader)
+    with pytest.raises(StoreError, match="deleted here on request") as caught:
+        fetch_records(reader, URL, server)
+    assert caught.value.code == "E322"
+    assert parts(reader) == erased
+    vsd(site.root, "purge", *ERASED_MINUTE, *hour)
+    publish_records(site, URL, server)
+    fetch_records(reader, URL, server)
+    del erased["store/erasures.json"]
+    assert {k: v for k, v in parts(reader).items() if k != "store/erasures.json"} == {
+        k: v for k, v in parts(site).items() if k != "store/erasures.json"
+    }
+
+
 @pytest.mark.parametrize(
     "path",
     ["../x.parquet", "/etc/x", "vsd.toml", "store/../../x", "store/frames/../../x", "secrets/2026-11-09.key", "store"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from datetime import date, datetime
 from pathlib import Path
 from zoneinfo import ZoneInfo
@@ -15,6 +16,7 @@ from vsd_analytics.config.change_log import (
     add_answer,
     add_entry,
     edit_entry,
+    entry_ids,
     read_answers,
     read_log,
     remove_entry,
@@ -42,9 +44,57 @@ def site(tmp_path: Path) -> Site:
     return made
 
 
+def id_of(site: Site, text: str) -> str:
+    return next(name for entry, name in entry_ids(site).items() if entry.text == text)
+
+
+def test_an_entry_is_removed_once_however_often_it_is_removed(site: Site) -> None:
+    name = id_of(site, "moved")
+    assert [remove_entry(site, name, at="2026-11-14").is_new for _ in range(2)] == [True, False]
+    assert [e.text for e in read_log(site)] == ["painted"]
+    assert len(read_records(site)) == 3
+
+
+def test_a_number_is_refused_where_it_would_mean_another_entry_next_time(site: Site) -> None:
+    with pytest.raises(UsageError, match="by its id") as refused:
+        remove_entry(site, "1", at="2026-11-14")
+    assert refused.value.fix == f"vsd log remove {id_of(site, 'moved')}"
+    with pytest.raises(UsageError, match="by its id") as refused:
+        edit_entry(site, "1", at="2026-11-13T07:00")
+    name = id_of(site, "moved")
+    assert refused.value.fix == f"vsd log edit {name} --at 2026-11-13T07:00+01:00"
+    assert len(read_records(site)) == 2
+    edit_entry(site, "1", at="2026-11-10T07:00", text="moved away")
+    assert id_of(site, "moved away") == name, "an id stays when its entry is corrected"
+
+
+def test_an_entry_added_again_has_an_id_of_its_own(site: Site) -> None:
+    first = id_of(site, "moved")
+    remove_entry(site, first, at="2026-11-14")
+    add_entry(site, text="moved", at="2026-11-11T12:00", area="entrance")
+    second = id_of(site, "moved")
+    assert second != first
+    assert not remove_entry(site, first, at="2026-11-15").is_new
+    assert "moved" in [e.text for e in read_log(site)]
+
+
+@pytest.mark.parametrize("umask", [0o022, 0o077])
+def test_only_its_owner_reads_a_new_log_and_a_shared_one_stays_shared(tmp_path: Path, umask: int) -> None:
+    old = os.umask(umask)
+    try:
+        made = Site("s", "S", "Europe/Rome", tmp_path)
+        add_entry(made, text="moved by Anna", at="2026-11-11")
+        assert (tmp_path / "log.jsonl").stat().st_mode & 0o777 == 0o600
+        (tmp_path / "log.jsonl").chmod(0o644)
+        add_entry(made, text="painted", at="2026-11-12")
+        assert (tmp_path / "log.jsonl").stat().st_mode & 0o777 == 0o666 & ~umask
+    finally:
+        os.umask(old)
+
+
 def test_a_corrected_entry_takes_its_new_place_in_the_list_and_keeps_its_history(site: Site) -> None:
     before = (site.root / "log.jsonl").read_bytes()
-    edit_entry(site, 1, at="2026-11-13T07:00", text="moved away")
+    edit_entry(site, id_of(site, "moved"), at="2026-11-13T07:00", text="moved away")
     assert [(e.text, e.area_id, e.at.day) for e in read_log(site)] == [
         ("painted", None, 12),
         ("moved away", "entrance", 13),
@@ -54,7 +104,7 @@ def test_a_corrected_entry_takes_its_new_place_in_the_list_and_keeps_its_history
 
 
 def test_an_entry_that_was_taken_back_can_be_added_again(site: Site) -> None:
-    remove_entry(site, 1, at="2026-11-14")
+    remove_entry(site, id_of(site, "moved"), at="2026-11-14")
     assert [e.text for e in read_log(site)] == ["painted"]
     assert add_entry(site, text="moved", at="2026-11-11T12:00", area="entrance").is_new
     assert [e.text for e in read_log(site)] == ["moved", "painted"]
@@ -62,11 +112,11 @@ def test_an_entry_that_was_taken_back_can_be_added_again(site: Site) -> None:
 
 def test_a_correction_of_nothing_or_into_another_entry_is_refused(site: Site) -> None:
     with pytest.raises(UsageError, match="says this already"):
-        edit_entry(site, 1, text="moved")
+        edit_entry(site, "1", text="moved")
     with pytest.raises(UsageError, match="another entry"):
-        edit_entry(site, 2, text="moved", at="2026-11-11T12:00", area="entrance")
+        edit_entry(site, id_of(site, "painted"), text="moved", at="2026-11-11T12:00", area="entrance")
     with pytest.raises(UsageError, match="no entry 3"):
-        remove_entry(site, 3, at="2026-11-14")
+        remove_entry(site, "3", at="2026-11-14")
     assert len(read_records(site)) == 2
 
 
@@ -77,7 +127,7 @@ def test_a_full_disk_leaves_the_entry_as_it_was(site: Site, monkeypatch: pytest.
     monkeypatch.setattr("vsd_analytics.store.durable.publish", full)
     before = (site.root / "log.jsonl").read_bytes()
     with pytest.raises(DiskError):
-        remove_entry(site, 1, at="2026-11-14")
+        remove_entry(site, id_of(site, "moved"), at="2026-11-14")
     assert (site.root / "log.jsonl").read_bytes() == before
 
 
@@ -87,7 +137,7 @@ def test_what_was_tried_is_a_change_of_the_questions_area(site: Site) -> None:
     entry = read_log(site)[-1]
     assert (entry.text, entry.area_id, entry.question, entry.by) == (ASKED.text, "entrance", ASKED.question_id, "Anna")
     assert entry.at == datetime(2026, 11, 18, 7, tzinfo=ROME)
-    remove_entry(site, 3, at="2026-11-19")
+    remove_entry(site, id_of(site, ASKED.text), at="2026-11-19")
     assert read_answers(site) == ()
 
 
@@ -143,8 +193,10 @@ def test_the_list_shows_what_holds_and_the_history_what_was(tmp_path: Path) -> N
 
     run("add", "moved", "--at", "2026-11-11T12:00")
     run("edit", "1", "--text", "moved away")
-    assert run("list").split() == ["1", "2026-11-11T12:00+01:00", "whole", "site", "moved", "away"]
-    run("remove", "1")
+    number, name, *said = run("list").split()
+    assert (number, said) == ("1", ["2026-11-11T12:00+01:00", "whole", "site", "moved", "away"])
+    run("remove", name)
+    assert "was removed before" in run("remove", name)
     assert "moved away" not in run("list")
     history = run("list", "--all")
     kinds = [line.split()[1] for line in history.splitlines() if line.split()[0] != "before"]

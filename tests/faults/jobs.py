@@ -284,6 +284,11 @@ def _purge_by_camera(root: Path, ack: Ack) -> str:
     return vsd(root, "purge", "--camera", "cam-1", "--range", "2026-11-09T11:05..2026-11-10", ack=ack)
 
 
+def _purge_on_request(root: Path, ack: Ack) -> str:
+    days = "2026-11-09T11:05..2026-11-10"
+    return vsd(root, "purge", "--camera", "cam-1", "--range", days, "--reason", "request 7", ack=ack)
+
+
 def _purge_in_week(root: Path, ack: Ack) -> str:
     return vsd(root, "purge", "--camera", "cam-1", "--range", "2026-10-27", "--force", ack=ack)
 
@@ -320,6 +325,7 @@ JOBS = {
         Job("planner", _before_planner, _planner),
         Job("purge by age", _with_few_days, _purge_by_age),
         Job("purge by camera", _with_few_days, _purge_by_camera),
+        Job("purge on request", _with_few_days, _purge_on_request),
         Job("purge in a week", _with_weeks, _purge_in_week, finish=_build_after),
         Job("purge of sealed", _with_seals, _purge_of_sealed),
         Job("forget keys", _with_seals, _forget_keys),

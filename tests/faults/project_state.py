@@ -35,7 +35,7 @@ class State:
         facts: Bytes of the files of facts and of stored marts, by relation and day or week.
         keys: Day keys.
         quarantined: Quarantined texts by source.
-        sealed: Hash of each sealed file, and the audit lines of purges.
+        sealed: Bytes of each sealed file, the audit lines of purges, and the list of erasures.
         log: Lines of the change log, in order.
         pages: Bytes of what was written for people.
         litter: Files that no reader and no later run needs.
@@ -85,7 +85,10 @@ def state(root: Path) -> State:
         {unit: paths[0].read_bytes() if len(paths) == 1 else SEVERAL for unit, paths in facts.items()},
         _day_keys(root),
         Counter(_quarantined(root)),
-        {str(p.relative_to(root)): p.read_bytes() for p in _files(root / "sealed", *root.glob("purge.jsonl"))},
+        {
+            str(p.relative_to(root)): p.read_bytes()
+            for p in _files(root / "sealed", root / "purge.jsonl", root / "store" / "erasures.json")
+        },
         _log(root),
         {p.name: p.read_bytes() for p in _files(root / PAGES)},
         sorted(str(p.relative_to(root)) for p in litter),

@@ -12,7 +12,7 @@ import vsd_analytics
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.gatherings import PURGED
 from vsd_analytics.figures.groups import NOTHING
-from vsd_analytics.retention import purge
+from vsd_analytics.retention import sealing
 from vsd_analytics.retention.purge import Terms, purge_older
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.settings import Settings
@@ -215,7 +215,7 @@ def test_hours_sealed_without_clusters_are_not_taken_for_no_gatherings(
     site = site_of(tmp_path)
     put(site, stand("cam-0", TRIANGLE, start_ms=START, n_s=60))
     before = {name: fact for name, fact in relations("facts").items() if name != "cluster_times"}
-    monkeypatch.setattr(purge, "relations", lambda _layer: before)
+    monkeypatch.setattr(sealing, "relations", lambda _layer: before)
     terms = Terms(now=datetime(2027, 1, 1, tzinfo=UTC), is_forced=True)
     purge_older(site, before=DAY + timedelta(days=1), terms=terms)
     with Warehouse(site, DAY, DAY) as warehouse:

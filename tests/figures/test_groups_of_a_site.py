@@ -22,7 +22,7 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.groups import PURGED, between_groups, groups
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.retention import purge
+from vsd_analytics.retention import purge, sealing
 from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.store.duck import connect
 from vsd_analytics.warehouse.sqlfiles import relations
@@ -322,7 +322,7 @@ def test_hours_purged_before_tracks_were_counted_are_not_known(tmp_path: Path, m
     site = make_site(tmp_path)
     put(site, two_groups_that_meet())
     before = {n: r for n, r in relations("facts").items() if n not in ("track_lives", "track_pairs")}
-    monkeypatch.setattr(purge, "relations", lambda _layer: before)
+    monkeypatch.setattr(sealing, "relations", lambda _layer: before)
     terms = purge.Terms(now=datetime(2026, 12, 1, tzinfo=UTC), is_forced=True)
     assert purge.purge_older(site, before=date(2026, 11, 11), terms=terms).n_sealed
     with open_days(site) as warehouse:

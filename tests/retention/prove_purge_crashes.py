@@ -18,6 +18,9 @@ WORDS = {
     "age": "purge --older-than (two days, facts sealed)",
     "range": "purge --camera --range",
     "sealed": "purge --camera --range where facts are sealed",
+    "request": "purge --camera --range --reason",
+    "delivered": "the same, and the file comes again after the crash",
+    "sealed request": "purge --camera --range --reason where facts are sealed",
     "keys": "purge --forget-keys",
 }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,11 @@ import pytest
 from aged_projects import DAYS, TERMS, day, litter, make_project, messages, vsd, write
 
 from vsd_analytics.config.project import load_site
-from vsd_analytics.retention.purge import forget_keys, purge_older, purge_range
+from vsd_analytics.retention.purge import Terms, forget_keys, purge_older, purge_range
+from vsd_analytics.schema import TABLES
 from vsd_analytics.store import durable, secrets
+from vsd_analytics.store.erasures import RecordScope, erasures, rows_in_scope
+from vsd_analytics.store.store import Store
 
 HOUR_MS = 3_600_000
 
@@ -37,9 +41,19 @@ def by_age(root: Path) -> None:
     purge_older(load_site(root), before=day(DAYS[1]), terms=TERMS)
 
 
-def by_range(root: Path) -> None:
-    first_ms = (day(DAYS[0]).toordinal() - day("1970-01-01").toordinal()) * 24 * HOUR_MS
-    purge_range(load_site(root), camera_id="cam-1", first_ms=first_ms, after_ms=first_ms + 24 * HOUR_MS, terms=TERMS)
+FIRST_MS = (day(DAYS[0]).toordinal() - day("1970-01-01").toordinal()) * 24 * HOUR_MS
+SCOPE = RecordScope("cam-1", FIRST_MS, FIRST_MS + 24 * HOUR_MS)
+
+
+def by_range(root: Path, *, terms: Terms = TERMS) -> None:
+    which = SCOPE
+    purge_range(
+        load_site(root), camera_id=which.camera_id, first_ms=which.first_ms, after_ms=which.after_ms, terms=terms
+    )
+
+
+def on_request(root: Path) -> None:
+    by_range(root, terms=replace(TERMS, reason="request 7"))
 
 
 def of_sealed(root: Path) -> None:
@@ -50,14 +64,37 @@ def of_keys(root: Path) -> None:
     forget_keys(load_site(root), before=day("2026-11-12"), terms=TERMS)
 
 
-JOBS: dict[str, Callable[[Path], None]] = {"age": by_age, "range": by_range, "sealed": of_sealed, "keys": of_keys}
+def in_scope(root: Path) -> dict[str, int]:
+    store = Store(root / "store", site_id=load_site(root).site_id)
+    return {t: sum(rows_in_scope(p.path, SCOPE) for p in store.parts(t)) for t in TABLES}
+
+
+def bring_back(root: Path, *, start: Path) -> str:
+    """Deliver the records of the request once more; return "" when they are all there still, or none of them."""
+    lines = messages(camera="cam-1", day=DAYS[0], hours=(9, 23))
+    vsd(root, "ingest", str(write(root / "again.jsonl", lines)), code=None)
+    n_rows = in_scope(root)
+    if erasures(root / "store") or (root / "purge.jsonl").exists():
+        return f"erased, and back: {n_rows}" if any(n_rows.values()) else ""
+    return "" if n_rows == in_scope(start) else f"not erased, and gone: {n_rows}"
+
+
+JOBS: dict[str, Callable[[Path], None]] = {
+    "age": by_age,
+    "range": by_range,
+    "sealed": of_sealed,
+    "request": on_request,
+    "delivered": on_request,
+    "sealed request": on_request,
+    "keys": of_keys,
+}
 
 
 def start_of(job: str, prepared: Path, folder: Path) -> Path:
     """Return a project ready for a job."""
     root = folder / f"start-{job}"
     shutil.copytree(prepared, root)
-    if job == "sealed":
+    if job.startswith("sealed"):
         by_age(root)
     if job == "keys":
         secrets.DayKeys(root / "secrets").key(day(DAYS[0]))
@@ -92,6 +129,7 @@ def state(root: Path) -> dict[str, bytes]:
     """Return name and bytes of everything that counts: store, sealed facts, keys, audit."""
     kept = ("store", "sealed", "secrets", "quarantine", "purge.jsonl")
     paths = [p for name in kept for p in [root / name, *(root / name).rglob("*")] if p.is_file()]
+    paths = [p for p in paths if p.name != "imports.jsonl"]  # a delivery is noted, whatever came of it
     return {str(p.relative_to(root)): p.read_bytes() for p in paths}
 
 
@@ -105,11 +143,14 @@ def outcome(job: str, start: Path, root: Path, *, at: int) -> str:
             pass
         else:
             return "the point was not reached"
+    came_back = bring_back(root, start=start) if job == "delivered" else ""
     JOBS[job](root)
     again = state(root)
     expected = state(start.parent / f"unharmed-{job}")
     wrong = sorted(k for k in {*again, *expected} if again.get(k) != expected.get(k))
-    return ", ".join([*wrong, *litter(root)])
+    if job == "delivered":  # the id of its audit line is a hash of all files that it changes
+        wrong = [k for k in wrong if k != "purge.jsonl"]
+    return ", ".join([*([came_back] if came_back else []), *wrong, *litter(root)])
 
 
 def points_of(job: str, start: Path) -> int:

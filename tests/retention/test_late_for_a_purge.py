@@ -51,7 +51,7 @@ def test_records_acknowledged_while_their_hour_is_sealed_go_to_quarantine(
 ) -> None:
     purge_at_first_append(monkeypatch, project)
     told = json.loads(vsd(project, "ingest", str(late_file(project)), "--json", code=1))
-    assert told["stored"]["frames"] == {"new": 90, "known": 0, "second_sightings": 0, "sealed": 90}
+    assert told["stored"]["frames"] == {"new": 90, "known": 0, "second_sightings": 0, "sealed": 90, "erased": 0}
     assert told["stored"]["observations"]["sealed"] == 120
     assert raw_days(project) == {f"date={DAYS[2]}"}
     held = quarantined(project)

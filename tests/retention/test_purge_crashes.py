@@ -9,7 +9,7 @@ from purge_crashes import JOBS, Crash, outcome, points_of, prepare, start_of
 
 from vsd_analytics.store.seals import DaySeal, Seals
 
-N_TRIED = {"age": 4, "range": 5, "sealed": 7, "keys": 5}
+N_TRIED = {"age": 4, "range": 5, "sealed": 7, "request": 4, "delivered": 6, "sealed request": 4, "keys": 5}
 
 
 @pytest.fixture(scope="module")

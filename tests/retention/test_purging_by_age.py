@@ -143,7 +143,7 @@ def test_late_records_of_sealed_hours_are_quarantined_and_others_stored(purged: 
     )
     (source,) = told["sources"]
     assert source["quarantined"] == {"sealed-hour": 3 * (90 + 120)}
-    assert told["stored"]["frames"] == {"new": 90, "known": 0, "second_sightings": 0, "sealed": 0}
+    assert told["stored"]["frames"] == {"new": 90, "known": 0, "second_sightings": 0, "sealed": 0, "erased": 0}
     assert counts(purged) == before
 
 

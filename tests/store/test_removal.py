@@ -18,17 +18,16 @@ from stored_rows import HOUR, NINE, frame, litter_of, pair, part_names, person, 
 
 from vsd_analytics.errors import StoreError
 from vsd_analytics.store import durable
+from vsd_analytics.store.erasures import RecordScope, rows_in_scope
 from vsd_analytics.store.removal import (
     AUDIT,
     LOCK,
     Intent,
-    RecordScope,
     complete,
     pending,
     reading,
     remove_records,
     removing,
-    rows_in_scope,
 )
 from vsd_analytics.store.store import Store
 

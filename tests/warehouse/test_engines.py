@@ -7,8 +7,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+import pytest
 from warehouse.small_projects import HOUR, T0, Frame, Pair, Person, at, beats, make_site, open_days, put
 
+from vsd_analytics.errors import ConfigError
 from vsd_analytics.figures import operator_counts
 from vsd_analytics.site.model import Calibration, Camera
 
@@ -184,14 +186,14 @@ def test_one_camera_down_leaves_the_others_counts(tmp_path: Path) -> None:
     assert {r["camera_id"]: r["person_records"] for r in per_camera} == {"cam": 1, "cam-2": None}
 
 
-def test_records_of_a_camera_that_left_vsd_toml_are_left_out(tmp_path: Path) -> None:
+def test_records_of_a_camera_that_left_vsd_toml_stop_all_figures(tmp_path: Path) -> None:
     site = make_site(tmp_path)
     put(
         site,
         [Person(T0, "a", 0, 0), Person(T0, "b", 0, 500), Person(T0, "c", 0, 0, "gone"), Pair(T0, "c", "d", 5, "gone")],
     )
-    with open_days(site) as warehouse:
-        assert (hour(warehouse)["person_records"], hour(warehouse)["violation_records"]) == (2, 1)
+    with pytest.raises(ConfigError, match="does not describe what is stored"):
+        open_days(site)
 
 
 def test_body_scaled_pairs_without_persons_in_range_keep_their_rows(tmp_path: Path) -> None:

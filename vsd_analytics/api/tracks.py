@@ -15,9 +15,10 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.geometry.homography import to_floor
 from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.site.model import Camera, Site
+from vsd_analytics.store.erasures import RecordScope
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.part_files import read_part
-from vsd_analytics.store.removal import RecordScope, reading
+from vsd_analytics.store.removal import reading
 from vsd_analytics.store.store import Store
 
 

@@ -6,7 +6,7 @@ import contextlib
 
 import click
 
-from vsd_analytics.cli.ingest_output import warn_of_full_disk
+from vsd_analytics.cli.ingest_output import warn_of_erased, warn_of_full_disk
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import emit_json, facts_progress
 from vsd_analytics.cli.project import Project, pass_project
@@ -58,6 +58,7 @@ def build(project: Project, /, address: str | None, url: str | None, has_records
         s3 = bucket.client()
     folded = Store(site.root / "store", site_id=site.site_id, ballast_mb=site.settings.ballast_mb).fold()
     warn_of_full_disk(folded)
+    warn_of_erased(folded.n_erased)
     with contextlib.ExitStack() as stack:
         distributed = None
         if address is not None:

@@ -168,7 +168,9 @@ def _with_sources(project: Project, camera_ids: Sequence[str], *, is_looked_at: 
         if known[camera_id].source is None:
             fix = 'under its [[camera]]: source = "rtsp://192.168.1.20/stream1", "/dev/video0" or "door.mp4"'
             raise UsageError(f"camera {camera_id!r} has no source", fix=fix)
-    cameras = [c for c in site.cameras if c.source is not None and (not camera_ids or c.camera_id in camera_ids)]
+    today = project.now.astimezone(site.zone).date()
+    there = [c for c in site.cameras if c.is_there(today, today)]  # records of the others would go to quarantine
+    cameras = [c for c in there if c.source is not None and (not camera_ids or c.camera_id in camera_ids)]
     if not cameras:
         raise UsageError(
             "no camera of vsd.toml has a source",

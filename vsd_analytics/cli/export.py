@@ -64,7 +64,7 @@ def export(
     if out is None:
         raise UsageError("which file?", fix="--out FILE.csv for records, or --duckdb FILE.duckdb for figures")
     from vsd_analytics.retention import export as exporting
-    from vsd_analytics.store.removal import RecordScope
+    from vsd_analytics.store.erasures import RecordScope
 
     path = Path(out)
     chosen = table or ("all" if path.suffix == ".jsonl" else "observations")

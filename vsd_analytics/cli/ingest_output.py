@@ -88,6 +88,7 @@ def print_total(result: IngestResult, *, is_dry_run: bool) -> None:
         return
     warn_of_full_disk(result.fold)
     _warn_of_sealed(result.fold)
+    warn_of_erased(result.fold.n_erased)
     tables = result.fold.tables
     n_new = result.fold.n_new
     n_known = sum(c.n_known for c in tables.values())
@@ -98,7 +99,7 @@ def print_total(result: IngestResult, *, is_dry_run: bool) -> None:
     parts += [f"{count(n_second, 'second sighting')} left out"] if n_second else []
     parts += [f"{result.n_rejected:,} quarantined"] if result.n_rejected else []
     # commands that run at the same time share the spool: whoever folds first stores the records of all
-    n_folded = sum(c.n_new + c.n_known + c.n_second + c.n_sealed for c in tables.values())
+    n_folded = sum(c.n_new + c.n_known + c.n_second + c.n_sealed + c.n_erased for c in tables.values())
     n_others = n_folded - sum(sum(source.n_records.values()) for source in result.sources)
     if not n_ready and n_others > 0:
         parts.append(f"with {count(n_others, 'record')} that waited or came from other commands")
@@ -114,6 +115,18 @@ def warn_of_full_disk(fold: FoldResult) -> None:
             "the disk is full: the ballast of the store was given up to put acknowledged records in their place",
             code="W304",
             fix="free some space soon (df -h); the ballast comes back by itself",
+        )
+        click.echo(render_error(warning, word="warning"), err=True)
+
+
+def warn_of_erased(n_records: int) -> None:
+    """Warn (W312) of records that came again after they were erased on request, and are not stored."""
+    if n_records:
+        warning = VsdError(
+            f"{count(n_records, 'record')} left out: deleted on request before",
+            code="W312",
+            why="vsd purge with --camera, --range and --reason keeps its records out",
+            fix="nothing; if that purge was a mistake, repeat it with --lift and bring the records again",
         )
         click.echo(render_error(warning, word="warning"), err=True)
 
@@ -135,7 +148,13 @@ def _warn_of_sealed(fold: FoldResult) -> None:
 def stored_dict(fold: FoldResult) -> dict[str, dict[str, int]]:
     """Return what a fold did with the records of each table, as `--json` prints it."""
     return {
-        t: {"new": c.n_new, "known": c.n_known, "second_sightings": c.n_second, "sealed": c.n_sealed}
+        t: {
+            "new": c.n_new,
+            "known": c.n_known,
+            "second_sightings": c.n_second,
+            "sealed": c.n_sealed,
+            "erased": c.n_erased,
+        }
         for t, c in fold.tables.items()
     }
 

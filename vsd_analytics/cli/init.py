@@ -19,7 +19,7 @@ from vsd_analytics.errors import InputError, UsageError
 @click.option("--id", "site_id", help="Site id (default: made from the name).")
 @click.option("--name", help="Name of the site, as the report prints it.")
 @click.option("--timezone", help="IANA time zone, such as Europe/Rome.")
-@click.option("--opening", help='Opening hours, "mon-sat 08:00-21:00, sun 10:00-18:00", or "always".')
+@click.option("--opening", help='Opening hours, "mon-sat 08:00-12:30 14:00-19:00, sun 10:00-18:00", or "always".')
 @click.option("--camera", "cameras", multiple=True, metavar="ID[=NAME]", help="A camera; may be given several times.")
 @click.option("--plan", metavar="FILE", help="Floor plan: SVG, PNG, JPG or DXF, relative to the project folder.")
 @click.option("--plan-m-per-px", type=float, help="Metres per pixel of the plan.")

@@ -41,13 +41,13 @@ def log_add(project: Project, text: str, at: str | None, area: str | None, as_js
     Example:
       vsd log add "moved the exhibit away from the entrance" --at 2026-11-11T12:00 --area entrance
     """
-    from vsd_analytics.config.change_log import add_entry, entry_dict
+    from vsd_analytics.config.change_log import add_entry, entry_dict, entry_ids
 
     added = add_entry(project.site, text=text, at=at if at is not None else project.now, area=area)
     for line in added.removed:
         click.echo(plain(f"removed an incomplete line: {line}"), err=True)
     if as_json:
-        emit_json({**entry_dict(added.entry), "is_new": added.is_new})
+        emit_json({"id": entry_ids(project.site)[added.entry], **entry_dict(added.entry), "is_new": added.is_new})
         return
     click.echo(_line(added.entry))
     if not added.is_new:
@@ -87,7 +87,7 @@ def log_answer(
 
 
 @log.command("edit")
-@click.argument("number", type=click.IntRange(min=1), metavar="N")
+@click.argument("which", metavar="ID")
 @click.option("--text", metavar="TEXT", help="What was changed.")
 @click.option("--at", metavar="INSTANT", help="When, in the site's zone unless it has an offset.")
 @click.option("--area", metavar="ID", help="Area it concerns.")
@@ -95,21 +95,23 @@ def log_answer(
 @json_option
 @pass_project
 def log_edit(
-    project: Project, number: int, text: str | None, at: str | None, area: str | None, whole_site: bool, as_json: bool
+    project: Project, which: str, text: str | None, at: str | None, area: str | None, whole_site: bool, as_json: bool
 ) -> None:
-    """Correct entry N of the list. The entry as it was stays in the history: vsd log list --all.
+    """Correct an entry of the list. The entry as it was stays in the history: vsd log list --all.
+
+    A correction that leaves the entry where it is in the list also takes the entry's number for the id.
 
     \b
     Example:
-      vsd log edit 3 --at 2026-11-11T18:00
-      vsd log edit 3 --area entrance --text "moved the exhibit"
+      vsd log edit e3f9a21b --at 2026-11-11T18:00
+      vsd log edit e3f9a21b --area entrance --text "moved the exhibit"
     """
     from vsd_analytics.config.change_log import AS_IT_IS, edit_entry, entry_dict
 
     if area is not None and whole_site:
         raise UsageError("--area and --whole-site exclude each other", fix="leave one of them out")
     place = None if whole_site else AS_IT_IS if area is None else area
-    made = edit_entry(project.site, number, text=text, at=at, area=place)
+    made = edit_entry(project.site, which, text=text, at=at, area=place)
     if made.after is None:
         raise AssertionError("a corrected entry is there")
     if as_json:
@@ -119,23 +121,25 @@ def log_edit(
 
 
 @log.command("remove")
-@click.argument("number", type=click.IntRange(min=1), metavar="N")
+@click.argument("which", metavar="ID")
 @json_option
 @pass_project
-def log_remove(project: Project, number: int, as_json: bool) -> None:
-    """Take back entry N of the list. It stays in the history: vsd log list --all.
+def log_remove(project: Project, which: str, as_json: bool) -> None:
+    """Take back an entry of the list. It stays in the history: vsd log list --all.
+
+    The same command again changes nothing: an id stays that of its entry.
 
     \b
     Example:
-      vsd log remove 3
+      vsd log remove e3f9a21b
     """
     from vsd_analytics.config.change_log import entry_dict, remove_entry
 
-    made = remove_entry(project.site, number, at=project.now)
+    made = remove_entry(project.site, which, at=project.now)
     if as_json:
-        emit_json({"removes": entry_dict(made.before)})
+        emit_json({"removes": entry_dict(made.before), "is_new": made.is_new})
         return
-    click.echo(f"removed  {_line(made.before)}")
+    click.echo(f"{'removed' if made.is_new else 'was removed before'}  {_line(made.before)}")
 
 
 @log.command("list")
@@ -143,7 +147,7 @@ def log_remove(project: Project, number: int, as_json: bool) -> None:
 @json_option
 @pass_project
 def log_list(project: Project, is_all: bool, as_json: bool) -> None:
-    """List the entries by time, with their numbers for vsd compare --change and vsd log edit.
+    """List the entries by time: numbers for vsd compare --change, ids for vsd log edit and vsd log remove.
 
     \b
     Example:
@@ -151,18 +155,18 @@ def log_list(project: Project, is_all: bool, as_json: bool) -> None:
       vsd log list --all
       vsd log list --json
     """
-    from vsd_analytics.config.change_log import entry_dict, read_log
+    from vsd_analytics.config.change_log import entry_dict, entry_ids, read_log
 
     warn_of_broken_log_lines(project)
     if is_all:
         _history(project, as_json=as_json)
         return
-    entries = read_log(project.site)
+    entries, ids = read_log(project.site), entry_ids(project.site)
     if as_json:
-        emit_json({"log": [entry_dict(entry) for entry in entries]})
+        emit_json({"log": [{"id": ids[entry], **entry_dict(entry)} for entry in entries]})
         return
     for number, entry in enumerate(entries, start=1):
-        click.echo(f"{number:>3}  {_line(entry)}")
+        click.echo(f"{number:>3}  {ids[entry]}  {_line(entry)}")
     if not entries:
         project.say('no entries yet; add one: vsd log add "what was moved" --at 2026-11-11T12:00')
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from vsd_analytics.cli.ingest_output import warn_of_erased
 from vsd_analytics.cli.options import json_option, path_option
 from vsd_analytics.cli.output import count, emit_json, plain
 from vsd_analytics.cli.project import Project, pass_project
@@ -172,6 +173,7 @@ def _as_dict(done: Received) -> dict[str, Any]:
         "damaged": len(done.damaged),
         "damaged_files": sorted(done.damaged)[:_SHOWN],
         "new": done.fold.n_new,
+        "erased": done.n_erased + done.fold.n_erased,
         "quarantined": dict(quarantined),
         "held": dict(sorted(done.held.items())),
         "nodes": [
@@ -192,6 +194,7 @@ def _print_received(found: dict[str, Any]) -> None:
         click.echo(f"{first}{several}: damaged on the way or not signed by a node of this site; removed", err=True)
     for reason, n in sorted(found["quarantined"].items()):
         click.echo(f"{count(n, 'record')} quarantined: {reason}", err=True)
+    warn_of_erased(found["erased"])
     again = f", {found['again']:,} of them again" if found["again"] else ""
     click.echo(f"{count(found['files'], 'file')} received{again}, {count(found['new'], 'new record')} stored")
 

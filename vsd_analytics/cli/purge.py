@@ -31,7 +31,14 @@ if TYPE_CHECKING:
 @click.option("--forget-keys", is_flag=True, help="Destroy the keys of pseudonyms of days whose records are purged.")
 @click.option("--dry-run", is_flag=True, help="Print what would be deleted, delete nothing.")
 @click.option("--force", is_flag=True, help="Allow to delete more than half of what is stored.")
-@click.option("--reason", metavar="TEXT", help="Why, for the audit line in purge.jsonl.")
+@click.option(
+    "--reason",
+    metavar="TEXT",
+    help="Why, for the audit line in purge.jsonl. With --range: an erasure, these records never come back.",
+)
+@click.option(
+    "--lift", "is_lifting", is_flag=True, help="With --range and --reason of an erasure: let its records come again."
+)
 @json_option
 @pass_project
 def purge(
@@ -44,21 +51,24 @@ def purge(
     dry_run: bool,
     force: bool,
     reason: str | None,
+    is_lifting: bool,
     as_json: bool,
 ) -> None:
     """Delete records for good: by age, of a camera and time, or of one import. purge.jsonl logs what was deleted.
 
     By age, the figures of the deleted hours are sealed first and remain; records of these hours are refused from then
-    on. By camera and time, everything is deleted as if it had never come: to undo a wrong ingest, or because somebody
-    asked for it. Records in quarantine are deleted too, also those that may be meant because their camera or time is
-    unreadable. By import, what one file alone brought is deleted; what others brought as well stays.
+    on. By camera and time, everything is deleted as if it had never come. With a --reason, such as a person's request,
+    that lasts: the same records are left out when a file, a node, a bucket or the quarantine brings them again; --lift
+    ends it. Without a --reason they can be ingested again, corrected. Records in quarantine are deleted too, also those
+    that may be meant because their camera or time is unreadable. By import, what one file alone brought is deleted;
+    what others brought as well stays.
 
     \b
     Example:
       vsd purge --import 3f9c21ab --dry-run
       vsd purge --older-than 30d --dry-run
       vsd purge --older-than retention --forget-keys
-      vsd purge --camera cam-1 --range 2026-11-09T10:00..2026-11-09T12:00 --reason "wrong camera named"
+      vsd purge --camera cam-1 --range 2026-11-09T10:00..2026-11-09T12:00 --reason "request 7"
     """
     from vsd_analytics.retention import purge, purge_import
 
@@ -70,6 +80,12 @@ def purge(
         )
     if camera is not None and span is None:
         raise UsageError("--camera needs --range", fix=f"--camera {camera} --range 2026-11-09..2026-11-15")
+    if is_lifting and (span is None or reason is None):
+        raise UsageError(
+            "--lift needs the --range and the --reason of the erasure", fix="they stand in purge.jsonl, with its camera"
+        )
+    if reason is not None and not reason.strip():
+        raise UsageError("--reason is empty", fix='--reason "request 7"')
     with facts_progress(quiet=project.quiet or as_json) as (on_plan, on_hours):
         terms = purge.Terms(
             now=project.now,
@@ -87,6 +103,19 @@ def purge(
             found["older_than"] = purge.purge_older(project.site, before=before, terms=terms)
         elif span is not None:
             first_ms, after_ms = parse_span(span, project=project)
+            if is_lifting:
+                purge.lift_range(
+                    project.site,
+                    camera_id=camera_id_of(project, camera),
+                    first_ms=first_ms,
+                    after_ms=after_ms,
+                    terms=terms,
+                )
+                if as_json:
+                    emit_json({"dry_run": dry_run, "lifted": 1})
+                else:
+                    click.echo(f"the erasure {'would be' if dry_run else 'is'} lifted: bring its records again")
+                return
             found["range"] = purge.purge_range(
                 project.site, camera_id=camera_id_of(project, camera), first_ms=first_ms, after_ms=after_ms, terms=terms
             )
@@ -105,6 +134,9 @@ def purge(
     for purged in found.values():
         for line in _lines(purged, is_dry_run=dry_run):
             click.echo(line)
+    if span is not None:
+        ends = "they never come back (--lift ends that)" if reason else "to keep them out for good, add --reason"
+        click.echo(f"the same records, if they come again: {ends}")
 
 
 def _before(project: Project, age: str) -> date:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vsd_analytics.cli.file_options import renames_of
-from vsd_analytics.cli.ingest_output import stored_dict
+from vsd_analytics.cli.ingest_output import stored_dict, warn_of_erased
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import count, emit_json, plain, render_error
 from vsd_analytics.cli.project import Project, pass_project
@@ -202,9 +202,11 @@ def _replay_dict(result: ReplayResult, *, is_dry_run: bool) -> dict[str, Any]:
 
 def _print_replay(project: Project, result: ReplayResult, *, is_dry_run: bool) -> None:
     from vsd_analytics.ingest.intake.quarantine_writer import ReasonSummary, summarise
+    from vsd_analytics.store.erasures import ERASED
 
     left = {s.reason: s for s in summarise(project.site.root / "quarantine", n_examples=0)} if result.n_bad else {}
     _print_counts("left out", result.n_dropped, "")
+    warn_of_erased(result.n_dropped[ERASED] + result.fold.n_erased)
     for reason, n in sorted(result.n_bad.items()):
         click.echo(plain(f"    still bad: {n:,} {reason}"))
         if fix := _fix(project, left.get(reason, ReasonSummary(reason))):

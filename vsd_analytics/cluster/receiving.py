@@ -45,6 +45,7 @@ from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable, quarantine
 from vsd_analytics.store.day_chain import read_chain
+from vsd_analytics.store.erasures import KnownErasures, are_erased
 from vsd_analytics.store.imports import ImportLine, imports_of, next_run, note_import
 from vsd_analytics.store.outbox import IMPORTS
 from vsd_analytics.store.owners import OWNER
@@ -74,6 +75,7 @@ class Received:
         n_again: Files that were there again after their receipt.
         damaged: Files whose signature is wrong, removed: damaged on their way, or put there by somebody without the
             secret. The node writes its own again.
+        n_erased: Records left out because they were erased here on request.
         n_quarantined: Records put into quarantine, by reason; those of sealed hours are in `fold`.
         held: Files that this site cannot use now, each with the reason.
         nodes: What each node said last, signed by it.
@@ -84,6 +86,7 @@ class Received:
     n_records: Counter[str] = field(default_factory=Counter)
     n_again: int = 0
     damaged: list[str] = field(default_factory=list)
+    n_erased: int = 0
     n_quarantined: Counter[str] = field(default_factory=Counter)
     held: dict[str, str] = field(default_factory=dict)
     nodes: list[NodeNotice] = field(default_factory=list)
@@ -199,6 +202,7 @@ class _Desk:
         self.store = Store(site.acknowledged, site_id=site.site_id, ballast_mb=site.settings.ballast_mb)
         self._now = now
         self._pseudonyms = Pseudonyms(site, keys)
+        self._erasures = KnownErasures(self.store.root)
         self._cameras = pa.array([camera.camera_id for camera in site.cameras], pa.string())
         self._run = next_run(self.store.root)
 
@@ -227,9 +231,12 @@ class _Desk:
             for piece in part.pieces():  # all of it can be used, or nothing is stored
                 self._refuse_unknown_cameras(piece.rows)
             normaliser = Normaliser(self.site, now=self._now, keys=self.keys if self.site.settings.pseudonyms else None)
+            self._erasures.refresh()
             source, n_rows = f"{file.node}/{table}/{file.digest}.parquet", 0
             for piece in part.pieces():
-                rows = piece.rows
+                is_erased = are_erased(piece.rows, self._erasures.every)
+                self.result.n_erased += is_erased.true_count
+                rows = piece.rows.filter(pc.invert(is_erased))
                 is_good = np.ones(rows.num_rows, dtype=bool)
                 for fault in normaliser.faults(table, raw_rows(table, rows)):
                     self._quarantine(table, fault, rows[OWNER].take(pa.array(fault.at)), source=source, first=n_rows)
@@ -245,7 +252,7 @@ class _Desk:
                     for day in self._pseudonyms.days(good["ts"].cast(pa.int64()).to_numpy()):
                         self.keys.key(day)  # so that vsd purge --forget-keys knows the day
                 self.store.append(table, good, engines=part.engines)
-                n_rows += rows.num_rows + len(piece.rejected)
+                n_rows += piece.rows.num_rows + len(piece.rejected)
         return n_rows
 
     def _quarantine(self, table: TableName, fault: Fault, owners: pa.ChunkedArray, *, source: str, first: int) -> None:

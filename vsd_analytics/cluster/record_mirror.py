@@ -12,25 +12,32 @@ then has the very files of the store. Every command works on them, with the same
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping
+from datetime import datetime
 from pathlib import Path, PurePosixPath
 
 import msgspec
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from vsd_analytics.cluster import bucket
 from vsd_analytics.errors import StoreError, UsageError, Where
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable
-from vsd_analytics.store.layout import segment_paths
+from vsd_analytics.store.erasures import Erasure, are_erased, erasures
+from vsd_analytics.store.layout import HOUR_MS, segment_paths
 from vsd_analytics.store.removal import reading, removing
 from vsd_analytics.store.repeats import AGAIN
 from vsd_analytics.store.seals import FOLDER as SEALED
+from vsd_analytics.store.seals import seal_in
 
 RECORDS = "records"
 LIST = f"{RECORDS}/moment.json"
 FETCHED = "fetched.json"
 """In the store of a reader: which files it fetched."""
+_PART_HOUR = re.compile(r"/date=(?P<day>\d{4}-\d{2}-\d{2})/(?P<hour>\d{2})-")
 _TOPS = (*((("store", table)) for table in TABLES), ("store", AGAIN), (SEALED,))
 
 
@@ -86,12 +93,14 @@ def fetch_records(site: Site, url: str, s3: bucket.Bucket) -> tuple[int, int]:
 
     Raises:
         UsageError: E101, the project has records of its own.
+        StoreError: E322, records in the bucket were erased here on request.
         StoreError: E318, the bucket cannot be read; E319, it is that of another site or is not whole.
     """
     name, prefix = bucket.place(url)
     with bucket.refusals(url):
         moment = _moment(bucket.content(s3, name, f"{prefix}/{LIST}"), site, url)
-        own_records = _refuse_own_records(site)
+        _refuse_erased(site, moment, s3, url)
+        own_records = _refuse_own_records(site, moment)
         lacking = {path: digest for path, digest in moment.files.items() if own_records.get(path) != digest}
         _note(site, {**own_records, **moment.files})  # first, so that what a stop leaves is known as fetched
         for path, digest in sorted(lacking.items(), key=lambda item: (item[0].endswith(".json"), item[0])):
@@ -136,23 +145,71 @@ def _is_inside(path: str) -> bool:
     return is_plain and any(parts[: len(top)] == top and len(parts) > len(top) for top in _TOPS)
 
 
-def _refuse_own_records(site: Site) -> Mapping[str, str]:
-    """Return the files that were fetched before and are here; refuse a project that has others."""
+def _refuse_own_records(site: Site, moment: Moment) -> Mapping[str, str]:
+    """Return the files that were fetched before and are here; refuse a project that has others.
+
+    A file of the moment is none of its own: the same purge at the site and here leaves the same files.
+    """
     path = site.root / "store" / FETCHED
     try:
         noted = msgspec.json.decode(path.read_bytes(), type=dict[str, str])
     except (FileNotFoundError, msgspec.DecodeError, UnicodeDecodeError):
         noted = {}
-    here = _here(site.root)
+    here = {name: durable.file_digest(site.root / name) for name in _here(site.root)}
     spooled = [p for table in TABLES for p in segment_paths(site.root / "store", table)]
-    if spooled or any(name not in noted for name in here):
+    if spooled or any(name not in noted and moment.files.get(name) != digest for name, digest in here.items()):
         raise UsageError(
             "this project has records of its own",
             where=Where(str(site.root / "store")),
             why="fetching makes its records those of the bucket",
             fix="fetch into a new folder with a copy of vsd.toml",
         )
-    return {name: noted[name] for name in here if durable.file_digest(site.root / name) == noted[name]}
+    return {name: digest for name, digest in here.items() if digest in (noted.get(name), moment.files.get(name))}
+
+
+def _refuse_erased(site: Site, moment: Moment, s3: bucket.Bucket, url: str) -> None:
+    """Raise StoreError E322 where a bucket holds records, or sealed facts of them, that were erased in this project.
+
+    Looks before anything is fetched, into parts and seals of the times of the erasures alone.
+    """
+    erased = erasures(site.root / "store")
+    name, prefix = bucket.place(url)
+    for path, digest in moment.files.items():
+        if not any(_may_hold(path, erasure) for erasure in erased):
+            continue
+        data = bucket.content(s3, name, f"{prefix}/{RECORDS}/{digest}")
+        if data is None or durable.digest(data) != digest:
+            raise _not_whole(url, "a file is gone or damaged: a newer moment may be there")
+        if _holds_erased(path, data, erased):
+            raise StoreError(
+                f"the records in {url} hold some that were deleted here on request",
+                code="E322",
+                where=Where(path),
+                why="fetched, they would be here again",
+                fix="at the site: vsd purge with the same --camera, --range and --reason, then vsd build --publish "
+                f"{url} --records; or here, if the erasure was a mistake: vsd purge with them and --lift",
+            )
+
+
+def _may_hold(path: str, erasure: Erasure) -> bool:
+    """Tell whether a file is a part or a seal of a time that an erasure touches."""
+    which = erasure.which
+    if part := _PART_HOUR.search(path):
+        first = datetime.fromisoformat(f"{part['day']}T{part['hour']}:00:00+00:00").timestamp() * 1000
+        return path.startswith("store/") and first < which.after_ms and which.first_ms < first + HOUR_MS
+    return path.startswith("sealed/") and path.endswith(".json")
+
+
+def _holds_erased(path: str, data: bytes, erased: Collection[Erasure]) -> bool:
+    if path.startswith("store/"):
+        return bool(are_erased(pq.read_table(pa.BufferReader(data), columns=["camera_id", "ts"]), erased).true_count)
+    seal = seal_in(data)
+    return seal is not None and any(
+        unit.last_ms and which.camera_id in (None, *unit.last_ms)
+        for hour, unit in seal.hours.items()
+        for which in (erasure.which for erasure in erased)
+        if which.first_ms < (hour + 1) * HOUR_MS and hour * HOUR_MS < which.after_ms
+    )
 
 
 def _note(site: Site, files: Mapping[str, str]) -> None:

@@ -1,13 +1,17 @@
 """The site's change log: what was moved, when and where, and how the report's questions were answered.
 
 `log.jsonl` only grows (`log_records`): a correction is a new line. Entries with the same instant, text and area count
-as one entry, even if the file repeats them.
+as one entry, even if the file repeats them. An entry has an id that stays when it is corrected, and no other entry ever
+gets; its number in the list changes with the entries before it.
 """
 
 from __future__ import annotations
 
+import json
+import re
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import UTC, datetime
+from itertools import count
 from typing import Any, Final
 
 from vsd_analytics.config.asked_questions import asked_question
@@ -27,10 +31,12 @@ from vsd_analytics.config.values import parse_instant
 from vsd_analytics.errors import CONTROL, UsageError
 from vsd_analytics.site.model import LogEntry, Site
 from vsd_analytics.site.questions import AnswerKind, QuestionAnswer
+from vsd_analytics.store.durable import digest
 
-__all__ = ["FILE", "add_answer", "add_entry", "edit_entry", "entry_dict", "read_answers", "read_log", "remove_entry",
-           "torn_lines"]  # fmt: skip
+__all__ = ["FILE", "add_answer", "add_entry", "edit_entry", "entry_dict", "entry_ids", "read_answers", "read_log",
+           "remove_entry", "torn_lines"]  # fmt: skip
 
+_ID: Final = re.compile(r"e[0-9a-f]{8}")
 AS_IT_IS: Final = "*"
 """For `edit_entry`: the area of the entry stays."""
 
@@ -57,10 +63,12 @@ class Superseded:
     Attributes:
         before: The entry as it was.
         after: As it is now; None = taken back.
+        is_new: This call did it; False = it was taken back before.
     """
 
     before: LogEntry
     after: LogEntry | None = None
+    is_new: bool = True
 
 
 def read_log(site: Site) -> tuple[LogEntry, ...]:
@@ -72,6 +80,15 @@ def read_log(site: Site) -> tuple[LogEntry, ...]:
         InputError: A line is not an entry (E110).
     """
     return _entries(read_records(site))
+
+
+def entry_ids(site: Site) -> dict[LogEntry, str]:
+    """Return the id of each entry in force.
+
+    Raises:
+        InputError: A line is not an entry (E110).
+    """
+    return _Ids(read_records(site)).current
 
 
 def read_answers(site: Site) -> tuple[QuestionAnswer, ...]:
@@ -151,13 +168,13 @@ def add_answer(
 
 
 def edit_entry(
-    site: Site, number: int, *, text: str | None = None, at: str | datetime | None = None, area: str | None = AS_IT_IS
+    site: Site, which: str, *, text: str | None = None, at: str | datetime | None = None, area: str | None = AS_IT_IS
 ) -> Superseded:
     """Correct an entry: a new line supersedes it, the old one stays in the file.
 
     Args:
         site: The site.
-        number: The entry's place in the log, from 1.
+        which: The entry's id. Or its number in the list, unless the correction moves it to another one.
         text: What it says now; None = as before.
         at: When; None = as before.
         area: Id of the area, None for the whole site; `AS_IT_IS` = as before.
@@ -167,7 +184,7 @@ def edit_entry(
         InputError: A line is not an entry (E110).
         DiskError: E304 to E306, the disk refused; the log is as before.
     """
-    entry = _numbered(site, number)
+    entry = _chosen(site, which)
     new = replace(
         entry,
         text=entry.text if text is None else _one_line(text),
@@ -175,12 +192,17 @@ def edit_entry(
         area_id=entry.area_id if area == AS_IT_IS else _known_area(area, site),
     )
     if new == entry:
-        raise UsageError("the entry says this already", fix=f'vsd log edit {number} --text "…" --at … --area ID')
+        raise UsageError("the entry says this already", fix=f'vsd log edit {which} --text "…" --at … --area ID')
+    if which.isdecimal() and _moves(read_log(site), entry, new):
+        raise _by_id(site, entry, which, f"edit ID --at {new.at.isoformat(timespec='minutes')}", done="corrected")
 
     def line(records: tuple[LogRecord, ...]) -> dict[str, Any]:
         _still_there(records, entry)
         if new in _entries(records):
-            raise UsageError("the log has another entry with this time, area and text", fix=f"vsd log remove {number}")
+            raise UsageError(
+                "the log has another entry with this time, area and text",
+                fix=f"vsd log remove {_Ids(records).current[new]}",
+            )
         more = {} if new.question is None else {"question": new.question, "answer": "tried"}
         more |= {} if new.by is None else {"by": new.by}
         return {**entry_dict(new), **more, "replaces": entry_dict(entry)}
@@ -189,20 +211,24 @@ def edit_entry(
     return Superseded(entry, new)
 
 
-def remove_entry(site: Site, number: int, *, at: str | datetime) -> Superseded:
-    """Take an entry back: a new line says so, the entry stays in the file.
+def remove_entry(site: Site, which: str, *, at: str | datetime) -> Superseded:
+    """Take an entry back: a new line says so, the entry stays in the file. A second time changes nothing.
 
     Args:
         site: The site.
-        number: The entry's place in the log, from 1.
+        which: The entry's id.
         at: When it is taken back.
 
     Raises:
-        UsageError: E101, no such entry.
+        UsageError: E101, no such entry, or a number, which is that of another entry as soon as this one is taken back.
         InputError: A line is not an entry (E110).
         DiskError: E304 to E306, the disk refused; the log is as before.
     """
-    entry, when = _numbered(site, number), _instant(at, site)
+    if (gone := _Ids(read_records(site)).gone.get(which)) is not None:
+        return Superseded(gone, is_new=False)
+    entry, when = _chosen(site, which), _instant(at, site)
+    if which.isdecimal():
+        raise _by_id(site, entry, which, "remove ID", done="taken back")
 
     def line(records: tuple[LogRecord, ...]) -> dict[str, Any]:
         _still_there(records, entry)
@@ -223,12 +249,64 @@ def _entries(records: tuple[LogRecord, ...]) -> tuple[LogEntry, ...]:
     return tuple(sorted(current, key=lambda entry: entry.at))
 
 
-def _numbered(site: Site, number: int) -> LogEntry:
+class _Ids:
+    """The ids of the entries of a log.
+
+    Args:
+        records: What the lines say, in order.
+
+    Attributes:
+        current: Id of each entry in force.
+        gone: Entries that were taken back, by id.
+    """
+
+    def __init__(self, records: tuple[LogRecord, ...]) -> None:
+        self.current: dict[LogEntry, str] = {}
+        self.gone: dict[str, LogEntry] = {}
+        for record in records:
+            before = None if record.supersedes is None else self.current.pop(record.supersedes, None)
+            if record.entry is not None and record.entry not in self.current:
+                self.current[record.entry] = before or self._new(record.entry)
+            elif before is not None and record.supersedes is not None:
+                self.gone[before] = record.supersedes
+
+    def _new(self, entry: LogEntry) -> str:
+        said = [entry.at.astimezone(UTC).isoformat(), entry.text, entry.area_id]
+        for n_same in count():
+            name = "e" + digest(json.dumps([*said, *([n_same] if n_same else [])]).encode())[:8]
+            if name not in self.gone and name not in self.current.values():
+                return name
+        raise AssertionError("count never ends")
+
+
+def _chosen(site: Site, which: str) -> LogEntry:
+    """Return the entry in force with an id, or with a number in the list."""
     entries = read_log(site)
-    if 1 <= number <= len(entries):
-        return entries[number - 1]
+    if not which.isdecimal():
+        named = {name: entry for entry, name in entry_ids(site).items()}
+        if which in named:
+            return named[which]
+        if not _ID.fullmatch(which):
+            raise UsageError(f"{which!r} is neither an id nor a number of an entry", fix="vsd log list")
+    elif 1 <= int(which) <= len(entries):
+        return entries[int(which) - 1]
     why = f"it has {len(entries)}" if entries else "it is empty"
-    raise UsageError(f"the change log has no entry {number}", why=why, fix="vsd log list")
+    raise UsageError(f"the change log has no entry {which}", why=why, fix="vsd log list")
+
+
+def _moves(entries: tuple[LogEntry, ...], entry: LogEntry, new: LogEntry) -> bool:
+    """Tell whether an entry has another number once it is corrected."""
+    others = [each for each in entries if each != entry]
+    return sorted([*others, new], key=lambda e: e.at).index(new) != entries.index(entry)
+
+
+def _by_id(site: Site, entry: LogEntry, which: str, command: str, *, done: str) -> UsageError:
+    name = entry_ids(site)[entry]
+    return UsageError(
+        f"entry {which} is {done} by its id, {name}",
+        why=f"the same command again would mean another entry; {which} is now: {entry.at.date()} {entry.text[:60]}",
+        fix=f"vsd log {command.replace('ID', name, 1)}",
+    )
 
 
 def _still_there(records: tuple[LogRecord, ...], entry: LogEntry) -> None:

@@ -69,6 +69,7 @@ def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: st
         floor_id = _floor(table, floors)
         calibrations, planes = read_calibrations(table, camera_id, timezone=timezone)
         picture = _picture(table, "picture")
+        first_day, end_day = _days(table, timezone=timezone, things="cameras")
         camera = Camera(
             camera_id=camera_id or "",
             name=name or "",
@@ -83,6 +84,8 @@ def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: st
             has_clock="clock" in table.values,
             planes=planes,
             source=read_camera_source(table, camera_id),
+            first_day=first_day,
+            end_day=end_day,
             ignore_px=table.parsed("ignore_px", example=_IGNORE_PX, parse=_ignored, form=_IGNORE_FORM) or (),
         )
         if planes and "view" not in table.values:
@@ -110,7 +113,7 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
         floor_id = _floor(table, floors)
         polygon = _polygon(table, "polygon", required=True)
         ask = table.text("ask", example='"Could the queue end at the other wall?"')
-        first_day, end_day = _days(table, timezone=timezone)
+        first_day, end_day = _days(table, timezone=timezone, things="areas")
         has_visits, is_door = (table.flag(key) or False for key in ("visits", "door"))
         long_s = table.number("long_visit_s", minimum=1, maximum=86_400, unit="seconds", example="120")
         is_queue, served_in = table.flag("queue") or False, table.text("served_in", example='"till-1"')
@@ -209,17 +212,17 @@ def _dates(table: TableReader, *, timezone: str) -> tuple[datetime | None, datet
     return since, until
 
 
-def _days(table: TableReader, *, timezone: str) -> tuple[date | None, date | None]:
-    """Return the local days `from` which and `to` which an area counts: whole days, since figures are made of days."""
+def _days(table: TableReader, *, timezone: str, things: str) -> tuple[date | None, date | None]:
+    """Return the local days `from` which and `to` which a thing counts: whole days, since figures are made of days."""
     since, until = _dates(table, timezone=timezone)
     instants = [at if at is None else at.astimezone(ZoneInfo(timezone)) for at in (since, until)]
     for key, at in zip(("from", "to"), instants, strict=True):
         if at is not None and at.time() != time():
             table.fault(
                 key,
-                f"{table.label} {key} has a time of day, but areas count whole days",
+                f"{table.label} {key} has a time of day, but {things} count whole days",
                 code="E125",
-                why="its figures would mix hours with and without the area",
+                why="the figures of that day would mix hours with and without it",
                 fix=f'{key} = "{at.date()}"',
             )
     first_day, end_day = (None if at is None else at.date() for at in instants)

@@ -81,7 +81,7 @@ def add_line(site: Site, make: Callable[[tuple[LogRecord, ...]], dict[str, Any] 
     with exclusive(site.root / LOCK):
         sweep_temporaries(path.parent, file_name=path.name)
         before = path.read_bytes() if path.exists() else None
-        is_private = before is not None and not path.stat().st_mode & 0o077
+        is_private = before is None or not path.stat().st_mode & 0o077  # it may name people; an owner may share it
         lines = list(whole_lines(site))
         removed = tuple(line.decode(errors="replace") for _, line in _lines(site) if _is_torn(line))
         new = make(tuple(_readable(lines, site)))

@@ -119,7 +119,9 @@ def examine_listener(site: Site, *, status: Mapping[str, Any] | None, now: datet
         yield Finding(name, "ok", f"listening since {since}: {counts}{lag}")
     yield from _examine_sources(sources)
     silence = timedelta(seconds=site.settings.coverage_gap_s)
-    silent = [c.camera_id for c in site.cameras if c.camera_id not in last or at - last[c.camera_id] > silence]
+    today = at.astimezone(site.zone).date()
+    there = [c for c in site.cameras if c.is_there(today, today)]
+    silent = [c.camera_id for c in there if c.camera_id not in last or at - last[c.camera_id] > silence]
     if silent and (at - datetime.fromisoformat(status["started"])) > silence:
         detail = f"silent for more than {silence.total_seconds() / 60:g} min: {', '.join(silent)}"
         yield Finding("live cameras", "needs you", detail, "look at their engines: each processed frame is a message")

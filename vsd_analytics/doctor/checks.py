@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -15,7 +15,7 @@ from pathlib import Path
 from vsd_analytics.config.project import FILE, find_project, load_site
 from vsd_analytics.doctor.finding import Finding
 from vsd_analytics.doctor.nodes import examine_exchange
-from vsd_analytics.errors import ConfigError, VsdError
+from vsd_analytics.errors import ConfigError, StoreError, VsdError
 from vsd_analytics.report.pages.pdf import find_chromium
 from vsd_analytics.settings import SETTINGS, Settings
 from vsd_analytics.site.model import Camera, Site
@@ -135,10 +135,22 @@ def _project(
     yield from _watch(site)
     yield from _live(site, now=now, environ=environ, broker_config=broker_config)
     yield _plans(site)
-    for camera in site.cameras:
+    today = now.astimezone(site.zone).date()
+    there = [c for c in site.cameras if c.end_day is None or c.end_day > today]
+    for camera in there:
         yield _calibration(camera, now=now)
-    yield _pictures(site)
+    yield from _agreement(site)
+    yield _pictures(there)
     yield _log(site)
+
+
+def _agreement(site: Site) -> Iterator[Finding]:
+    """Yield a finding for each thing stored that vsd.toml does not describe; damage is reported by other checks."""
+    from vsd_analytics.warehouse.agreement import stored_disagreements
+
+    with suppress(StoreError):
+        for problem in stored_disagreements(site):
+            yield Finding(FILE, "needs you", f"{problem.what}: {problem.why}", problem.fix or "")
 
 
 def _file_system(folder: Path) -> Finding:
@@ -278,8 +290,8 @@ def _plans(site: Site) -> Finding:
     )
 
 
-def _pictures(site: Site) -> Finding:
-    without = [c for c in site.cameras if c.picture is None]
+def _pictures(cameras: Sequence[Camera]) -> Finding:
+    without = [c for c in cameras if c.picture is None]
     if not without:
         return Finding("camera pictures", "ok", "every camera has one")
     detail = f"none for {', '.join(c.camera_id for c in without)}"

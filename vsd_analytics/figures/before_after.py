@@ -260,8 +260,9 @@ def _guard(pair: TwoPeriods, area: Area) -> tuple[State, Reason | None]:
         return "not_measurable", why if cameras_on else Reason("redesign.not_alike")
     least, at = pair.data.site.settings.min_coverage, _at(pair, cameras)
     for period in (pair.before, pair.now):
-        recorded_s, open_s = pair.data.hours.recorded_s[:, period.is_inside], pair.data.hours.open_s[period.is_inside]
-        share = float(recorded_s[at].sum() / (len(at) * open_s.sum())) if len(at) else 1.0
+        hours = pair.data.hours
+        recorded_s, open_s = (s[at][:, period.is_inside].sum() for s in (hours.recorded_s, hours.scheduled_s))
+        share = float(recorded_s / open_s) if open_s else 1.0
         if share < least:
             days = span((period.first, period.last))
             return "not_enough_data", Reason("redesign.coverage", share=share, days=days, least=least)

@@ -12,7 +12,7 @@ from vsd_analytics.figures.hotspot_windows import SEEN_SHARE
 from vsd_analytics.geometry import camera_views
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Site
-from vsd_analytics.warehouse.dimensions import area_cells, in_force
+from vsd_analytics.warehouse.dimensions import area_cells, camera_life, in_force
 
 if TYPE_CHECKING:
     from shapely import Polygon
@@ -74,7 +74,8 @@ def _views(site: Site, floor_id: str, *, at_ms: int) -> list[Polygon] | None:
     """Return what the cameras of a floor see, or None when that is unknown of one."""
     found = []
     for camera in site.cameras:
-        if camera.floor_id == floor_id:
+        first_ms, end_ms = camera_life(site, camera)
+        if camera.floor_id == floor_id and first_ms <= at_ms < end_ms:
             calibrations = in_force(camera, at_ms)
             view = camera_views.view_polygon(camera, calibration=calibrations[0] if calibrations else None)
             if view is None:

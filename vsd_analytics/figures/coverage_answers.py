@@ -8,9 +8,11 @@ from typing import Any, Final
 
 from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, Value
 from vsd_analytics.figures.operator_counts import coverage
+from vsd_analytics.site.model import Camera
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 CLOSED: Final = Reason("recorded.closed_then")
+NOT_THERE: Final = Reason("camera.not_there")
 _ANY_RECORDED: Final = "select 1 from camera_hours where recorded_s > 0 limit 1"
 _HOURS: Final = (
     Column("recorded_share", "share", "share", "M1", per="scheduled_h"),
@@ -70,15 +72,20 @@ def coverage_answers(warehouse: Warehouse, *, until_ms: int | None = None) -> tu
     )
     cameras = found["cameras"]
     whole = {name: sum(c[name] for c in cameras) for name in ("recorded_h", "scheduled_h")}
-    of_all: Row = {"camera_id": None, "name": site.name, **_hours({**whole, "share": found["share"]})}
+    of_all: Row = {
+        "camera_id": None,
+        "name": site.name,
+        **_hours({**whole, "share": found["share"]}, None, warehouse.first, warehouse.last),
+    }
     days: list[Row] = [
-        {"camera_id": c["camera_id"], "local_date": date.fromisoformat(d["date"]), **_hours(d)}
+        {"camera_id": c["camera_id"], "local_date": day, **_hours(d, site.camera(c["camera_id"]), day, day)}
         for c in cameras
         for d in c["days"]
+        for day in (date.fromisoformat(d["date"]),)
     ]
     restarts = tuple(_stretch("restart", k, r) for k, r in enumerate(found["restarts"], 1))
     return (
-        Answer("recorded", CAMERAS, (*(_camera(c) for c in cameras), of_all), holds),
+        Answer("recorded", CAMERAS, (*(_camera(c, warehouse) for c in cameras), of_all), holds),
         Answer("recorded_days", DAYS, tuple(days), holds),
         Answer(
             "camera_outages",
@@ -112,12 +119,15 @@ def _gaps(found: Mapping[str, Any], holds: HoldsFor, *, is_recorded: bool) -> An
     return Answer("message_gaps", GAPS, rows, holds)
 
 
-def _camera(camera: Mapping[str, Any]) -> Row:
-    return {"camera_id": camera["camera_id"], "name": camera["name"], **_hours(camera)}
+def _camera(camera: Mapping[str, Any], warehouse: Warehouse) -> Row:
+    described = warehouse.site.camera(camera["camera_id"])
+    hours = _hours(camera, described, warehouse.first, warehouse.last)
+    return {"camera_id": camera["camera_id"], "name": camera["name"], **hours}
 
 
-def _hours(told: Mapping[str, Any]) -> Row:
-    share = Value.missing(CLOSED) if told["share"] is None else Value(told["share"])
+def _hours(told: Mapping[str, Any], camera: Camera | None, first: date, last: date) -> Row:
+    is_there = camera is None or camera.is_there(first, last)
+    share = Value.missing(CLOSED if is_there else NOT_THERE) if told["share"] is None else Value(told["share"])
     return {"recorded_share": share, "recorded_h": told["recorded_h"], "scheduled_h": told["scheduled_h"]}
 
 

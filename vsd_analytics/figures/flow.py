@@ -148,7 +148,7 @@ def flow(period: Period) -> Flow | None:
     rows = data.warehouse.table(_MOVES, {"floor": data.floor.floor_id, "first": period.first, "last": period.last})
     moves = _Moves.of(period, rows, asked)
     recorded = data.hours.recorded_s[:, period.is_inside].sum(axis=1)
-    open_s = float(data.hours.open_s[period.is_inside].sum()) * len(data.ids)
+    open_s = float(data.hours.scheduled_s[:, period.is_inside].sum())
     unseen = links(period)
     return Flow(
         tuple(_of_those_in_view(of, unseen) for of in _areas(period, moves, asked)),

@@ -144,8 +144,9 @@ def forecast(
         >>> vsd.forecast(warehouse, date(2026, 11, 9)).week
         '2026-W47'
     """
-    slots = load_slots(warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id)
     next_monday = monday + timedelta(days=7)
+    there = next_monday, next_monday + timedelta(days=6)
+    slots = load_slots(warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id, there=there)
     open_h, share = open_hours(warehouse.site, next_monday), warehouse.site.settings.forecast_share
     return FloorForecast(
         week=iso_week(next_monday),

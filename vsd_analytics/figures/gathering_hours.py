@@ -28,7 +28,9 @@ def gathering_hours(warehouse: Warehouse, monday: date, *, floor_id: str) -> tup
     Raises:
         UsageError: E101, `monday` is no Monday, or the site has no such floor.
     """
-    slots = load_slots(warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id)
+    slots = load_slots(
+        warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id, there=(monday, monday + timedelta(days=6))
+    )
     first = monday - timedelta(weeks=HISTORY_WEEKS)
     rows = warehouse.rows(
         "select g.camera_id, date_diff('day', $first, g.local_date)::bigint as day, h.local_hour::bigint as hour, "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import date
+from datetime import date, timedelta
 from typing import Final
 
 import numpy as np
@@ -91,7 +91,9 @@ def week_profile(warehouse: Warehouse, monday: date, *, floor_id: str | None = N
         >>> len(vsd.week_profile(warehouse, date(2026, 11, 9)).rows)  # the open hours of a week
         86
     """
-    slots = load_slots(warehouse, monday, n_weeks=PROFILE_WEEKS, floor_id=floor_id)
+    slots = load_slots(
+        warehouse, monday, n_weeks=PROFILE_WEEKS, floor_id=floor_id, there=(monday, monday + timedelta(days=6))
+    )
     confidence = float(warehouse.site.settings.confidence)
     violations, people = slots.violations, slots.people
     n_weeks = (violations.x_h > 0).sum(axis=0)

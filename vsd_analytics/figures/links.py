@@ -79,7 +79,7 @@ def links(period: Period) -> Links:
     data, settings = period.data, period.data.site.settings
     asked = [a for a in data.areas if a.has_visits]
     hours = data.hours
-    together = hours.is_counted.all(axis=0) & period.is_inside
+    together = hours.all_counted(np.ones(len(data.ids), dtype=np.bool_)) & period.is_inside
     open_h = float(hours.open_s[period.is_inside].sum())
     recorded = float(hours.open_s[together].sum()) / open_h if open_h else 0.0
     if not asked or not together.any():

@@ -48,8 +48,10 @@ def begun_until_ms(warehouse: Warehouse, *, now: datetime) -> int | None:
 
 def silent_cameras(warehouse: Warehouse) -> list[str]:
     """Return the ids of cameras that recorded nothing in a range in which others did."""
-    rows = warehouse.rows("select camera_id from camera_hours group by camera_id having max(recorded_s) = 0 order by 1")
-    return [row["camera_id"] for row in rows] if len(rows) < len(warehouse.site.cameras) else []
+    there = "select camera_id, max(recorded_s) as recorded_s from camera_hours where length_s > 0 group by 1 order by 1"
+    rows = warehouse.rows(there)
+    silent = [row["camera_id"] for row in rows if not row["recorded_s"]]
+    return silent if len(silent) < len(rows) else []
 
 
 def hours(

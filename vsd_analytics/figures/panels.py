@@ -37,7 +37,8 @@ class Hours:
         hour: Local hour, 0 to 23, same shape.
         fold: 1 for the second of two equal local hours, same shape.
         open_s: Opening time, same shape.
-        recorded_s: Recorded opening time, shape (n_cameras, n_hours).
+        scheduled_s: Opening time while each camera is there, shape (n_cameras, n_hours).
+        recorded_s: Recorded opening time, same shape.
         is_counted: Camera-hours that enter rates, same shape.
         is_inferred: Recorded time is concluded from silences, same shape.
         knows_people: Exposure is known, same shape.
@@ -48,6 +49,7 @@ class Hours:
     hour: Ints
     fold: Ints
     open_s: Array
+    scheduled_s: Array
     recorded_s: Array
     is_counted: Flags
     is_inferred: Flags
@@ -57,6 +59,11 @@ class Hours:
     def weekday(self) -> Ints:
         """Return the weekday of each hour, 0 Monday to 6 Sunday."""
         return (self.day - 1) % 7
+
+    def all_counted(self, cameras: Flags) -> Flags:
+        """Return the hours in which each of some cameras that is there counts, and one at least, shape (n_hours,)."""
+        counts, is_there = self.is_counted[cameras], self.scheduled_s[cameras] > 0
+        return np.asarray((counts | ~is_there).all(axis=0) & counts.any(axis=0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -271,17 +278,19 @@ class FloorHours:
             values: NDArray[Any] = rows[name].to_numpy()
             return values.reshape(-1, n_cameras).T
 
-        first = [grid(name)[0] for name in ("hour_start_ms", "local_date", "local_hour", "fold", "open_s")]
-        start_ms, day, hour, fold, open_s = first
-        recorded_s = grid("recorded_s")
-        is_counted = (open_s > 0) & (recorded_s > 0) & (recorded_s >= self.site.settings.partial_hour_share * open_s)
+        first = [grid(name)[0] for name in ("hour_start_ms", "local_date", "local_hour", "fold")]
+        start_ms, day, hour, fold = first
+        recorded_s, scheduled_s = grid("recorded_s"), grid("open_s")
+        least_s = self.site.settings.partial_hour_share * scheduled_s
+        is_counted = (scheduled_s > 0) & (recorded_s > 0) & (recorded_s >= least_s)
         epoch = date(1970, 1, 1).toordinal()
         hours = Hours(
             start_ms=start_ms.astype(np.int64),
             day=day.astype("datetime64[D]").astype(np.int64) + epoch,
             hour=hour.astype(np.int64),
             fold=fold.astype(np.int64),
-            open_s=open_s,
+            open_s=scheduled_s.max(axis=0),
+            scheduled_s=scheduled_s,
             recorded_s=recorded_s,
             is_counted=is_counted,
             is_inferred=grid("is_inferred"),

@@ -80,7 +80,7 @@ class Presence:
         seconds[is_empty & ~has_rows, 0] = together[is_empty & ~has_rows]
         is_there = self.data.is_there(area_id) if area_id is not None else None
         # hours with people but without rows were purged before anybody asked
-        is_recorded = hours.is_counted[self.cameras].all(axis=0) & self.cameras.any()
+        is_recorded = hours.all_counted(self.cameras)
         known = np.asarray(is_recorded & (is_empty | has_rows))
         self.is_known: Flags = known if is_there is None else known & is_there
         self.seconds: Array = np.where(self.is_known[:, None], seconds, 0.0)
@@ -94,8 +94,9 @@ class Presence:
     @cached_property
     def silent_cameras(self) -> tuple[str, ...]:
         """Return the cameras that see the place and recorded nothing of the period."""
-        recorded = self.data.hours.recorded_s[:, self.period.is_inside].sum(axis=1)
-        return tuple(c for c, sees, s in zip(self.data.ids, self.cameras, recorded, strict=True) if sees and not s)
+        hours, inside = self.data.hours, self.period.is_inside
+        is_silent = hours.scheduled_s[:, inside].any(axis=1) & ~hours.recorded_s[:, inside].any(axis=1)
+        return tuple(c for c, silent in zip(self.data.ids, self.cameras & is_silent, strict=True) if silent)
 
     @property
     def numbers(self) -> Array:

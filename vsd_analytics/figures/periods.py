@@ -45,7 +45,7 @@ class Period:
     @cached_property
     def scheduled_h(self) -> float:
         """Return the opening hours of its cameras."""
-        return float(self.data.hours.open_s[self.is_inside].sum()) * len(self.data.ids) / 3600
+        return float(self.data.hours.scheduled_s[:, self.is_inside].sum()) / 3600
 
     @cached_property
     def recorded_h(self) -> float:

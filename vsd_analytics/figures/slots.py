@@ -22,6 +22,7 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 Floats = NDArray[np.float64]
 
 NO_IDS: Final = Reason("engine.no_ids_or_distances")
+Span = tuple[date, date]
 NO_POSITIONS: Final = Reason("engine.no_positions")
 NOTHING_OPEN: Final = Reason("recorded.nothing_open")
 
@@ -34,7 +35,8 @@ class Slots:
         monday: First day of the last week.
         camera_ids: The cameras.
         open_h: Open hours, shape (n_weeks, 168), oldest week first.
-        recorded_h: Recorded open hours, shape (n_cameras, n_weeks, 168).
+        scheduled_h: Open hours while a camera is there, shape (n_cameras, n_weeks, 168).
+        recorded_h: Recorded open hours, same shape.
         person_h: Person-hours, same shape; NaN where they are not known.
         violation_h: Person-hours in violation, same shape; NaN where they are not known.
         n_violations: Violations, same shape; NaN where they are not known.
@@ -44,6 +46,7 @@ class Slots:
     monday: date
     camera_ids: tuple[str, ...]
     open_h: Floats
+    scheduled_h: Floats
     recorded_h: Floats
     person_h: Floats
     violation_h: Floats
@@ -95,7 +98,9 @@ class Slots:
         return bool(recorded.any()) and bool(np.isnan(counts[recorded]).all())
 
 
-def load_slots(warehouse: Warehouse, monday: date, *, n_weeks: int, floor_id: str | None = None) -> Slots:
+def load_slots(
+    warehouse: Warehouse, monday: date, *, n_weeks: int, floor_id: str | None = None, there: Span | None = None
+) -> Slots:
     """Return the hours of the week from `monday` and the weeks before it; days that are not loaded are not recorded.
 
     Args:
@@ -103,13 +108,17 @@ def load_slots(warehouse: Warehouse, monday: date, *, n_weeks: int, floor_id: st
         monday: First day of the last week.
         n_weeks: Weeks, this one included.
         floor_id: Only the cameras of this floor; None = all.
+        there: First and last of some days: a camera that is there on none of them is left out, with its past, unless
+            all are; None = all cameras. What is expected of a week is expected of the cameras that are there.
 
     Raises:
         UsageError: E101, `monday` is no Monday, or the site has no such floor.
     """
     site = warehouse.site
     _check(site, monday, floor_id)
-    cameras = tuple(c.camera_id for c in site.cameras if floor_id in (None, c.floor_id))
+    of_floor = [c for c in site.cameras if floor_id in (None, c.floor_id)]
+    present = of_floor if there is None else [c for c in of_floor if c.is_there(*there)]
+    cameras = tuple(c.camera_id for c in present or of_floor)
     first = monday - timedelta(weeks=n_weeks - 1)
     rows = warehouse.table(
         "select camera_id, date_diff('day', $first, local_date)::bigint as day, local_hour::bigint as hour, "
@@ -126,10 +135,12 @@ def load_slots(warehouse: Warehouse, monday: date, *, n_weeks: int, floor_id: st
         made[camera, slot] = rows[name].to_numpy()
         return made.reshape(len(cameras), n_weeks, SLOTS)
 
+    scheduled_h = grid("open_h", 0.0)
     return Slots(
         monday=monday,
         camera_ids=cameras,
-        open_h=grid("open_h", 0.0).max(axis=0, initial=0.0),
+        open_h=scheduled_h.max(axis=0, initial=0.0),
+        scheduled_h=scheduled_h,
         recorded_h=grid("recorded_h", 0.0),
         person_h=grid("person_h", np.nan),
         violation_h=grid("violation_h", np.nan),

@@ -179,7 +179,8 @@ def today(warehouse: Warehouse, at: datetime, *, floor_id: str | None = None) ->
     """
     settings = warehouse.site.settings
     yesterday, monday = at.date() - timedelta(days=1), at.date() - timedelta(days=at.weekday())
-    loaded = load_slots(warehouse, monday, n_weeks=LOADED_WEEKS, floor_id=floor_id)
+    there = at.date(), at.date()
+    loaded = load_slots(warehouse, monday, n_weeks=LOADED_WEEKS, floor_id=floor_id, there=there)
     slots = _weeks_from(loaded, yesterday, at, open_h=_open_hours(warehouse, yesterday))
     n_over = HOURS + at.hour
     confidence = 1 - (1 - settings.confidence) / 2
@@ -240,6 +241,7 @@ def _weeks_from(slots: Slots, first: date, at: datetime, *, open_h: Floats) -> S
         slots,
         monday=first,
         open_h=opened,
+        scheduled_h=cut(slots.scheduled_h, 0.0),
         recorded_h=recorded_h,
         person_h=cut(slots.person_h, np.nan),
         violation_h=cut(slots.violation_h, np.nan),

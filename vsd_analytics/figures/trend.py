@@ -93,7 +93,8 @@ def trend(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) ->
     why = why_no_trend(weeks)
     names = {c.camera_id: c.name for c in warehouse.site.cameras}
     cameras = tuple(names[c] for c in slots.camera_ids)
-    left_out = tuple(name for name, recorded in zip(cameras, used[:, -1], strict=True) if not recorded.any())
+    is_lost = np.asarray(~used[:, -1].any(axis=1) & (slots.scheduled_h[:, -1] > 0).any(axis=1))
+    left_out = tuple(name for name, lost in zip(cameras, is_lost, strict=True) if lost)
     state: State = "ok" if why is None else "not_enough_data"
     return FloorTrend(floor_id, weeks, marks, cameras, left_out, state, why, why_no_risk)
 
@@ -106,7 +107,7 @@ def _by_day(values: Floats, used: NDArray[np.bool_]) -> Floats:
 
 def _coverage(slots: Slots) -> Floats:
     """Return the recorded share of open camera-hours of each week; NaN when the site was closed."""
-    scheduled = slots.open_h.sum(axis=1) * len(slots.camera_ids)
+    scheduled = slots.scheduled_h.sum(axis=(0, 2))
     recorded = slots.recorded_h.sum(axis=(0, 2))
     share: Floats = np.divide(recorded, scheduled, out=np.full(len(recorded), np.nan), where=scheduled > 0)
     return share

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import date
+from datetime import date, timedelta
 from typing import Final
 
 from vsd_analytics.answer import Reason, State
@@ -56,7 +56,9 @@ def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) 
         >>> vsd.unusual(warehouse, date(2026, 11, 9)).state  # needs four weeks of history
         'not_enough_data'
     """
-    slots = load_slots(warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id)
+    slots = load_slots(
+        warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id, there=(monday, monday + timedelta(days=6))
+    )
     found = unusual_in_last_week(slots, warehouse.site.settings)
     counts = found.n_unusual, found.n_tested
     return UnusualWeek(iso_week(monday), floor_id, UNIT, found.rows, *counts, found.state, found.reason)

@@ -198,7 +198,7 @@ def _stay_cells(times: Dwell) -> Row:
 def share_of_open_hours(period: Period, cameras: Flags) -> float:
     """Return the share of the opening hours of some cameras that they recorded; 0 where none counts."""
     hours = period.data.hours
-    open_s = float(hours.open_s[period.is_inside].sum()) * int(cameras.sum())
+    open_s = float(hours.scheduled_s[cameras][:, period.is_inside].sum())
     return float(hours.recorded_s[cameras][:, period.is_inside].sum()) / open_s if open_s else 0.0
 
 

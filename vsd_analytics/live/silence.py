@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from vsd_analytics.live.events import AlarmEvent, AlarmStep, RuleAtCamera
 from vsd_analytics.site.model import AlarmRule, Site
-from vsd_analytics.warehouse.dimensions import QUARTER_MS, is_open
+from vsd_analytics.warehouse.dimensions import QUARTER_MS, camera_life, is_open
 
 FOREVER_MS = 2**62
 _QUARTERS_MAX = 8 * 96
@@ -20,10 +20,14 @@ class Opening:
     Args:
         site: The project.
         is_always: Treat the site as always open.
+        life: Instants from which and to which a camera is there, UTC milliseconds; outside the site is closed for it.
     """
 
-    def __init__(self, site: Site, *, is_always: bool = False) -> None:
+    def __init__(
+        self, site: Site, *, is_always: bool = False, life: tuple[int, int] = (-FOREVER_MS, FOREVER_MS)
+    ) -> None:
         zone = site.zone
+        self._first_ms, self._end_ms = life
         self._is_always = is_always or (site.opening is None and not site.closed)
 
         @lru_cache(maxsize=4 * _QUARTERS_MAX)
@@ -35,10 +39,11 @@ class Opening:
 
     def is_open(self, ts_ms: int) -> bool:
         """Return whether the site is open at an instant."""
-        return self._is_always or self._is_open_in(ts_ms // QUARTER_MS)
+        return self._first_ms <= ts_ms < self._end_ms and (self._is_always or self._is_open_in(ts_ms // QUARTER_MS))
 
     def opens(self, ts_ms: int, *, before_ms: int) -> int | None:
         """Return the first open instant from `ts_ms` on, None when there is none before `before_ms`."""
+        ts_ms, before_ms = max(ts_ms, self._first_ms), min(before_ms, self._end_ms)
         while ts_ms < before_ms:
             if self.is_open(ts_ms):
                 return ts_ms
@@ -48,12 +53,12 @@ class Opening:
     def closes(self, ts_ms: int) -> int:
         """Return when the site closes next after an instant at which it is open."""
         if self._is_always:
-            return FOREVER_MS
+            return self._end_ms
         quarter = ts_ms // QUARTER_MS
         last = quarter + _QUARTERS_MAX
         while quarter < last and self._is_open_in(quarter):
             quarter += 1
-        return quarter * QUARTER_MS
+        return min(quarter * QUARTER_MS, self._end_ms)
 
 
 class Silence(RuleAtCamera):
@@ -70,7 +75,8 @@ class Silence(RuleAtCamera):
 
     def __init__(self, site: Site, *, rule: AlarmRule, camera_id: str) -> None:
         super().__init__(site, rule=rule, camera_id=camera_id)
-        self._opening = Opening(site, is_always=not rule.is_open_only)
+        life = camera_life(site, site.camera(camera_id))
+        self._opening = Opening(site, is_always=not rule.is_open_only, life=life)
         self._from_ms: int | None = None  # silent from here on, unless the site is closed
         self._quiet_ms = -FOREVER_MS
         self._since_ms: int | None = None  # of the open alarm

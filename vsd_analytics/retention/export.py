@@ -22,9 +22,10 @@ from vsd_analytics.ingest.intake.quarantine_scope import quarantined_in_scope
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable
+from vsd_analytics.store.erasures import RecordScope
 from vsd_analytics.store.layout import HOUR_MS, Part
 from vsd_analytics.store.part_files import engines_of, read_part
-from vsd_analytics.store.removal import RecordScope, reading
+from vsd_analytics.store.removal import reading
 from vsd_analytics.store.spreadsheet import safe_cell
 from vsd_analytics.store.store import Store
 

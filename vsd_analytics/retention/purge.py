@@ -12,28 +12,22 @@ from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 
-from vsd_analytics.errors import StoreError
+from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.ingest.intake.quarantine_scope import quarantined_in_scope
+from vsd_analytics.retention.sealing import Sealer, all_parts
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable, quarantine
+from vsd_analytics.store.erasures import Erasure, RecordScope, erasures, reason_hash, rows_in_scope
 from vsd_analytics.store.layout import HOUR_MS, Part, date_of_hour
-from vsd_analytics.store.owners import brought_by
-from vsd_analytics.store.part_files import engines_of
-from vsd_analytics.store.removal import Intent, RecordScope, remove_records, removing, rows_in_scope
-from vsd_analytics.store.seals import DAY_FACT, FOLDER, DaySeal, Seals, UnitSeal
+from vsd_analytics.store.removal import Intent, remove_records, removing
+from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
-from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.day_files import facts_around, spare_other_days
-from vsd_analytics.warehouse.fact_days import hour_bytes
-from vsd_analytics.warehouse.fact_weeks import day_bytes_of
-from vsd_analytics.warehouse.sealed import CurrentRules
-from vsd_analytics.warehouse.sqlfiles import relations
 
 LARGEST_SHARE = 0.5
 """Share of the stored days or records that a purge may remove without `--force`. More is usually a typing error."""
@@ -115,17 +109,17 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
     edge = (before - date(1970, 1, 1)).days * 24
     cutoff = datetime(before.year, before.month, before.day, tzinfo=UTC)
     store.fold()
-    if not terms.is_dry_run and any(p.hour < edge for p in _parts(store)):
+    if not terms.is_dry_run and any(p.hour < edge for p in all_parts(store)):
         build(site, last_hour=edge, on_plan=terms.on_plan, on_hours=terms.on_hours)  # the long part, without locks
     with removing(store.root, on_wait=terms.on_wait), store.reporting_damage():
         store.fold_held()
-        every = _parts(store)
+        every = all_parts(store)
         going = [p for p in every if p.hour < edge]
         is_old = _came_before(cutoff)
         n_old = _n_quarantined(site.root / quarantine.FOLDER, is_old)
         days = sorted({p.hour // 24 for p in going})
         guard(len(days), len({p.hour // 24 for p in every}), "days", terms)
-        sealer = _Sealer(site, store, edge)
+        sealer = Sealer(site, store, edge)
         purged = Purged(
             records=n_records(store, last_hour=edge - 1),
             n_days=len(days),
@@ -151,10 +145,11 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
 
 
 def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: int, terms: Terms) -> Purged:
-    """Remove the records of one camera, or of all, in [first_ms, after_ms): to undo a wrong ingest, or on request.
+    """Remove the records of one camera, or of all, in [first_ms, after_ms).
 
-    Afterwards the tables are as if these records had never arrived, and correct ones can be ingested. In sealed hours
-    the records are gone already: there the camera's rows are removed from the facts, and nothing can be ingested.
+    Afterwards the tables are as if these records had never arrived. With a reason the removal is an erasure: records
+    of the camera and time do not come back by any way (`store.erasures`). Without one, correct records can be ingested.
+    In sealed hours the records are gone already: there the camera's rows are removed from the facts.
     Quarantined records are removed too, unless they are known to be of another camera or time
     (`ingest.quarantine_scope`).
 
@@ -199,7 +194,9 @@ def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: i
             n_quarantined=len(in_quarantine.lines),
             n_doubtful=in_quarantine.n_doubtful,
         )
-        if terms.is_dry_run or purged.is_nothing:
+        erasure = None if terms.reason is None else Erasure(which, reason_hash(terms.reason))
+        is_noted = erasure is None or erasure in erasures(store.root)
+        if terms.is_dry_run or (purged.is_nothing and is_noted):
             return purged
         what = {"camera_id": camera_id, "from": _iso(first_ms), "to": _iso(after_ms)}
         spare_other_days(site, hours)
@@ -215,9 +212,38 @@ def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: i
             },
             unseal=tuple(sealed),
             quarantined=tuple(sorted(map(durable.digest, in_quarantine.lines))),
+            erasure=erasure,
         )
         remove_records(store.root, intent)
         return purged
+
+
+def lift_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: int, terms: Terms) -> None:
+    """Let the records of an erasure come again, when it was made by mistake; purge.jsonl logs it.
+
+    Args:
+        site: The project.
+        camera_id: Its camera; None = all.
+        first_ms: Its start, UTC milliseconds.
+        after_ms: Its end, exclusive.
+        terms: Its reason is the one that the erasure was made for.
+
+    Raises:
+        UsageError: E101, there is no such erasure.
+    """
+    store = Store(site.root / "store", site_id=site.site_id)
+    erasure = Erasure(RecordScope(camera_id, first_ms, after_ms), reason_hash(terms.reason or ""))
+    with removing(store.root, on_wait=terms.on_wait):
+        if erasure not in erasures(store.root):
+            raise UsageError(
+                "there is no such erasure",
+                why="camera, range and reason must be those of the purge that made it; purge.jsonl has them",
+                fix='vsd purge --camera ID --range A..B --reason "TEXT OF THEN" --lift',
+            )
+        if not terms.is_dry_run:
+            what = {"lifted": True, "camera_id": camera_id, "from": _iso(first_ms), "to": _iso(after_ms)}
+            entry = audit_line(terms, Purged(), what)
+            remove_records(store.root, Intent(site_id=site.site_id, entry=entry, erasure=erasure, is_lifted=True))
 
 
 def forget_keys(site: Site, *, before: date | None = None, purged: date | None = None, terms: Terms) -> Purged:
@@ -247,109 +273,9 @@ def forget_keys(site: Site, *, before: date | None = None, purged: date | None =
         return removed
 
 
-class _Sealer:
-    """Seals the facts of the hours before `edge`, and of the hour at it.
-
-    The facts of the hour at the edge were computed from records of the hour before, which the purge removes: they could
-    not be computed the same way again.
-    """
-
-    def __init__(self, site: Site, store: Store, edge: int) -> None:
-        self._site, self._store, self._edge = site, store, edge
-        self._seals = Seals(site.root / FOLDER, site_id=site.site_id)
-        self._rules = CurrentRules(site)
-
-    def hours(self, days: Sequence[int]) -> list[int]:
-        """Return the hours with records of some UTC days before the edge, and the edge hour if it follows them."""
-        present = {p.hour for p in _parts(self._store) if p.hour <= self._edge}
-        hours = sorted(h for h in present if h // 24 in days and h < self._edge)
-        return [*hours, self._edge] if self._edge in present and self._edge // 24 - 1 in days else hours
-
-    def seal(self, days: Sequence[int], *, on: date) -> None:
-        """Copy the facts of the hours durably, then write each day's seal. Hours sealed before stay as they are.
-
-        A seal is written after all files it names are on disk: a crash before leaves unsealed copies, which `sweep`
-        removes next time.
-        """
-        self._seals.sweep([*days, self._edge // 24])
-        hours = self.hours(days)
-        built = build(self._site, first_hour=hours[0], last_hour=hours[-1], has_lock=True)
-        for day in sorted({h // 24 for h in hours}):
-            old = self._seals.read(day)
-            is_whole = day < self._edge // 24
-            new = [h for h in hours if h // 24 == day and (old is None or not old.holds(h))]
-            if (not new and not is_whole) or (old is not None and old.is_whole):
-                continue
-            facts = self._facts(day, built, is_in_day=is_whole) if new else {}
-            units = {h: self._hour(h, built.fingerprints[h], facts, is_in_day=is_whole) for h in new}
-            seal = DaySeal(
-                day=day,
-                is_whole=is_whole,
-                sealed_on=on.isoformat(),
-                hours={**({} if old is None else old.hours), **units},
-                camera_days=self._day(day, built) if is_whole else None,
-            )
-            self._seals.write(seal)
-
-    def _facts(self, day: int, built: BuildResult, *, is_in_day: bool) -> dict[str, str]:
-        """Put the facts of the hours of a UTC day that are not sealed yet, or of the edge; return digests by fact.
-
-        Files of the day have these hours only, because facts of sealed hours are never computed again.
-        """
-        facts: dict[str, str] = {}
-        names = [r.name for r in relations("facts").values() if r.unit == "hour" and r.name in built.paths]
-        for name in names:
-            path = built.paths[name][day]
-            data = day_bytes_of(path, name, day) if is_in_day else hour_bytes(path, self._edge)
-            facts[name] = self._seals.put(name, day * 24, data, is_in_day=is_in_day)
-        return facts
-
-    def _day(self, day: int, built: BuildResult) -> UnitSeal:
-        data = day_bytes_of(built.paths[DAY_FACT][day], DAY_FACT, day)
-        digest = self._seals.put(DAY_FACT, day * 24, data)
-        return UnitSeal(fingerprint=built.day_fingerprints[day], causes={}, facts={DAY_FACT: digest})
-
-    def _hour(self, hour: int, fingerprint: str, facts: Mapping[str, str], *, is_in_day: bool) -> UnitSeal:
-        records: dict[str, int] = {}
-        engines: dict[str, tuple[tuple[str, ...], ...]] = {}
-        last_ms: dict[str, int] = {}
-        imports: set[str] = set()
-        for table in TABLES:
-            parts = self._store.parts(table, first_hour=hour, last_hour=hour)
-            records[table] = sum(pq.read_metadata(p.path).num_rows for p in parts)
-            engines[table] = tuple(tuple(engines_of(p.path)) for p in parts)
-            for part in parts:
-                imports.update(brought_by(part.path))
-                for camera_id, ms in _last_ms(part.path):
-                    last_ms[camera_id] = max(ms, last_ms.get(camera_id, ms))
-        cameras = tuple(sorted(last_ms))
-        return UnitSeal(
-            fingerprint=fingerprint,
-            causes=self._rules.of_hour(hour, present=cameras),
-            facts=facts,
-            is_in_day=is_in_day,
-            records=records,
-            engines=engines,
-            last_ms=last_ms,
-            cameras=cameras,
-            imports=tuple(sorted(imports)),
-        )
-
-
-def _parts(store: Store) -> list[Part]:
-    return [p for t in TABLES for p in store.parts(t)]
-
-
 def n_records(store: Store, *, last_hour: int | None = None) -> dict[TableName, int]:
     """Return the number of stored records by table, up to a UTC hour number; None = all."""
     return {t: sum(pq.read_metadata(p.path).num_rows for p in store.parts(t, last_hour=last_hour)) for t in TABLES}
-
-
-def _last_ms(path: Path) -> list[tuple[str, int]]:
-    rows = pq.ParquetFile(path).read(columns=["camera_id", "ts"])
-    rows = pa.table({"camera_id": rows["camera_id"], "ms": rows["ts"].cast(pa.int64())})
-    last = rows.group_by("camera_id").aggregate([("ms", "max")])
-    return list(zip(last["camera_id"].to_pylist(), last["ms_max"].to_pylist(), strict=True))
 
 
 def _sealed_hours(site: Site, which: RecordScope) -> list[int]:
@@ -402,7 +328,7 @@ def _purged_days(site: Site, store: Store, purged: date | None) -> Callable[[dat
         seals = Seals(site.root / FOLDER, site_id=site.site_id)
         whole = (d for d in reversed(seals.days()) if (seal := seals.read(d)) is not None and seal.is_whole)
         end_ms = (next(whole, -1) + 1) * 24 * HOUR_MS
-    stored = {p.hour * HOUR_MS for p in _parts(store)}
+    stored = {p.hour * HOUR_MS for p in all_parts(store)}
     if purged is not None:  # a dry run did not remove the hours before
         stored = {ms for ms in stored if ms >= end_ms}
 

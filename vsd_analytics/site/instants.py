@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from datetime import date, datetime
+from zoneinfo import ZoneInfo
 
 from vsd_analytics.errors import UsageError
 
@@ -14,8 +15,6 @@ def instant(text: str, *, zone: str, what: str) -> datetime:
     Raises:
         UsageError: E101, naming the option `what`.
     """
-    from zoneinfo import ZoneInfo
-
     try:
         parsed = datetime.fromisoformat(text)
         _in_reach(parsed.date())
@@ -59,6 +58,11 @@ def parse_week(text: str, *, last: date) -> date:
         why="weeks are ISO weeks, Monday to Sunday",
         fix="--week 2026-W46, or last, or last-2",
     )
+
+
+def day_start_ms(day: date, zone: ZoneInfo) -> int:
+    """Return the instant at which a local day begins, UTC milliseconds."""
+    return round(datetime(day.year, day.month, day.day, tzinfo=zone).timestamp() * 1000)
 
 
 def parse_range(text: str) -> tuple[date, date]:

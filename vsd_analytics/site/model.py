@@ -75,6 +75,8 @@ class Camera:
         has_clock: Whether the site states `clock`; else times without an offset are doubtful.
         planes: Parts of its picture with homographies of their own, for `vsd engine run`; the first that matches wins.
         source: Where `vsd engine live` gets its pictures; None = another engine sends its people.
+        first_day: First local day on which it is there; None = always was.
+        end_day: Local day from which it no longer is; None = still is.
         ignore_px: Polygons in the picture, pixels: a mirror, a screen, a window to the street. Whoever has the feet in
             one is left out, and the floor in it counts as not seen.
     """
@@ -93,6 +95,17 @@ class Camera:
     planes: tuple[Plane, ...] = ()
     source: CameraSource | None = None
     ignore_px: tuple[tuple[Point, ...], ...] = ()
+    first_day: date | None = None
+    end_day: date | None = None
+
+    def is_there(self, first: date, last: date) -> bool:
+        """Tell whether it is there on any local day from `first` to `last`."""
+        return _touches(self.first_day, self.end_day, first, last)
+
+
+def _touches(first_day: date | None, end_day: date | None, first: date, last: date) -> bool:
+    """Tell whether a life of whole days has a day from `first` to `last`; None = without a beginning, or an end."""
+    return (first_day is None or first_day <= last) and (end_day is None or end_day > first)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,8 +170,7 @@ class Area:
 
     def is_there(self, first: date, last: date) -> bool:
         """Tell whether it is there on any local day from `first` to `last`."""
-        has_come = self.first_day is None or self.first_day <= last
-        return has_come and (self.end_day is None or self.end_day > first)
+        return _touches(self.first_day, self.end_day, first, last)
 
 
 FixtureKind = Literal["shelf", "wall", "till", "other"]

@@ -21,13 +21,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import msgspec
-import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from vsd_analytics.errors import StoreError, Where
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import durable, file_locks, quarantine
+from vsd_analytics.store.erasures import Erasure, RecordScope, lift_erasure, note_erasure
 from vsd_analytics.store.imports import imports_of, note_taken_back, order_of
 from vsd_analytics.store.part_files import HASH_DIFFERS, read_owned
 from vsd_analytics.store.published import withdraw
@@ -46,24 +45,8 @@ PartName = Annotated[str, msgspec.Meta(pattern=rf"^store/(again/)?({'|'.join(TAB
 _FACTS = r"facts(/beside/[0-9a-f]{16})?(/days|/weeks)?"
 FileName = Annotated[str, msgspec.Meta(pattern=rf"^(store|store/again|{_FACTS})/[a-z][a-z0-9_]*{_UNIT}")]
 SiteName = Annotated[str, msgspec.Meta(pattern=r"^[a-z0-9][a-z0-9_-]{0,62}\Z")]
-Instant = Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]
 Digest = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{16}\Z")]
 Hour = Annotated[int, msgspec.Meta(ge=0, le=70_389_503, description="Up to the end of the year 9999.")]
-
-
-@dataclass(frozen=True, slots=True)
-class RecordScope:
-    """Records of one camera (None = all) in [first_ms, after_ms), UTC milliseconds."""
-
-    camera_id: str | None
-    first_ms: Instant
-    after_ms: Instant
-
-    def mask(self, rows: pa.Table) -> pa.ChunkedArray:
-        """Return which rows of a stored table are in scope."""
-        ts = rows["ts"].cast(pa.int64())
-        inside = pc.and_(pc.greater_equal(ts, self.first_ms), pc.less(ts, self.after_ms))
-        return inside if self.camera_id is None else pc.and_(inside, pc.equal(rows["camera_id"], self.camera_id))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,6 +64,8 @@ class Intent:
         unseal: Sealed UTC hours from whose facts the camera of `which` (None = every camera) is removed.
         forget: Site days whose keys are destroyed.
         quarantined: Hashes of the lines to remove from the quarantine, whatever file they are in by then.
+        erasure: Records that must not come back.
+        is_lifted: They may come back: the erasure was a mistake.
     """
 
     site_id: SiteName
@@ -93,6 +78,8 @@ class Intent:
     unseal: tuple[Hour, ...] = ()
     forget: tuple[date, ...] = ()
     quarantined: tuple[Digest, ...] = ()
+    erasure: Erasure | None = None
+    is_lifted: bool = False
 
 
 @contextlib.contextmanager
@@ -155,7 +142,7 @@ def remove_records(store: Path, intent: Intent) -> None:
     """
     data = msgspec.json.encode(intent, order="deterministic")
     # from here on the removal will happen: a crash before this line removes nothing, one after it is rolled forward
-    durable.publish(store / "purge" / f"{durable.digest(data)}.json", data)
+    durable.publish(store / "purge" / f"{durable.digest(data)}.json", data, is_private=True)  # a reason may name people
     _finish(store)
 
 
@@ -206,6 +193,8 @@ def _is_inside(project: Path, name: str) -> bool:
 def _carry_out(store: Path, intent: Intent) -> None:
     project = store.parent
     withdraw(project)
+    if intent.erasure is not None:  # before records go: whatever stops this, they cannot come back
+        (lift_erasure if intent.is_lifted else note_erasure)(store, intent.erasure)
     touched: set[Path] = set()
     if intent.which is not None:
         for table, names in intent.rewrite.items():
@@ -252,12 +241,6 @@ def _rewrite_without(path: Path, table: TableName, scope: RecordScope) -> Path:
         rows = read_owned(path, table)
         replace_part(path, table, rows.filter(pc.invert(scope.mask(rows))))
     return path.parent
-
-
-def rows_in_scope(path: Path, scope: RecordScope) -> int:
-    """Return how many records of a part are in scope."""
-    with pq.ParquetFile(path) as file:
-        return int(pc.sum(scope.mask(file.read(columns=["camera_id", "ts"]))).as_py() or 0)
 
 
 def _audit(path: Path, entry: Mapping[str, Any]) -> None:

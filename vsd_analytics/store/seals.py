@@ -126,13 +126,8 @@ class Seals:
             data = path.read_bytes()
         except FileNotFoundError:
             return None
-        try:
-            envelope = msgspec.json.decode(data, type=_Envelope)
-            body = bytes(envelope.seal)
-            seal = msgspec.json.decode(body, type=DaySeal)
-        except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
-            raise _damaged(path) from None
-        if durable.digest(body) != envelope.digest or seal.day != day:
+        seal = seal_in(data)
+        if seal is None or seal.day != day:
             raise _damaged(path)
         return seal
 
@@ -232,6 +227,16 @@ class Seals:
     def _named(self, seal: DaySeal | None) -> dict[Path, None]:
         """Return the fact files that a seal names, each once, in order."""
         return dict.fromkeys(self.fact_path(r, hour, unit) for hour, unit in _units(seal) for r in unit.facts)
+
+
+def seal_in(data: bytes) -> DaySeal | None:
+    """Return the seal in the bytes of its file; None where they are damaged."""
+    try:
+        envelope = msgspec.json.decode(data, type=_Envelope)
+        body = bytes(envelope.seal)
+        return msgspec.json.decode(body, type=DaySeal) if durable.digest(body) == envelope.digest else None
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError):
+        return None
 
 
 def _units(seal: DaySeal | None) -> Iterator[tuple[int, UnitSeal]]:

@@ -18,12 +18,14 @@ from dataclasses import astuple, dataclass, field
 from operator import add
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from vsd_analytics.errors import DiskError, VsdError, disk_error
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store import ballast, durable, late_records, outbox, quarantine, removal
+from vsd_analytics.store.erasures import are_erased, erasures
 from vsd_analytics.store.layout import (
     HOUR_MS,
     Part,
@@ -53,12 +55,14 @@ class TableCounts:
         n_known: Records the table (or the same spool) already held.
         n_second: Records left out because another one in the spool has their key and other values.
         n_sealed: Records put into quarantine because their hour was sealed before they were folded.
+        n_erased: Records left out because they were erased on request (`erasures`).
     """
 
     n_new: int = 0
     n_known: int = 0
     n_second: int = 0
     n_sealed: int = 0
+    n_erased: int = 0
 
     def __add__(self, other: TableCounts) -> TableCounts:
         return TableCounts(*map(add, astuple(self), astuple(other)))
@@ -89,6 +93,11 @@ class FoldResult:
     def n_sealed(self) -> int:
         """Return the number of records put into quarantine because their hour is sealed."""
         return sum(c.n_sealed for c in self.tables.values())
+
+    @property
+    def n_erased(self) -> int:
+        """Return the number of records left out because they were erased on request."""
+        return sum(c.n_erased for c in self.tables.values())
 
 
 class Store:
@@ -255,8 +264,8 @@ class Store:
                 raise damaged_segment(path)
         # publish all parts, sync their folders, and only then remove the segments: after a crash at any step the next
         # fold reads the same segments again and finds the records it has already moved by their keys
-        segments, n_sealed = self._without_late(table, segments)
-        done = TableCounts(n_sealed=n_sealed)
+        segments, n_sealed, n_erased = self._without_late(table, segments)
+        done = TableCounts(n_sealed=n_sealed, n_erased=n_erased)
         folders: set[Path] = set()
         for span in spans_of(segments, stored_days=set(list_days(self.root, table, self.site_id))):
             hours_of = {"first_hour": span.first_hour, "last_hour": span.last_hour}
@@ -283,8 +292,10 @@ class Store:
         durable.fsync_dir(self.root / "live" / table)
         return done
 
-    def _without_late(self, table: TableName, segments: list[Path]) -> tuple[list[Path], int]:
-        """Put records of sealed hours into quarantine; return the remaining segments and how many records were late.
+    def _without_late(self, table: TableName, segments: list[Path]) -> tuple[list[Path], int, int]:
+        """Drop erased records, and put those of sealed hours into quarantine.
+
+        Returns the remaining segments, how many records were late, and how many erased.
 
         A segment that holds both kinds is replaced by one with the rest. A crash in between does no harm: equal
         entries are written once, and a record in two segments is folded once.
@@ -292,18 +303,23 @@ class Store:
         seals = Seals(self.root.parent / FOLDER, site_id=self.site_id)
         days = frozenset(seals.days())
         left: list[Path] = []
-        n_late = 0
+        n_late = n_erased = 0
+        erased = erasures(self.root)
         for path in segments:
             left.append(path)
-            if not days or days.isdisjoint(h // 24 for h in hours_in(path)):
+            is_sealed = bool(days) and not days.isdisjoint(h // 24 for h in hours_in(path))
+            if not is_sealed and not erased:
                 continue
-            rows = read_segment(path)
-            mask = late_records.is_late(rows, seals)
-            if not pc.any(mask).as_py():
-                continue
-            late, source = rows.filter(mask), f"store/live/{table}/{path.name}"
-            late_records.to_quarantine(self.root.parent / quarantine.FOLDER, table, late, source=source)
+            every = read_segment(path)
+            rows = every.filter(pc.invert(are_erased(every, erased)))
+            mask = late_records.is_late(rows, seals) if is_sealed else pa.array(np.zeros(rows.num_rows, dtype=bool))
             rest = rows.filter(pc.invert(mask))
+            if rest.num_rows == every.num_rows:
+                continue
+            if rest.num_rows < rows.num_rows:
+                late, source = rows.filter(mask), f"store/live/{table}/{path.name}"
+                late_records.to_quarantine(self.root.parent / quarantine.FOLDER, table, late, source=source)
+            n_erased += every.num_rows - rows.num_rows
             n_late += rows.num_rows - rest.num_rows
             left.pop()
             if rest.num_rows:
@@ -311,7 +327,7 @@ class Store:
                 left.append(path.parent / f"{durable.digest(data)}{ARROW}")
                 durable.publish(left[-1], data)
             durable.remove(path)
-        return sorted(set(left)), n_late
+        return sorted(set(left)), n_late, n_erased
 
     def _has_nothing_to_do(self) -> bool:
         """Return whether the spool is empty and the disk read-only, so that nothing can be swept either."""

@@ -20,6 +20,7 @@ from vsd_analytics.store.reused_memory import reused_memory
 from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import settings_variants, superseded
+from vsd_analytics.warehouse.agreement import refuse_disagreement
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.camera_days import (
     KnownDay,
@@ -76,6 +77,7 @@ def build(
         inputs only, not on the range or on which facts are asked for.
 
     Raises:
+        ConfigError: E321, vsd.toml does not describe what is stored (`warehouse.agreement`).
         StoreError: E302, a file of the store or of the facts is damaged. No fact is computed from a part whose bytes
             do not match the hash in its name.
         DiskError: E304 to E306, the disk failed.
@@ -128,6 +130,7 @@ def _build(
     check = _Checker(store)
     day_units_of = day_units(index, [*hours, *sealed.hours], site=site)
     days = _fresh_days(site, day_units_of, check, distributed)
+    refuse_disagreement(site, {number: day.cameras for number, day in days.items()}, sealed)
     units = hour_units(site, index, hours, days)
     files = FactDays(site, units, facts=facts, is_trusting=is_trusting)
     files.split_weeks()

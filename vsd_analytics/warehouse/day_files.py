@@ -149,7 +149,9 @@ class DayFiles:
             "settings": text_hash({p: self._params[p] for p in used}),
         }
         if "cameras" in read:
-            found["cameras"] = text_hash([(c.camera_id, c.floor_id, c.hz) for c in self._site.cameras])
+            found["cameras"] = text_hash(
+                [(c.camera_id, c.floor_id, c.hz, c.first_day, c.end_day) for c in self._site.cameras]
+            )
         if "owner_cells" in read:
             found["views"] = self._times.owners
         return found

@@ -35,6 +35,8 @@ _CAMERAS = pa.schema(
         ("name", pa.string()),
         ("floor_id", pa.string()),
         ("interval_ms", pa.int64()),
+        ("from_ms", pa.int64()),
+        ("to_ms", pa.int64()),
     ]
 )
 _CALIBRATIONS = pa.schema(
@@ -175,16 +177,20 @@ class OwnerSpan:
 
 
 def owner_spans(site: Site) -> list[OwnerSpan]:
-    """Return the owner cells of each floor by time: a new span starts when a calibration of one of its cameras does.
+    """Return the owner cells of each floor by time.
 
-    Within a span each camera has the one calibration in force (`ownership.owner_cells`).
+    A new span starts when a calibration of one of its cameras does, and when a camera comes or goes. Within a span each
+    camera that is there has the one calibration in force (`ownership.owner_cells`).
     """
     spans = []
     for floor in site.floors:
         cameras = [c for c in site.cameras if c.floor_id == floor.floor_id]
-        starts = sorted({from_ms for c in cameras for from_ms, _, _ in calibration_spans(c)} | {-FOREVER_MS})
+        lives = {c: camera_life(site, c) for c in cameras}
+        changes = {ms for life in lives.values() for ms in life} - {FOREVER_MS}
+        starts = sorted(changes | {from_ms for c in cameras for from_ms, _, _ in calibration_spans(c)} | {-FOREVER_MS})
         for from_ms, to_ms in pairwise([*starts, FOREVER_MS]):
-            now = tuple(replace(c, calibrations=in_force(c, from_ms)) for c in cameras)
+            there = [c for c, (first_ms, end_ms) in lives.items() if first_ms <= from_ms < end_ms]
+            now = tuple(replace(c, calibrations=in_force(c, from_ms)) for c in there)
             cells = _owner_cells(now, OWNER_CELL_M, floor)
             spans.append(OwnerSpan(floor.floor_id, from_ms, to_ms, cells))
     return spans
@@ -394,10 +400,19 @@ def _quarter_at(day: date, site: Site) -> int:
     return int(midnight.timestamp()) // 900
 
 
+def camera_life(site: Site, camera: Camera) -> tuple[int, int]:
+    """Return the instants from which a camera is there and from which it no longer is, UTC milliseconds."""
+    first, end = camera.first_day, camera.end_day
+    return (
+        -FOREVER_MS if first is None else _quarter_at(first, site) * QUARTER_MS,
+        FOREVER_MS if end is None else _quarter_at(end, site) * QUARTER_MS,
+    )
+
+
 def camera_table(site: Site) -> pa.Table:
     """Return the relation `cameras`."""
     rows: list[tuple[Any, ...]] = [
-        (c.camera_id, i, c.name, c.floor_id, None if c.hz is None else round(1000 / c.hz))
+        (c.camera_id, i, c.name, c.floor_id, None if c.hz is None else round(1000 / c.hz), *camera_life(site, c))
         for i, c in enumerate(site.cameras)
     ]
     return _table(_CAMERAS, rows)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ from vsd_analytics.store.verify_files import (
     foreign_files,
     is_part,
 )
-from vsd_analytics.warehouse import settings_variants
+from vsd_analytics.warehouse import agreement, settings_variants
 from vsd_analytics.warehouse.audits import audit_rows
 from vsd_analytics.warehouse.build import BuildPlan, build_plan
 from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
@@ -122,6 +122,8 @@ def verify(
                 raise
             return Verification(tuple(checks))
         checks += check_facts(site, wanted, first_hour=first_hour, last_hour=last_hour)
+        with suppress(StoreError):  # of damage, which the checks above reported
+            checks.append(check_agreement(site))
         return Verification(tuple(checks), len(wanted.fresh), len(wanted.stale), len(wanted.missing))
 
 
@@ -168,6 +170,15 @@ def check_sealed(site: Site) -> Check:
     n, foreign = foreign_files(seals.root, is_known)
     promise = "the facts of purged hours are there as they were sealed"
     return Check("sealed", n, "files", promise, (*findings, *foreign))
+
+
+def check_agreement(site: Site) -> Check:
+    """Return the check of vsd.toml: no figure is made while it does not describe what is stored."""
+    path = site.root / agreement.FILE
+    problems = agreement.stored_disagreements(site)
+    findings = (StoreFault(agreement.CODE, path, p.what, p.why or "", p.fix or "") for p in problems)
+    n = len(site.cameras) + len(site.areas)
+    return Check("vsd.toml", n, "cameras and areas", "they describe what is stored", tuple(findings))
 
 
 def check_facts(

@@ -175,10 +175,10 @@ def camera_weights(data: WeekData, place: Place) -> Mapping[str, float]:
 def _recorded_share(data: WeekData, weights: Mapping[str, float]) -> float | None:
     """Return the share of open hours recorded, each camera weighted by how much of the place it counts."""
     now = data.week()
-    open_s = float(data.hours.open_s[now].sum())
-    if not open_s or not weights:
+    open_s = data.hours.scheduled_s[:, now].sum(axis=1)
+    if not open_s.any() or not weights:
         return None
-    shares = data.hours.recorded_s[:, now].sum(axis=1) / open_s
+    shares = data.hours.recorded_s[:, now].sum(axis=1) / np.maximum(open_s, 1.0)
     return float(sum(w * min(1.0, shares[data.ids.index(c)]) for c, w in weights.items()))
 
 

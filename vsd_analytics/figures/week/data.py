@@ -58,6 +58,8 @@ class WeekData(FloorHours):
         self.is_week = last is None
         self.span = self.sunday + timedelta(days=1) - monday
         self.areas = [a for a in self.areas if a.is_there(monday, self.sunday)]
+        # a camera that comes later or is gone is no row of the page; without any, the page says what is missing
+        self.present = [c for c in self.cameras if c.is_there(monday, self.sunday)] or self.cameras
         self.this = Period(self, monday, self.sunday)
         self.pair = TwoPeriods(Period(self, monday - self.span, monday - timedelta(days=1)), self.this)
         self._hidden: dict[date, HiddenWeek] = {}

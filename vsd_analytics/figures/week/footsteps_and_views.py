@@ -73,7 +73,7 @@ def views(data: WeekData, *, extent: Extent, labels: Mapping[str, str]) -> MapVi
         None where what some camera sees is unknown, or there is no camera.
     """
     known: list[tuple[Camera, shapely.Polygon]] = []
-    for camera in data.cameras:
+    for camera in data.present:
         view = camera_views.view_polygon(camera, calibration=in_force(data, camera), bounds=extent)
         if view is None:
             return None

@@ -25,6 +25,8 @@ def coverage(data: WeekData) -> Coverage:
     missing, gaps = _messages(data)
     cameras = []
     for i, camera in enumerate(data.cameras):
+        if camera not in data.present:
+            continue
         days = tuple(_camera_day(data, i, day, now[data.hours.day[now] == day.toordinal()]) for day in data.week_days)
         scheduled, recorded = sum(d.scheduled_h for d in days), sum(d.recorded_h for d in days)
         cameras.append(
@@ -64,12 +66,12 @@ def seen_area_m2(data: WeekData) -> float | None:
     bounds = camera_views.plan_bounds(data.floor)
     if bounds is None:
         return None
-    hidden = camera_views.unseen(data.floor, cameras=data.cameras, bounds=bounds)
+    hidden = camera_views.unseen(data.floor, cameras=data.present, bounds=bounds)
     return None if hidden is None else float(shapely.box(*bounds).area - sum(p.area for p in hidden))
 
 
 def _camera_day(data: WeekData, camera: int, day: date, chosen: Ints) -> CameraDay:
-    open_s, recorded_s = data.hours.open_s[chosen], data.hours.recorded_s[camera, chosen]
+    open_s, recorded_s = data.hours.scheduled_s[camera, chosen], data.hours.recorded_s[camera, chosen]
     shares: list[float | None] = [None] * 24
     for hour in range(24):
         same = data.hours.hour[chosen] == hour

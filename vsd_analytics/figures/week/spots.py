@@ -128,7 +128,10 @@ def _at_the_spot(data: WeekData, spot: FloorSpot, evidence: Evidence | None) -> 
     rates = []
     for n, monday in zip(spot.by_week, (data.monday, data.monday - WEEK), strict=False):
         inside = data.week(monday)
-        recorded_h, open_h = data.hours.recorded_s[k, inside].sum() / 3600, data.hours.open_s[inside].sum() / 3600
+        recorded_h, open_h = (
+            data.hours.recorded_s[k, inside].sum() / 3600,
+            data.hours.scheduled_s[k, inside].sum() / 3600,
+        )
         if not open_h or recorded_h < least * open_h or data.mask.hides(n):
             return None
         rates.append(float(n / recorded_h))

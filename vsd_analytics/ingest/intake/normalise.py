@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from vsd_analytics.ingest.checks.crowds import Crowds
+from vsd_analytics.ingest.intake.camera_lives import NOT_THERE, DescribedLives
 from vsd_analytics.ingest.intake.pseudonyms import Pseudonyms
 from vsd_analytics.ingest.intake.sealed_hours import FORGOTTEN, ClosedTimes
 from vsd_analytics.ingest.reading.adapter import RawBatch, Rejected
@@ -23,6 +24,7 @@ from vsd_analytics.ingest.reading.raw import Check, rejected, row_json
 from vsd_analytics.ingest.reading.reasons import TOO_MANY
 from vsd_analytics.schema import QUALITIES, SCHEMAS, TABLES, TRACKS, TS, TableName
 from vsd_analytics.site.model import Site
+from vsd_analytics.store.erasures import ERASED, KnownErasures, are_erased
 from vsd_analytics.store.part_files import CODED
 from vsd_analytics.store.seals import SEALED
 from vsd_analytics.store.secrets import DayKeys
@@ -88,6 +90,8 @@ class Normaliser:
         self._settings = site.settings
         self._first_ms = int(datetime(site.settings.earliest_year, 1, 1, tzinfo=UTC).timestamp() * 1000)
         self._last_ms = int((now.timestamp() + site.settings.future_max_s) * 1000)
+        self._lives = DescribedLives(site)
+        self._erasures = KnownErasures(site.root / "store")
         self._cameras = {c.camera_id: c.camera_id for c in site.cameras}
         for camera in site.cameras:
             self._cameras.update(dict.fromkeys(camera.engine_ids, camera.camera_id))
@@ -113,10 +117,16 @@ class Normaliser:
         bad: list[Rejected] = list(batch.rejected)
         dropped = Counter(batch.n_dropped)
         self._closed.refresh()
+        self._erasures.refresh()
         for name in TABLES:
             raw = batch.table(name)
             if not raw.num_rows:
                 continue
+            if self._erasures.every:  # first of all: quarantine would store them
+                named = raw.append_column("camera_id", self._camera_ids(raw["camera"]))
+                is_erased = are_erased(named, self._erasures.every)
+                raw = raw.filter(pc.invert(is_erased))
+                dropped[ERASED] += is_erased.true_count
             rows = _good(name, *self._passed(name, raw), bad, n_whole=n_whole)
             if name == "observations":
                 rows = self._observations(rows)
@@ -124,7 +134,7 @@ class Normaliser:
                 rows = self._pairs(rows, dropped)
             rows = _with(rows, {"ts": rows["ts_ms"].cast(TS)})
             tables[name] = pa.table([rows[c] for c in SCHEMAS[name].names], schema=NORMALISED[name])
-        return Normalised(tables, bad, dropped)
+        return Normalised(tables, bad, +dropped)
 
     def faults(self, name: TableName, raw: pa.Table) -> list[Fault]:
         """Return which rows may not be stored, without storing any: for rows that another machine has normalised.
@@ -174,6 +184,7 @@ class Normaliser:
                 f"no [[camera]] of vsd.toml has this id or engine_ids (known: {shown})",
                 lambda r: pc.is_null(r["camera_id"]),
             ),
+            *([(NOT_THERE, self._lives.detail, self._lives.are_outside)] if self._lives else []),
         ]
 
     def _closed_checks(self) -> list[Check]:

@@ -20,6 +20,7 @@ from vsd_analytics.ingest.checks.late_look import LateLook
 from vsd_analytics.ingest.checks.sample import SAMPLE_ROWS, sample_of
 from vsd_analytics.ingest.checks.understanding import SourceProfile, refused, table_head, understand
 from vsd_analytics.ingest.formats.recognise import find_adapter
+from vsd_analytics.ingest.intake.camera_lives import note_floors_of
 from vsd_analytics.ingest.intake.import_identity import (
     content_id,
     content_of,
@@ -49,6 +50,7 @@ from vsd_analytics.ingest.reading.limits import within_bounds
 from vsd_analytics.ingest.reading.raw import n_rows, without_zones
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import ReadingRule, Site
+from vsd_analytics.store.erasures import notes_of_erased
 from vsd_analytics.store.imports import imports_of, next_run, note_import
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.store import FoldResult, Store
@@ -82,7 +84,7 @@ class SourceResult:
         notes: Things the user should know.
         error: Why the rest of the source could not be read, if so.
         first_ms, last_ms: Instants of the first and last record (UTC milliseconds), None without records.
-        days: Records by UTC day number.
+        days, cameras: Records by UTC day number; cameras with records.
         card: What was understood of it; None when nothing could be read.
         is_new_shape: Whether the project has imported no file with such columns before.
         import_id: Its id in the list of imports; "" for a dry run, or when nothing was read.
@@ -100,6 +102,7 @@ class SourceResult:
     first_ms: int | None = None
     last_ms: int | None = None
     days: Counter[int] = field(default_factory=Counter)
+    cameras: set[str] = field(default_factory=set)
     card: SourceProfile | None = None
     is_new_shape: bool = False
     import_id: str = ""
@@ -193,6 +196,8 @@ def ingest(
             if on_source is not None:
                 on_source(result)
         fold = target.fold(on_rows=on_rows) if is_folding or is_dry_run else FoldResult()
+    if not is_dry_run:
+        note_floors_of(site, {camera_id for result in results for camera_id in result.cameras})
     return IngestResult(results, FoldResult(), fold) if is_dry_run else IngestResult(results, fold)
 
 
@@ -245,7 +250,9 @@ class _Ingest:
                         continue
                     self.store.append(name, rows, engines=engines, import_id=result.import_id)
                     result.n_records[name] += rows.num_rows
+                    result.cameras.update(rows["camera_id"].unique().to_pylist())
                     _note_times(result, rows["ts"])
+            result.notes += notes_of_erased(result.n_dropped)
             if error is not None:
                 raise error
             is_empty = not result.n_records and not quarantine.counts and not result.notes

@@ -16,8 +16,8 @@ from vsd_analytics.errors import VsdError
 from vsd_analytics.ingest.formats.tables import Tables
 from vsd_analytics.ingest.intake.quarantine_reader import Rereader, how_read
 from vsd_analytics.site.model import Site
+from vsd_analytics.store.erasures import RecordScope
 from vsd_analytics.store.quarantine import FOLDER, QuarantineEntry, entries, files
-from vsd_analytics.store.removal import RecordScope
 
 _TABLES = ("table", "positions", "pairs")
 

@@ -52,6 +52,7 @@ FIXES: Final[Mapping[str, str]] = {
     "same-person": "export pairs of two different persons",
     "sealed-hour": "nothing: the hour was purged and its figures stay as they are (purge.jsonl says when)",
     "time-out-of-range": "check the unit of the times and the engine's clock; files may reach a day beyond now (--now)",
+    "camera-not-there": "correct from and to of its [[camera]] in vsd.toml, or the engine's clock",
     "cell-too-long": "if such cells are right, raise cell_max_bytes under [ingest] in vsd.toml",
     "too-many": "check the times: many frames may share one; else raise persons_max or pairs_max, and ingest it again",
     "unknown-camera": 'add engine_ids = ["its name"] to its [[camera]] in vsd.toml, or describe it in a new one',

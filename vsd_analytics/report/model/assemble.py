@@ -260,7 +260,7 @@ def _plain_text(reason: Reason) -> str:
 def _state(data: WeekData, coverage: Coverage, change: SettingsChange | None, has_before: bool) -> WeekState:
     if coverage.recorded_h == 0:
         return "no_data"
-    whole_h = float(data.hours.open_s[data.week()].sum()) / 3600 * len(coverage.cameras)  # hours to come among them
+    whole_h = float(data.hours.scheduled_s[:, data.week()].sum()) / 3600  # hours to come among them
     if coverage.recorded_h < data.site.settings.min_coverage * whole_h:
         return "too_incomplete"
     if not data.whole.n[:, data.week()].any() and data.why_no_violations is None:

@@ -63,15 +63,14 @@ def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table, pa
             counts = [_counted(group, known) for known in _kinds(table, rows, noted)]
             for number in np.flatnonzero(np.bincount(group)).tolist():
                 key = (first_day + number // len(names), names[number % len(names)])
-                if key[1] in intervals:
-                    sums[key] += [of_kind[number] for of_kind in counts]
-                    if intervals[key[1]] is None:
-                        instants[key].append(ts[group == number])
+                sums[key] += [of_kind[number] for of_kind in counts]
+                if key[1] in intervals and intervals[key[1]] is None:
+                    instants[key].append(ts[group == number])
     keys = sorted(sums, key=lambda key: (key[0], key[1].encode()))
     n_frames, n_persons, n_pairs, n_records, n_tracked = (
         np.array([sums[key] for key in keys], dtype=np.int64).reshape(-1, 5).T
     )
-    intervals_ms = [_interval_ms(intervals[camera], instants[day, camera], params) for day, camera in keys]
+    intervals_ms = [_interval_ms(intervals.get(camera), instants[day, camera], params) for day, camera in keys]
     return pa.table(
         {
             "utc_day": pa.array([day for day, _ in keys], pa.int64()),
@@ -114,7 +113,7 @@ def _interval_ms(of_camera: int | None, instants: Sequence[Ints], params: Mappin
     """Return the frame interval: that of vsd.toml, else the median time between frames, else a second."""
     unknown_ms = int(params["unknown_interval_ms"])
     found = unknown_ms if of_camera is None else of_camera
-    if of_camera is None:
+    if of_camera is None and instants:
         steps = np.sort(np.diff(distinct(np.concatenate(instants))))  # sorted, as np.median takes longer
         middle = steps[(len(steps) - 1) // 2 : len(steps) // 2 + 1]
         found = int(rounded(middle.mean(keepdims=True))[0]) if len(steps) else unknown_ms
