@@ -32,7 +32,7 @@ COMMANDS = {
     "report": ("report", *WEEK),
     "planner": ("planner", *WEEK),
     "today": ("today",),
-    "visits": ("visits", *RANGE),
+    "visits": ("visits", *RANGE, "--exact"),
     "hotspots": ("hotspots", *RANGE),
     "heatmap": ("heatmap", *RANGE),
     "groups": ("groups", *RANGE),
@@ -163,13 +163,13 @@ def test_a_life_that_leaves_out_records_is_refused_and_the_printed_day_fits(root
 
 
 def test_an_area_in_centimetres_is_refused_and_the_printed_corners_are_its_own(root: Path) -> None:
-    before = vsd(root, "visits", *RANGE, code=None)
+    before = vsd(root, "visits", *RANGE, "--exact", code=None)
     change(root, "[[0, 0], [3, 0], [3, 3], [0, 3]]", "[[1, 1], [300, 1], [300, 300], [1, 300]]")
-    text = refusal(root, "visits", *RANGE)
+    text = refusal(root, "visits", *RANGE, "--exact")
     assert "centimetres" in text
     change(root, "polygon = [[1, 1], [300, 1], [300, 300], [1, 300]]", printed_lines(text, "polygon").strip())
     assert "Stairs" in before
-    after = vsd(root, "visits", *RANGE, code=None)
+    after = vsd(root, "visits", *RANGE, "--exact", code=None)
     assert [line for line in after.splitlines() if "Stairs" in line] == [
         line for line in before.splitlines() if "Stairs" in line
     ]
