@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import drawing
 from vsd_analytics.config.drawing import M_PER_PX, is_drawing, read_drawing
 from vsd_analytics.config.file_columns import METRES
 from vsd_analytics.config.project import load_site
@@ -153,7 +152,7 @@ def test_without_the_extra_the_way_to_install_it_is_said(
 
 
 def test_a_block_of_blocks_that_would_never_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(drawing, "_ENTITIES_MAX", 2_000)  # the same refusal a hundred times as soon
+    monkeypatch.setattr("vsd_analytics.config.drawing._ENTITIES_MAX", 2_000)  # the same refusal a hundred times as soon
     document = ezdxf.new("R2010")
     document.header["$INSUNITS"] = 6
     document.blocks.new("B0").add_line((0, 0), (1, 0))
