@@ -148,8 +148,8 @@ def test_a_bad_record_is_quarantined_counted_and_explained(vsd: Vsd, tmp_path: P
 
 
 def test_records_before_the_damage_in_a_gzip_are_stored_and_the_damage_is_reported(vsd: Vsd, tmp_path: Path) -> None:
-    rows = "".join(GOOD.replace("00Z,cam-1,a", f"00.{k % 1000:03}Z,cam-1,{k}") for k in range(5000))
-    whole = gzip.compress((HEADER + rows).encode(), mtime=0)
+    rows = (f"2026-11-09T09:{k // 60 % 60:02}:{k % 60:02}Z,cam-1,{k},{k % 83 / 4},{k % 97 / 5}\n" for k in range(5000))
+    whole = gzip.compress((HEADER + "".join(rows)).encode(), mtime=0)
     (tmp_path / "a.csv.gz").write_bytes(whole[: len(whole) // 2])
     code, out, err = vsd("ingest", tmp_path / "a.csv.gz")
     assert code == 2

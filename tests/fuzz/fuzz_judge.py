@@ -27,6 +27,7 @@ from vsd_analytics.ingest.intake.normalise import Normaliser
 from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.site.model import Site
+from vsd_analytics.store.layout import Part
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.store import FoldResult
 
@@ -71,6 +72,11 @@ class MemoryStore:
         MemoryStore.last = self
 
     last: MemoryStore | None = None
+    """The store that was written to last, or made last where none was."""
+
+    def parts(self, table: TableName, **hours: int) -> list[Part]:
+        """Return no part: nothing was stored before."""
+        return []
 
     def days(self) -> set[int]:
         """Return no day: nothing was stored before."""
@@ -78,6 +84,7 @@ class MemoryStore:
 
     def append(self, table: TableName, rows: pa.Table, *, engines: Sequence[str] = (), import_id: str = "") -> int:
         """Keep rows in the stored schema."""
+        MemoryStore.last = self
         self.tables.append((table, rows.select(SCHEMAS[table].names).cast(SCHEMAS[table])))
         "".join([*engines, import_id]).encode()
         return int(rows.num_rows)

@@ -89,7 +89,7 @@ def test_a_hotspot_whose_area_was_changed_is_watched_until_enough_days_have_pass
     streams = [w.messages(counts, monday=monday) for monday in weeks]
     log = [{"at": f"{w.MONDAY}T08:00:00+01:00", "text": "Door mat moved", "area": "door"}]
     made = w.report(w.world(tmp_path / "shop", w.toml(more=rules), *streams, log=log))
-    rows = {row["name"]: (row["change"], row["changed_on"]) for row in made.answers["hotspots"].rows}
+    rows = {row["name"]: (row["change"], row["changed_on"]) for row in made.answers["past_hotspots"].rows}
     assert rows["Door"] == ("watching", w.MONDAY)
     assert made.spots is not None
     assert [(s.name, s.changed_on) for s in made.spots.watching] == [("Door", w.MONDAY)]
