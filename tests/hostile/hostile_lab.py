@@ -36,7 +36,7 @@ TS = "2026-11-09T09:00:00Z"
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 STORED = re.compile(
     r"(store/(\.[\w.]+|imports\.jsonl|floors\.json|live/.*|(again/)?(frames|observations|pairs)/site=shop/date=\d{4}-\d\d-\d\d/\d\d-[0-9a-f]{16}\.parquet)"
-    r"|facts/.*|secrets/.*|quarantine/[\w./-]+|vsd\.toml|(?:log|questions)\.jsonl|status/(?:(?:log|questions)\.lock|shapes\.json)|reports/[\w.-]+)"
+    r"|facts/.*|secrets/.*|quarantine/[\w./-]+|vsd\.toml|(?:log|questions|shared)\.jsonl|status/(?:(?:log|questions|shared)\.lock|shapes\.json)|reports/[\w.-]+)"
 )
 
 HEAD = b"ts,camera_id,track_id,x_m,y_m\n"
