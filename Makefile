@@ -1,6 +1,6 @@
 # make demo   installs into .venv and makes the made-up shop's weekly report
 # make check  formatting, lint, types and the fast tests, within a minute on two cores: before each commit
-# make test   installs the test extra and runs everything but the long proofs, in about 8 minutes on two cores, after the installation
+# make test   installs the test extra and runs everything but the long proofs, in about 10 minutes on two cores, after the installation
 # make prove  the long proofs, whose tables are in docs/
 # make bench  this machine beside other tools; the tables of docs/performance.md
 # make docs   writes the pages of docs/ and the JSON Schema of vsd.toml, which are made from the code
