@@ -2,7 +2,7 @@
 
 `CASES` provokes a code by commands in a small project and carries out what is printed. What files provoke is tried in
 `tests/ingest/test_printed_fixes.py`, and vsd.toml in `tests/config/test_config_fixes.py`. `ELSEWHERE` says why no fix
-is run of the rest: what mends them is a disk, a machine, a network or another program.
+is run of the rest: they are fixed at a disk, a machine, a network or in another program.
 """
 
 from __future__ import annotations
@@ -151,10 +151,10 @@ FILES: Final = frozenset(
 CONFIG: Final = frozenset(["E103", "E121", "E122", "E123", "E124", "E125", "E126", "E127", "E128", "E129"])
 """Provoked by tests/config/test_config_fixes.py; E103 is the sum of the others."""
 _GENERAL: Final = "codes of messages without a code of their own"
-_DISK: Final = "a disk that is full, read-only or broken, or a file that was changed by hand: a restore mends it"
-_MACHINES: Final = "other machines, a bucket or a broker that do not answer: starting them mends it"
-_MODEL: Final = "the file of a network, which only another export mends"
-_CALIBRATION: Final = "points or people that do not make a calibration: measuring again mends it"
+_DISK: Final = "a disk that is full, read-only or broken, or a file that was changed by hand: a restore fixes it"
+_MACHINES: Final = "other machines, a bucket or a broker that do not answer: starting them fixes it"
+_MODEL: Final = "the file of a network: only another export fixes it"
+_CALIBRATION: Final = "points or people that do not make a calibration: measuring again fixes it"
 _REPORT: Final = "files of reports of other versions, a browser or pictures that are missing"
 _MAIL: Final = "a mail server, an address or a password"
 _NOTE: Final = "says what was done, and needs nothing"
@@ -169,7 +169,7 @@ ELSEWHERE: Final[dict[str, tuple[str, str]]] = {
     **dict.fromkeys(("E215", "E216", "E217"), (_MODEL, "")),
     "W208": (_NOTE, ""),
     "W209": ("settings of another engine that only its owner knows", "ingest/test_smart_social_distancing.py"),
-    "W211": ("an hour that clocks have twice: an export with offsets mends it", "ingest/test_instants.py"),
+    "W211": ("an hour that clocks have twice: an export with offsets fixes it", "ingest/test_instants.py"),
     "W213": ("as W311, at the import", ""),
     "W231": ("lines for two tables of vsd.toml, which are pasted", "ingest/test_second_deliveries.py"),
     "W229": ("a file that is cut where it changes", "ingest/test_late_look.py"),

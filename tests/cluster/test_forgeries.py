@@ -388,7 +388,7 @@ def test_a_bomb_is_refused_in_bounded_memory(world: World) -> None:
     assert len(data) < 4 << 20
     hand(world, "observations", data)
     words = [sys.executable, "-c", MEASURED, str(world.root), world.place, ":".join(sys.path)]
-    told = subprocess.run(words, capture_output=True, text=True, check=True).stdout
-    n_held, n_new, grown_mb = map(int, told.split())
+    output = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    n_held, n_new, grown_mb = map(int, output.split())
     assert (n_held, n_new) == (1, 0)
     assert grown_mb < 300

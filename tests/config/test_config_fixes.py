@@ -1,4 +1,4 @@
-"""The printed fix of a mistake in vsd.toml mends that vsd.toml: each is carried out, and the file is read again."""
+"""The printed fix of a mistake in vsd.toml works: the test carries out each one and reads the file again."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def problems(folder: Path, text: str) -> list[VsdError]:
     return []
 
 
-def mended(text: str, problem: VsdError) -> str | None:
+def fixed(text: str, problem: VsdError) -> str | None:
     """Return the text with the printed fix carried out; None where it is words."""
     fix, at = problem.fix or "", (problem.where.line or 1) - 1 if problem.where is not None else 0
     lines = text.split("\n")
@@ -111,7 +111,7 @@ def test_the_printed_fix_mends_the_file(name: str, tmp_path: Path) -> None:
     text = RIGHT.replace(right, wrong, 1)
     found = problems(tmp_path, text)
     assert [p.code for p in found] == [code]
-    after = mended(text, found[0])
+    after = fixed(text, found[0])
     assert after is not None, found[0].fix
     assert problems(tmp_path, after) == [], after
 

@@ -87,8 +87,8 @@ def checked(
     folder: Path, capsys: pytest.CaptureFixture[str], *arguments: str, command: str = "check"
 ) -> tuple[int, dict[str, Any]]:
     code = run(cli, ["-C", str(folder), command, "--json", *arguments])
-    told: dict[str, Any] = json.loads(capsys.readouterr().out)
-    return code, told
+    output: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return code, output
 
 
 @pytest.mark.parametrize("unit", ["m", "mm", "cm"])
@@ -96,12 +96,12 @@ def test_a_drawing_without_a_unit_asks_for_it_and_its_fix_works(
     unit: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = str(drawing(tmp_path / "a.dxf", unit=unit, code=0))
-    code, told = checked(tmp_path, capsys, path)
-    assert (code, told["code"]) == (2, "E204")
-    assert re.search(rf"\b{unit}\b", told["fix"])
-    code, told = checked(tmp_path, capsys, path, "--unit", unit)
+    code, output = checked(tmp_path, capsys, path)
+    assert (code, output["code"]) == (2, "E204")
+    assert re.search(rf"\b{unit}\b", output["fix"])
+    code, output = checked(tmp_path, capsys, path, "--unit", unit)
     assert code == 0
-    assert told["bounds_m"] == pytest.approx([0, 0, 14, 9])
+    assert output["bounds_m"] == pytest.approx([0, 0, 14, 9])
 
 
 def test_the_plan_of_a_drawing_is_a_plan_of_vsd_toml(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -113,8 +113,8 @@ def test_the_plan_of_a_drawing_is_a_plan_of_vsd_toml(tmp_path: Path, capsys: pyt
     assert floor.plan is not None
     assert picture_size(floor.plan) == (1500, 1000)
     before = (tmp_path / "hall.svg").read_bytes()
-    code, told = checked(tmp_path, capsys, str(tmp_path / "hall.dxf"), "--picture", str(tmp_path / "again.svg"))
-    assert (code, told["plan_origin_m"]) == (0, [2.5, -2.5])
+    code, output = checked(tmp_path, capsys, str(tmp_path / "hall.dxf"), "--picture", str(tmp_path / "again.svg"))
+    assert (code, output["plan_origin_m"]) == (0, [2.5, -2.5])
     assert (tmp_path / "again.svg").read_bytes() == before
 
 
@@ -138,8 +138,8 @@ def test_a_drawing_that_cannot_be_used_is_refused(
         drawing(path)
     else:
         path.write_bytes(content)
-    exit_code, told = checked(tmp_path, capsys, str(path), *shlex.split(options))
-    assert (exit_code, told["code"], bool(told["fix"])) == (2, code, True)
+    exit_code, output = checked(tmp_path, capsys, str(path), *shlex.split(options))
+    assert (exit_code, output["code"], bool(output["fix"])) == (2, code, True)
 
 
 def test_without_the_extra_the_way_to_install_it_is_said(
@@ -147,8 +147,8 @@ def test_without_the_extra_the_way_to_install_it_is_said(
 ) -> None:
     path = drawing(tmp_path / "a.dxf")
     monkeypatch.setitem(sys.modules, "ezdxf", None)
-    _, told = checked(tmp_path, capsys, str(path))
-    assert 'pip install "vsd-analytics[dxf]"' in told["fix"]
+    _, output = checked(tmp_path, capsys, str(path))
+    assert 'pip install "vsd-analytics[dxf]"' in output["fix"]
 
 
 def test_a_block_of_blocks_that_would_never_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

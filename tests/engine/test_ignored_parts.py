@@ -123,9 +123,9 @@ def test_what_is_no_list_of_polygons_is_refused_in_words(
 ) -> None:
     root = shop(tmp_path, ignored)
     assert run(cli, ["-C", str(root), "doctor"]) != 0
-    told = capsys.readouterr()
-    assert "ignore_px" in told.out + told.err
-    assert "Traceback" not in told.out + told.err
+    output = capsys.readouterr()
+    assert "ignore_px" in output.out + output.err
+    assert "Traceback" not in output.out + output.err
 
 
 def test_evaluate_leaves_out_what_a_camera_ignores(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

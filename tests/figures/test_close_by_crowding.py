@@ -32,7 +32,7 @@ def test_a_weeks_time_lies_in_the_class_of_crowding_that_its_frames_have(tmp_pat
     assert seen is not None
     assert seen.state == "ok"
     days = [(d.first.day, d.last.day) for d in seen.days]
-    assert days == [(9, 15)], "a hidden hour would be told by those of its day"
+    assert days == [(9, 15)], "the other hours of its day would reveal a hidden hour"
 
     people: dict[str, list[int]] = {}
     for frame in w.messages(counts):

@@ -31,9 +31,9 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_file_is_as_its_schema_says(shop: Path) -> None:
-    told = tomllib.loads((shop / "vsd.toml").read_text(encoding="utf-8"))
-    assert told["site"]["opening"] == {"mon-sat": ["08:00-12:30", "14:00-19:00"]}
-    jsonschema.validate(told, json.loads(SCHEMA_FILE.read_text(encoding="utf-8")))
+    config = tomllib.loads((shop / "vsd.toml").read_text(encoding="utf-8"))
+    assert config["site"]["opening"] == {"mon-sat": ["08:00-12:30", "14:00-19:00"]}
+    jsonschema.validate(config, json.loads(SCHEMA_FILE.read_text(encoding="utf-8")))
 
 
 def test_the_break_is_closed_and_half_hours_around_it_are_whole(shop: Path) -> None:
@@ -46,10 +46,10 @@ def test_the_break_is_closed_and_half_hours_around_it_are_whole(shop: Path) -> N
 
 
 def test_only_what_was_open_is_missing(shop: Path) -> None:
-    told = json.loads(vsd(shop, "coverage", "--range", DAY, "--json", code=None))["answers"]
-    camera, *_ = told["recorded"]["rows"]
+    answers = json.loads(vsd(shop, "coverage", "--range", DAY, "--json", code=None))["answers"]
+    camera, *_ = answers["recorded"]["rows"]
     assert camera["scheduled_h"] == pytest.approx(9.5)
     assert camera["recorded_h"] == pytest.approx(9.0, abs=0.05)
-    (outage,) = told["camera_outages"]["rows"]
+    (outage,) = answers["camera_outages"]["rows"]
     open_h = outage["open_h"]["value"]
     assert open_h == pytest.approx(0.5, abs=0.02), "of the two hours without frames, one and a half are closed"

@@ -1,6 +1,6 @@
 """A printed fix works: it is run on the very input that caused it, and the message does not come again.
 
-The inputs are the odd files of this folder. Whatever `vsd check` says of one of them, its fix is taken apart into
+The inputs are the odd files of this folder. Whatever `vsd check` says of one of them, its fix is split into
 options and commands of a shell, and each is tried. What a fix says in words alone is for people, and is not tried.
 """
 
@@ -61,11 +61,11 @@ def messages(root: Path, path: Path, options: Sequence[str]) -> list[Said]:
     out = io.StringIO()
     with redirect_stdout(out), redirect_stderr(io.StringIO()):
         run(cli, ["-C", str(root), "--now", "2025-12-01", "check", str(path), "--json", *options])
-    told: dict[str, Any] = json.loads(out.getvalue())
-    if "sources" not in told:
-        return [Said(told["code"], told["message"], told["fix"] or "")]
+    output: dict[str, Any] = json.loads(out.getvalue())
+    if "sources" not in output:
+        return [Said(output["code"], output["message"], output["fix"] or "")]
     said = []
-    for source in told["sources"]:
+    for source in output["sources"]:
         if error := source["error"]:
             said.append(Said(error["code"], error["message"], error["fix"] or ""))
         said += [Said(w["code"], w["what"], w["fix"]) for w in (source["card"] or {}).get("warnings", [])]

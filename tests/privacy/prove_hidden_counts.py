@@ -28,7 +28,7 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=1, help="first seed")
     parser.add_argument("--weeks", type=int, default=10, help="weeks of each world")
     asked = parser.parse_args()
-    told: Counter[str] = Counter()
+    revealed: Counter[str] = Counter()
     held: Counter[str] = Counter()
     n_numbers = n_broken = n_running = n_refused = 0
     for seed in range(asked.first, asked.first + asked.seeds):
@@ -37,7 +37,7 @@ def main() -> None:
         wrong, found = sequences.broken(versions), sequences.worked_out(versions)
         for name in sequences.protected(versions):
             held[kind(name)] += 1
-        told.update(map(kind, found))
+        revealed.update(map(kind, found))
         n_numbers, n_broken = n_numbers + len(versions.rows), n_broken + len(wrong)
         n_running, n_refused = n_running + versions.n_running, n_refused + versions.n_refused
         print(f"seed {seed}: {len(versions.rows):,} numbers, worked out: {found}", *wrong, sep="\n  ", flush=True)
@@ -45,8 +45,8 @@ def main() -> None:
     print(f"{n_running:,} pages of weeks that went on, {n_refused:,} refused\n")
     print("| small count | held back | worked out |\n|---|--:|--:|")
     for of_kind, n in sorted(held.items()):
-        print(f"| {of_kind} | {n:,} | {told[of_kind]:,} |")
-    sys.exit(1 if told or n_broken else 0)
+        print(f"| {of_kind} | {n:,} | {revealed[of_kind]:,} |")
+    sys.exit(1 if revealed or n_broken else 0)
 
 
 def history(folder: Path, seed: int, *, n_weeks: int) -> sequences.Versions:

@@ -88,8 +88,8 @@ def lived(folder: Path, seed: int, *, n_weeks: int, days: Sequence[int] = ASKED_
 
 def so_far(world: World, week: int, report: WeekReport) -> Known:
     """Return what a page of a week that goes on tells."""
-    told, known = json.loads(to_json(report)), Known()
-    last = (date.fromisoformat(told["week"]["sunday"]) - hidden.monday(week)).days
+    figures, known = json.loads(to_json(report)), Known()
+    last = (date.fromisoformat(figures["week"]["sunday"]) - hidden.monday(week)).days
     days = range(min(last + 1, N_DAYS))
     source = f"week {week} to day {last}"
 
@@ -106,12 +106,12 @@ def so_far(world: World, week: int, report: WeekReport) -> Known:
         hidden._per_person_hour(known, keys(place), row["encounter_rate"], row["exposure_h"], f"{name}.risky")
         hidden._time_close(known, keys(place), row["close_time_share"], row["exposure_h"], f"{name}.close_share")
 
-    of(True, told["level"], told["level"]["violations"], f"{source}, level")
-    for row in told["areas"]:
+    of(True, figures["level"], figures["level"]["violations"], f"{source}, level")
+    for row in figures["areas"]:
         of(row["area_id"], row, row["counted"], f"{source}, {row['area_id']}")
         if row["counted"] is None:
             hidden._label(known, keys(row["area_id"]), None, row, f"{source}, {row['area_id']}")
-    for cell in told["when"]["cells"]:
+    for cell in figures["when"]["cells"]:
         day = (date.fromisoformat(cell["day"]) - hidden.monday(week)).days
         if day in days:
             at = hidden.keys_of(week, day=day, hour=cell["hour"])
@@ -207,7 +207,7 @@ def _solved(versions: Versions, asked: Mapping[str, Asked]) -> dict[str, int]:
             matrix[i, index[unknown]] = w
     low, high = (np.array([row[k] for row in rows]) for k in (1, 2))
     constraints = LinearConstraint(matrix.tocsr(), low - 1e-7, high + 1e-7)
-    told = {}
+    revealed = {}
     for name, (parts, truth) in asked.items():
         c = np.zeros(len(index))
         for unknown, w in parts:
@@ -217,8 +217,8 @@ def _solved(versions: Versions, asked: Mapping[str, Asked]) -> dict[str, int]:
             best = milp(sign * c, constraints=constraints, integrality=np.ones(len(index)), bounds=Bounds(0, 400))
             limits.append(None if best.x is None else round(sign * best.fun))
         if None in limits or limits[0] == limits[1]:
-            told[name] = truth
-    return told
+            revealed[name] = truth
+    return revealed
 
 
 def broken(versions: Versions) -> list[str]:

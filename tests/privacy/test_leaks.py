@@ -34,15 +34,15 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
     return w.world(tmp_path_factory.mktemp("leaks") / "shop", config, w.messages(few_by_day))
 
 
-def twin(site: Site) -> dict[str, Any]:
+def report_json(site: Site) -> dict[str, Any]:
     found: dict[str, Any] = json.loads(to_json(week_report(site, w.MONDAY)))
     return found
 
 
 def test_the_time_of_a_single_person_in_a_room_is_not_printed(site: Site) -> None:
-    exact = {a["area_id"]: a for a in twin(site.with_settings(mask_below=0))["areas"]}
+    exact = {a["area_id"]: a for a in report_json(site.with_settings(mask_below=0))["areas"]}
     assert exact["prayer"]["exposure_h"] == pytest.approx(7 * (HOURS[1] - HOURS[0]), rel=0.01), "one person, all week"
-    report = twin(site)
+    report = report_json(site)
     shared = {a["area_id"]: a for a in report["areas"]}
     for name in ("exposure_h", "encounter_rate", "close_time_share"):
         value = shared["prayer"][name]
@@ -52,7 +52,7 @@ def test_the_time_of_a_single_person_in_a_room_is_not_printed(site: Site) -> Non
 
 
 def test_nor_is_it_what_all_other_places_leave_of_the_floor(site: Site) -> None:
-    report = twin(site)
+    report = report_json(site)
     hidden = [a["area_id"] for a in report["areas"] if a["exposure_h"] is None]
     assert len(hidden) > 1
     assert "prayer" in hidden
@@ -61,9 +61,9 @@ def test_nor_is_it_what_all_other_places_leave_of_the_floor(site: Site) -> None:
 
 
 def test_a_place_that_enough_people_use_keeps_its_time(site: Site) -> None:
-    shared = {a["area_id"]: a for a in twin(site)["areas"]}
+    shared = {a["area_id"]: a for a in report_json(site)["areas"]}
     assert shared["queue"]["exposure_h"] == pytest.approx(
-        {a["area_id"]: a for a in twin(site.with_settings(mask_below=0))["areas"]}["queue"]["exposure_h"]
+        {a["area_id"]: a for a in report_json(site.with_settings(mask_below=0))["areas"]}["queue"]["exposure_h"]
     )
 
 

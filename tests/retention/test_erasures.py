@@ -67,8 +67,8 @@ def test_a_file_does_not_bring_erased_records_back_and_each_is_counted(project: 
     vsd(project, *ERASE)
     erased = rows_of(project)
     n = sum(len(before[t]) - len(erased[t]) for t in TABLES)
-    told = json.loads(vsd(project, "ingest", str(delivered(tmp_path)), "--json", code=None))
-    (source,) = told["sources"]
+    output = json.loads(vsd(project, "ingest", str(delivered(tmp_path)), "--json", code=None))
+    (source,) = output["sources"]
     assert source["left_out"] == {"erased on request": n}
     assert any(note.startswith("W312") for note in source["notes"])
     assert rows_of(project) == erased
@@ -81,9 +81,9 @@ def test_records_beside_the_interval_and_of_other_cameras_are_stored(project: Pa
     for frame, at in zip(frames, ("08:59:59.999", "09:00:00", "10:59:59.999", "11:00:00", "09:30:00"), strict=True):
         frame["ts"] = f"{DAYS[0]}T{at}Z"
     frames[4]["camera"] = "cam-2"
-    told = json.loads(vsd(project, "ingest", str(write(tmp_path / "near.jsonl", frames)), "--json", code=None))
-    assert told["stored"]["frames"]["new"] == 3
-    assert told["sources"][0]["left_out"] == {"erased on request": 2 * 3}, "a frame and two people, twice"
+    output = json.loads(vsd(project, "ingest", str(write(tmp_path / "near.jsonl", frames)), "--json", code=None))
+    assert output["stored"]["frames"]["new"] == 3
+    assert output["sources"][0]["left_out"] == {"erased on request": 2 * 3}, "a frame and two people, twice"
 
 
 def test_the_fold_drops_erased_records_whoever_put_them_into_the_spool(project: Path) -> None:
@@ -124,9 +124,9 @@ def test_the_quarantine_does_not_bring_erased_records_back(project: Path, tmp_pa
     erased = rows_of(project)
     toml = (project / "vsd.toml").read_text(encoding="utf-8")
     (project / "vsd.toml").write_text(toml.replace('id = "cam-1"', 'id = "cam-1"\nengine_ids = ["side-door"]', 1))
-    told = json.loads(vsd(project, "quarantine", "replay", "--json", code=None))
-    assert told["left_out"]["erased on request"] > 0
-    assert told["stored"] == {}
+    output = json.loads(vsd(project, "quarantine", "replay", "--json", code=None))
+    assert output["left_out"]["erased on request"] > 0
+    assert output["stored"] == {}
     assert rows_of(project) == erased
 
 
@@ -136,8 +136,8 @@ def test_sealed_hours_lose_the_camera_and_late_records_of_them_are_erased_not_qu
     vsd(purged, "purge", *WHOLE_DAY)
     erased = figures(purged)
     assert '"cam-1"' not in vsd(purged, "sql", "select distinct camera_id from internal.coverage", "--range", DAYS[0])
-    told = json.loads(vsd(purged, "ingest", str(delivered(tmp_path)), "--json", code=None))
-    assert told["sources"][0]["quarantined"] == {}
+    output = json.loads(vsd(purged, "ingest", str(delivered(tmp_path)), "--json", code=None))
+    assert output["sources"][0]["quarantined"] == {}
     assert nothing_in_quarantine(purged)
     assert figures(purged) == erased
 
@@ -179,8 +179,8 @@ def test_a_damaged_list_stops_every_door_instead_of_letting_records_in(project: 
     vsd(project, *ERASE)
     (project / "store" / "erasures.json").write_bytes(b"[")
     erased = rows_of(project)
-    told = json.loads(vsd(project, "ingest", str(delivered(tmp_path)), "--json", code=2))
-    assert told["sources"][0]["error"]["code"] == "E302"
+    output = json.loads(vsd(project, "ingest", str(delivered(tmp_path)), "--json", code=2))
+    assert output["sources"][0]["error"]["code"] == "E302"
     assert rows_of(project) == erased
 
 

@@ -141,7 +141,7 @@ SMUGGLED = {
     "a line of a megabyte": b"GET /" + b"y" * (1 << 20) + b" HTTP/1.1\r\n\r\n",
     "another protocol": b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + bytes(200),
 }
-"""Requests that two readers may take apart differently: each has at most one answer, and nothing of it is done."""
+"""Requests that two servers may read differently: each has at most one answer, and nothing of it is done."""
 
 
 def n_answers(answer: bytes) -> int:

@@ -1,7 +1,7 @@
 """`vsd serve` and `vsd listen --http` under hundreds of hostile connections, with their real limits.
 
 Each attack goes on for some seconds against a server in a process of its own, while one good client asks again and
-again. What is told: good requests that were answered, how often one was sent again, how long the slowest took with
+again. It prints: good requests that were answered, how often one was sent again, how long the slowest took with
 that, connections that the server held at most, and how much memory it gained. Run it with
 
     python tests/service/prove_server.py --seconds 20 --connections 300
@@ -178,10 +178,10 @@ def main() -> int:
             with server(which, root) as (pid, door):
                 for name, (act, data) in attacks.items():
                     before_mb, until_s = rss_mb(pid), time.monotonic() + given.seconds
-                    told: list[int | None] = []
+                    results: list[int | None] = []
                     port = door().port
                     words = (port, data, given.connections, until_s)
-                    attacker = threading.Thread(target=lambda w=words, a=act, t=told: t.append(a(*w)))
+                    attacker = threading.Thread(target=lambda w=words, a=act, t=results: t.append(a(*w)))
                     attacker.start()
                     time.sleep(1)
                     took_s, n_failed, n_again, most, most_mb = [0.0], 0, 0, 0, before_mb
@@ -201,7 +201,7 @@ def main() -> int:
                     grown_mb = most_mb - before_mb
                     cells = (len(took_s) - 1, n_again, n_failed, f"{max(took_s):.2f}", most, f"{grown_mb:.0f}")
                     print(f"| {which} | {name} | {' | '.join(map(str, cells))} |", flush=True)
-                    is_wrong |= n_failed > 0 or max(took_s) > SLOWEST_S or bool(told[0])
+                    is_wrong |= n_failed > 0 or max(took_s) > SLOWEST_S or bool(results[0])
                     is_wrong |= most > 3 * CONNECTIONS_MAX or grown_mb > GROWTH_MAX_MB
         finally:
             shutil.rmtree(root, ignore_errors=True)

@@ -138,8 +138,8 @@ def test_a_renamed_camera_is_refused_and_the_block_pasted_keeps_its_past(root: P
         file.write(f"\n{block}hz = 0.1\n")
     change(root, 'id = "stairs-cam"', f'id = "stairs-cam"\nfrom = "{DAYS[2]}"')
     after = json.loads(vsd(root, "hours", *RANGE, "--json"))["hours"]
-    told = ("start", "person_records", "violation_records", "n_violations")
-    assert [[h[k] for k in told] for h in after] == [[h[k] for k in told] for h in before]
+    columns = ("start", "person_records", "violation_records", "n_violations")
+    assert [[h[k] for k in columns] for h in after] == [[h[k] for k in columns] for h in before]
 
 
 def test_a_camera_moved_to_another_floor_is_refused_and_the_printed_lines_repair_it(root: Path) -> None:
@@ -180,8 +180,8 @@ def test_records_from_outside_a_life_go_to_quarantine_and_come_back_when_it_is_c
 ) -> None:
     change(root, 'id = "cam-2"\n', 'id = "cam-2"\nto = "2026-11-12"\n')
     late = write(tmp_path / "late.jsonl", messages(camera="cam-2", day="2026-11-12", hours=(9,)))
-    told = json.loads(vsd(root, "ingest", str(late), "--json", code=1))
-    n = told["sources"][0]["quarantined"]["camera-not-there"]
+    output = json.loads(vsd(root, "ingest", str(late), "--json", code=1))
+    n = output["sources"][0]["quarantined"]["camera-not-there"]
     assert n == 90 + 120
     change(root, 'to = "2026-11-12"\n', "")
     replayed = json.loads(vsd(root, "quarantine", "replay", "--reason", "camera-not-there", "--json"))

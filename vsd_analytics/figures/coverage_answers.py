@@ -125,12 +125,20 @@ def _camera(camera: Mapping[str, Any], warehouse: Warehouse) -> Row:
     return {"camera_id": camera["camera_id"], "name": camera["name"], **hours}
 
 
-def _hours(told: Mapping[str, Any], camera: Camera | None, first: date, last: date) -> Row:
+def _hours(recorded_time: Mapping[str, Any], camera: Camera | None, first: date, last: date) -> Row:
     is_there = camera is None or camera.is_there(first, last)
-    share = Value.missing(CLOSED if is_there else NOT_THERE) if told["share"] is None else Value(told["share"])
-    return {"recorded_share": share, "recorded_h": told["recorded_h"], "scheduled_h": told["scheduled_h"]}
+    share = (
+        Value.missing(CLOSED if is_there else NOT_THERE)
+        if recorded_time["share"] is None
+        else Value(recorded_time["share"])
+    )
+    return {
+        "recorded_share": share,
+        "recorded_h": recorded_time["recorded_h"],
+        "scheduled_h": recorded_time["scheduled_h"],
+    }
 
 
-def _stretch(what: str, number: int, told: Mapping[str, Any]) -> Row:
-    start, end = (datetime.fromisoformat(told[name]) for name in ("start", "end"))
-    return {what: number, "camera_id": told["camera_id"], "start": start, "end": end}
+def _stretch(what: str, number: int, span: Mapping[str, Any]) -> Row:
+    start, end = (datetime.fromisoformat(span[name]) for name in ("start", "end"))
+    return {what: number, "camera_id": span["camera_id"], "start": start, "end": end}

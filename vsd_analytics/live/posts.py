@@ -132,8 +132,8 @@ class PostInbox(MessageQueue):
         n_bad = len({number for number, _ in posted.bad})
         shown = posted.bad[:REJECTED_SHOWN]
         rejected = [{"message": n, "reason": r.reason, "detail": r.detail[:EXCERPT_CHARS]} for n, r in shown]
-        told = {"stored": len(messages) - n_bad, "quarantined": n_bad, **({"rejected": rejected} if rejected else {})}
-        return _json(HTTPStatus.UNPROCESSABLE_ENTITY if n_bad else HTTPStatus.ACCEPTED, told)
+        answer = {"stored": len(messages) - n_bad, "quarantined": n_bad, **({"rejected": rejected} if rejected else {})}
+        return _json(HTTPStatus.UNPROCESSABLE_ENTITY if n_bad else HTTPStatus.ACCEPTED, answer)
 
     def _refusal(self, request: Request) -> Response | None:
         """Return why a request is refused before its body is read; None = it is not."""
