@@ -45,7 +45,7 @@ def heatmap(
 ) -> None:
     """Print or draw violation records per floor cell.
 
-    The counts are exact, for the operator: the maps to hand on are those of vsd report.
+    The counts are exact, for the operator: the maps to share are those of vsd report.
 
     Columns cx and cy are floor(x / cell) and floor(y / cell) in floor metres.
 

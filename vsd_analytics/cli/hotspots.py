@@ -58,7 +58,7 @@ def hotspots(
     busy: the map of burden shows those. The test allows for chance and for differences between days and weeks. Places
     are ranked by the time above what crowding explains: what could be saved. Compared with the 28 days a week earlier,
     a hotspot is new or persisting; past hotspots are listed below. After a change of the log in or near a hotspot, it
-    is watched until enough days have passed. The counts are exact, for the operator: the table to hand on is
+    is watched until enough days have passed. The counts are exact, for the operator: the table to share is
     hotspots.csv of vsd report.
 
     \b

@@ -33,7 +33,7 @@ def hours(
 
     An hour without data has state no_data: what happened is unknown, which does not mean that nothing happened. Over
     several cameras, recorded_s is their mean, and cameras_down says how many recorded less than half of the hour. Hours
-    to come are left out. The counts are exact, for the operator: the table to hand on is hours.csv of vsd report.
+    to come are left out. The counts are exact, for the operator: the table to share is hours.csv of vsd report.
 
     \b
     Example:

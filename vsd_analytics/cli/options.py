@@ -51,7 +51,7 @@ exact_option = click.option(
     is_flag=True,
     expose_value=False,
     callback=_show_exact,
-    help="Hide nothing, of any days: for the operator, not to be handed on (docs/privacy.md).",
+    help="Exact figures of any days, small counts included: for the operator, not to share (docs/privacy.md).",
 )
 """The command hides no small count; see `Project.is_exact`."""
 

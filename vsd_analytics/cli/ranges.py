@@ -46,7 +46,7 @@ def resolve(project: Project, *, week: str | None, days: str | None) -> tuple[da
 
 
 def shared_days(project: Project, *, week: str | None, days: str | None) -> tuple[date, date]:
-    """Return first and last day of what the user asked for and may hand on; by default the last week that is over.
+    """Return first and last day of what the user asked for and may share; by default the last week that is over.
 
     Raises:
         UsageError: E105, they are no week that is over, and `--exact` was not given.

@@ -49,7 +49,7 @@ def today(
 ) -> int:
     """Write the card of the day: yesterday and today so far, silent cameras, what to expect until tomorrow.
 
-    The card that it prints and writes is the operator's, with exact counts of single hours: do not hand it on. What is
+    The card that it prints and writes is the operator's, with exact counts of single hours: do not share it. What is
     mailed or published is of days that are over, in round numbers; with --exact, it is the operator's card too.
 
     A day is compared with the same hours of the same weekday in the twelve weeks before. Hours count when they are

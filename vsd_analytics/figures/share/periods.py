@@ -59,7 +59,7 @@ def check_days(site: Site, first: date, last: date, *, clock: datetime | None) -
         raise UsageError(
             f"{first} to {last} is no week from Monday to Sunday",
             code="E105",
-            why="only figures of whole weeks are handed on: two ranges would tell the small counts between them",
+            why="only figures of whole weeks are shared: two ranges would tell the small counts between them",
             fix="--week last; or add --exact, for your own eyes",
         )
     if not is_over(site, last, clock=clock):
@@ -69,7 +69,7 @@ def check_days(site: Site, first: date, last: date, *, clock: datetime | None) -
 def not_yet(monday: date) -> UsageError:
     """Return why nothing of a week leaves."""
     return UsageError(
-        f"too little is closed of the week {monday:%G-W%V} to hand it on",
+        f"too few days of the week {monday:%G-W%V} are over to share it",
         code="E105",
         why="day by day its pages would tell what each day added; a day leaves when enough came after it",
         fix="--week last; or add --exact, for your own eyes",
