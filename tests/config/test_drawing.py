@@ -21,6 +21,7 @@ from vsd_analytics.config.drawing import M_PER_PX, is_drawing, read_drawing
 from vsd_analytics.config.file_columns import METRES
 from vsd_analytics.config.project import load_site
 from vsd_analytics.config.row_filter import parse_filter
+from vsd_analytics.errors import InputError
 from vsd_analytics.geometry.picture_size import picture_size
 
 ezdxf: Any = pytest.importorskip("ezdxf")
@@ -164,6 +165,36 @@ def test_a_block_of_blocks_that_would_never_end_is_refused(tmp_path: Path, monke
     document.saveas(tmp_path / "a.dxf")
     with pytest.raises(Exception, match="more than 2,000 parts"):
         read_drawing(tmp_path / "a.dxf")
+
+
+def test_a_block_that_contains_itself_is_named(tmp_path: Path) -> None:
+    document = ezdxf.new("R2010")
+    block = document.blocks.new("A")
+    block.add_line((0, 0), (1, 0))
+    block.add_blockref("A", (1, 0))
+    document.modelspace().add_blockref("A", (0, 0))
+    document.saveas(tmp_path / "a.dxf")
+    with pytest.raises(InputError, match="a block that contains itself"):
+        read_drawing(tmp_path / "a.dxf", unit="m")
+
+
+def test_a_curve_that_reaches_nowhere_is_left_out_at_once(tmp_path: Path) -> None:
+    path = drawing(tmp_path / "a.dxf", unit="m")
+    document = ezdxf.readfile(path)
+    document.modelspace().add_spline([(0, 0), (1e17, 3), (5, 1e17), (7, 7)])
+    document.modelspace().add_ellipse((0, 0), (1e300, 0), 0.5)
+    document.saveas(tmp_path / "b.dxf")
+    assert read_drawing(tmp_path / "b.dxf").bounds_m == read_drawing(path).bounds_m
+
+
+def test_a_binary_drawing_is_the_same_plan(tmp_path: Path) -> None:
+    path = drawing(tmp_path / "a.dxf", unit="m")
+    ezdxf.readfile(path).saveas(tmp_path / "b.dxf", fmt="bin")
+    assert read_drawing(tmp_path / "b.dxf").lines == read_drawing(path).lines
+    whole = (tmp_path / "b.dxf").read_bytes()
+    (tmp_path / "c.dxf").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError):
+        read_drawing(tmp_path / "c.dxf")
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 from ingest.prove_second_deliveries import NOW, again, beside_each_other, came, doubts, others
-from ingest.spellings import SPELLINGS, hall, project, renamed, write
+from ingest.spellings import SPELLINGS, hall, of_people, project, renamed, write
 
 from vsd_analytics.api.ingest_frame import ingest_frame
 from vsd_analytics.cli import cli
@@ -189,3 +189,30 @@ def test_a_file_can_be_checked_without_a_project(tmp_path: Path, vsd: Vsd) -> No
     assert "To go on: vsd init" in said
     assert sorted(p.name for p in tmp_path.iterdir()) == ["day.csv"]
     assert vsd(tmp_path, "check", path, "--save", "days")[0] == 2
+
+
+def test_feet_are_seen_though_other_cameras_were_stored_last(tmp_path: Path, vsd: Vsd) -> None:
+    root = project(tmp_path / "p", "a", "b")
+    day_ms = 24 * 3_600_000
+    elsewhere = hall(31, minutes=6, n_people=14).assign(camera="b")
+    elsewhere["x"] += 40
+    hours = [elsewhere.assign(ms=elsewhere["ms"] + day_ms + k * 3_600_000) for k in range(4)]
+    for number, frame in enumerate((small(), *hours)):
+        assert vsd(root, "ingest", write(frame, tmp_path / f"{number}.csv"), "--yes")[0] <= 1
+    feet = in_feet(next_hour())
+    code, said = vsd(root, "ingest", write(feet.assign(ms=feet["ms"] + day_ms), tmp_path / "feet.csv"))
+    assert (code, "3.28 times as large" in said) == (2, True), said
+
+
+def test_the_next_seconds_of_people_who_sit_are_another_recording(tmp_path: Path, vsd: Vsd) -> None:
+    root, rng = project(tmp_path / "p", "a"), np.random.default_rng(1)
+    seats = np.array([(2 + 1.3 * k, 1 + k * 37 % 5) for k in range(6)])
+
+    def seated(from_s: float) -> pd.DataFrame:
+        tracks = [(from_s, np.repeat(seat[None], 200, axis=0)) for seat in seats]
+        return of_people(tracks, hz=10, seed=int(rng.integers(99)), jitter_m=0.01)
+
+    first, then = seated(0), seated(20)
+    assert vsd(root, "ingest", write(first, tmp_path / "one.csv"))[0] == 0
+    code, said = vsd(root, "ingest", write(then, tmp_path / "two.csv"))
+    assert (code, n_stored(root)) == (0, len(first) + len(then)), said

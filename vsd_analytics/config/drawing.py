@@ -7,8 +7,9 @@ frozen are left out, as a CAD program leaves them out of a print; `--where "laye
 from __future__ import annotations
 
 import math
+import struct
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -29,6 +30,7 @@ _FLAT_M: Final = 0.02
 _ROOM_M: Final = (3.0, 300.0)
 """Sides of usual floors, by which a unit is proposed."""
 _FLOOR_MAX_M: Final = 2_000.0
+_FARTHEST_M: Final = 1e6
 _BYTES_MAX: Final = 200_000_000
 _ENTITIES_MAX, _POINTS_MAX = 200_000, 2_000_000
 _BINARY: Final = b"AutoCAD Binary DXF"
@@ -178,6 +180,7 @@ def _document(path: Path) -> tuple[Drawing, int]:
     """Return the drawing, and how many damaged things were left out of it."""
     try:
         from ezdxf import recover
+        from ezdxf.filemanagement import readfile
         from ezdxf.lldxf.const import DXFError
     except ImportError:
         raise InputError(
@@ -190,9 +193,14 @@ def _document(path: Path) -> tuple[Drawing, int]:
     if n_bytes > _BYTES_MAX:
         raise _too_large(path, f"{n_bytes:,} bytes; at most {_BYTES_MAX:,} are read")
     try:
+        with path.open("rb") as file:
+            is_binary = file.read(len(_BINARY)) == _BINARY
+        if is_binary:
+            document = readfile(path)
+            return document, len(document.audit().errors)
         document, auditor = recover.readfile(path)
         return document, len(auditor.errors)
-    except (OSError, DXFError, ValueError, LookupError, TypeError, AttributeError) as error:
+    except (OSError, EOFError, DXFError, ValueError, LookupError, TypeError, AttributeError, struct.error) as error:
         raise InputError(
             f"{path.name} is no whole drawing",
             code="E205",
@@ -222,7 +230,7 @@ def _lines(
     left_out: Counter[str] = Counter()
     off = {layer.dxf.name.lower() for layer in document.layers if layer.is_off() or layer.is_frozen()}
     n_points = 0
-    for number, entity in enumerate(recursive_decompose(document.modelspace())):
+    for number, entity in enumerate(_parts(path, recursive_decompose(document.modelspace()))):
         if number >= _ENTITIES_MAX:
             raise _too_large(path, f"more than {_ENTITIES_MAX:,} parts")
         kind, layer = entity.dxftype(), str(entity.dxf.get("layer", "0"))
@@ -240,6 +248,24 @@ def _lines(
     return dict(sorted(lines.items())), dict(left_out)
 
 
+def _parts(path: Path, entities: Iterable[Any]) -> Iterator[Any]:
+    """Yield the parts of a drawing.
+
+    Raises:
+        InputError: E205, a block contains itself.
+    """
+    try:
+        yield from entities
+    except RecursionError:
+        raise InputError(
+            f"{path.name} has a block that contains itself",
+            code="E205",
+            where=Where(str(path)),
+            why="its lines never end",
+            fix="explode the block in the program that drew it, and save it as DXF again",
+        ) from None
+
+
 def _holds(condition: RowCondition, value: str) -> bool:
     is_same = value.lower() == str(condition.value).lower()  # names of layers have no case
     return is_same if condition.sign in ("=", "==") else not is_same
@@ -253,12 +279,15 @@ def _corners(entity: Any, metres: float) -> Iterator[Line]:
         found = paths.from_hatch(entity) if entity.dxftype() == "HATCH" else [paths.make_path(entity)]
         for part in found:
             for piece in part.sub_paths() if part.has_sub_paths else (part,):
+                if not all(abs(v) * metres < _FARTHEST_M for p in piece.control_vertices() for v in (p.x, p.y)):
+                    continue  # nowhere, or a curve that would be cut into endless pieces
                 line = tuple((p.x * metres, p.y * metres) for p in piece.flattening(_FLAT_M / metres, segments=4))
-                if len(line) > 1 and all(math.isfinite(v) and abs(v) < 1e9 for point in line for v in point):
+                if len(line) > 1:
                     yield line
     except (
         TypeError,
         ValueError,
         ZeroDivisionError,
+        OverflowError,
     ):  # a kind without lines, or one drawn with numbers that fit no curve
         return

@@ -247,6 +247,8 @@ def _longest(inputs: FigureInputs, found: FloorGatherings, rate: Value) -> Answe
         nothing = Value.missing(Reason("hidden.gatherings", least=mask.below))
     elif not inputs.is_ranked:
         nothing = Value.missing(inputs.why_not_ranked)
+    # ranked after the small ones are left out: a gap in the ranks would tell of them
+    shown = [g for g in found.top if nothing is None and not mask.hides(g.n_people)]
     rows: list[Row] = [
         {
             "rank": rank,
@@ -259,8 +261,7 @@ def _longest(inputs: FigureInputs, found: FloorGatherings, rate: Value) -> Answe
             "y_m": g.y_m,
             "diameter_m": g.diameter_m,
         }
-        for rank, g in enumerate(found.top if nothing is None else (), 1)
-        if not mask.hides(g.n_people)
+        for rank, g in enumerate(shown, 1)
     ]
     if nothing is None and found.top and not rows:
         nothing = Value.missing(Reason("hidden.few_people", least=mask.below))

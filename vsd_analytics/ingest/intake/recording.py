@@ -30,6 +30,8 @@ _CLOSE_S, _AROUND_S = 0.15, 0.7
 CONTROLS_S: Final = (-241.0, -113.0, -47.0, -19.0, 19.0, 47.0, 113.0, 241.0)
 """Other lags, in seconds: what is near then is near by chance. No usual period fits all."""
 SHARE_MIN: Final = 0.03
+UNSHIFTED_MS: Final = 2_000
+"""Lags up to this are clocks that differ, not a recording that is shifted."""
 """A smaller share of records that are near shows nothing."""
 _GAP_S: Final = 3.0
 """A track whose records are further apart is not drawn in between."""
@@ -248,7 +250,9 @@ def match(here: Recording, there: Near, *, lag_ms: int, within_m: float, around_
             continue
         row, _, _ = _pairs(here, there, control_ms, within_m, around_ms)
         chances.append(len(np.unique(row[is_compared[row]])) / is_compared.sum())
-    return Match(lag_ms, within_m, nearest >= 0, nearest, max(chances, default=0.0), there.recording)
+    # no control fits a recording of seconds: people who sit look like themselves at any lag, so a shift proves nothing
+    unknown = 1.0 if abs(lag_ms) > UNSHIFTED_MS else 0.0
+    return Match(lag_ms, within_m, nearest >= 0, nearest, max(chances, default=unknown), there.recording)
 
 
 def _pairs(here: Recording, there: Near, lag_ms: int, within_m: float, around_ms: int) -> tuple[Ints, Ints, Floats]:

@@ -25,6 +25,7 @@ from vsd_analytics.ingest.checks.check_case import SourceWarning
 from vsd_analytics.ingest.intake.recording import (
     COARSE_M,
     SHARE_MIN,
+    UNSHIFTED_MS,
     Floats,
     Ints,
     Match,
@@ -372,7 +373,7 @@ def _is_own(camera: Camera, here: Recording, found: Match) -> bool:
 
     This tells of people who do not move, whom other times have at the same places.
     """
-    if abs(found.lag_ms) > 2000 or found.within_m > COARSE_M:
+    if abs(found.lag_ms) > UNSHIFTED_MS or found.within_m > COARSE_M:
         return False
     own_ms = found.other.of_camera(camera.camera_id).ts_ms
     if not len(own_ms):

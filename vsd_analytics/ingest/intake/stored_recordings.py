@@ -1,10 +1,11 @@
-"""KeyedRecords of the tables as recordings: those that are about to be stored, and those of the store and its spool."""
+"""Records of the tables as recordings: those that are about to be stored, and those of the store and its spool."""
 
 from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,7 +29,7 @@ from vsd_analytics.store.store import Store
 ROWS_MAX: Final = 600_000
 """Stored rows that are read; beyond it the hours with fewer incoming records are left out."""
 HOURS_MAX: Final = 48
-PAST_PARTS, PAST_ROWS = 2, 5_000
+PAST_PARTS, PAST_PARTS_OPENED, PAST_ROWS = 2, 200, 5_000
 _PIXELS_M: Final = 1_000_000.0
 """Places in pixels and pairs without places lie this far, and twice as far, from all floors."""
 _PIXEL_M: Final = 0.01
@@ -41,7 +42,7 @@ _COLUMNS: Final[Mapping[TableName, Sequence[str]]] = {
 
 @dataclass(frozen=True, eq=False)
 class KeyedRecords:
-    """KeyedRecords of one table as a recording, with what identifies each.
+    """Records of one table as a recording, with what identifies each.
 
     Attributes:
         recording: Places and times, sorted by time.
@@ -162,13 +163,19 @@ def newest_rows(
     for store in stores:
         with reading(store.root), contextlib.suppress(pa.ArrowException, ValueError, OSError):
             parts = sorted(store.parts(table), key=lambda part: abs(part.hour - at_ms // HOUR_MS))
-            # a part of another camera tells nothing, and many are not opened
-            tables = (_part(part.path, table) for part in parts[:PAST_PARTS])
+            # a part of other cameras tells nothing: one column of it is read to know
+            with_camera = (p for p in parts[:PAST_PARTS_OPENED] if _holds_camera(p.path, camera.camera_id))
+            tables = (_part(part.path, table) for part in islice(with_camera, PAST_PARTS))
             for rows in (*_of_spool(store, table, -(1 << 60), 1 << 60, but), *tables):
                 own = rows.filter(pc.is_in(rows["camera_id"].cast(pa.string()), camera_ids)).slice(0, PAST_ROWS)
                 if own.num_rows >= PAST_ROWS // 100:
                     return rows_of(site, table, [own], keyed_ms=np.zeros(0, dtype=np.int64))
     return None
+
+
+def _holds_camera(path: Path, camera_id: str) -> bool:
+    with pq.ParquetFile(path, read_dictionary=["camera_id"]) as file:
+        return camera_id in pc.unique(file.read(columns=["camera_id"], use_threads=False)["camera_id"]).to_pylist()
 
 
 def _part(path: Path, table: TableName) -> pa.Table:
