@@ -14,6 +14,7 @@ from planted_hours import MONDAY, of, planted, site_of
 
 from vsd_analytics.answer import Answers, Reason, Value, check_sums, value_of
 from vsd_analytics.errors import UsageError
+from vsd_analytics.figures.share.days import closed_days
 from vsd_analytics.figures.today import Today, today
 from vsd_analytics.figures.today_answers import today_answers
 from vsd_analytics.site.model import Site
@@ -234,6 +235,79 @@ def test_a_closed_day_and_an_hour_without_data_have_a_row_that_says_why(tmp_path
     assert closed["n_violations"] == Value.missing(Reason("today.closed"))
     n = tables["today_hours"].value("n_violations", local_date=SATURDAY, local_hour=10)
     assert n == Value.missing(Reason("recorded.nothing"))
+
+
+def one_more(weeks: int, *, hour: int = 9, more: int = 1) -> Change:
+    """Put the Fridays on round numbers in one hour, with so many more in the one of some weeks before."""
+
+    def change(hours: pd.DataFrame) -> None:
+        for week in range(14):
+            friday = of(hours, day=SATURDAY - timedelta(days=1, weeks=week))
+            hours.loc[friday, "n_violations_open"] = 0.0
+            at = friday & of(hours, hour=hour, camera="cam-1")
+            hours.loc[at, "n_violations_open"] = 60.0 + 10 * (week % 3) + (more if week == weeks else 0)
+
+    return change
+
+
+@pytest.mark.parametrize("week", [0, 1, 7])
+def test_a_card_for_readers_is_the_same_whatever_lies_within_the_steps_of_its_days(week: int, tmp_path: Path) -> None:
+    """So nobody finds an hour from it that they do not find from the round numbers of days."""
+    site = site_of(tmp_path)
+    plain, same, other = (
+        closed_days(replace(card(site, SATURDAY, 7, change=one_more(week, more=n)), forecast_reason=None), site)
+        for n in (0, 3, 20)
+    )
+    assert plain.yesterday is not None
+    assert plain.yesterday.usual is not None
+    assert plain == replace(same, unusual=plain.unusual)
+    assert plain.yesterday != other.yesterday
+
+
+def test_a_day_that_a_camera_lacks_in_part_has_no_usual_range_for_readers(tmp_path: Path) -> None:
+    """What made up for the camera would be computed from exact hours."""
+    site = site_of(tmp_path)
+    lost = without(SATURDAY - timedelta(days=1), 10, "cam-2")
+    operators = card(site, SATURDAY, 7, change=lost)
+    readers = closed_days(operators, site).yesterday
+    assert operators.yesterday is not None
+    assert readers is not None
+    assert operators.yesterday.usual is not None
+    assert readers.violations == readers.estimate
+    assert (readers.usual, readers.reason) == (None, Reason("today.not_whole"))
+
+
+def test_earlier_days_that_a_camera_lacks_in_part_do_not_enter_the_range_of_readers(tmp_path: Path) -> None:
+    site = site_of(tmp_path)
+
+    def lost(hours: pd.DataFrame) -> None:
+        for week in range(4, 13):
+            without(SATURDAY - timedelta(days=1, weeks=week), 10, "cam-2")(hours)
+
+    readers = closed_days(card(site, SATURDAY, 7, change=lost), site).yesterday
+    assert readers is not None
+    assert readers.reason == Reason("today.whole_days", least=4, has=3)
+
+
+def test_days_that_differ_by_rounding_alone_are_within_the_range_of_readers(tmp_path: Path) -> None:
+    site = site_of(tmp_path)
+
+    def steady(hours: pd.DataFrame) -> None:
+        one_more(0, more=6)(hours)
+        for week in range(1, 14):
+            at = of(hours, day=SATURDAY - timedelta(days=1, weeks=week), hour=9, camera="cam-1")
+            hours.loc[at, "n_violations_open"] = 64.0
+
+    readers = closed_days(card(site, SATURDAY, 7, change=steady), site).yesterday
+    assert readers is not None
+    assert (readers.violations, readers.position) == (70, "within")
+
+
+def test_a_card_for_readers_expects_no_violations_of_an_hour(tmp_path: Path) -> None:
+    site = site_of(tmp_path)
+    found = closed_days(card(site, SATURDAY, 7), site)
+    assert found.ahead
+    assert {(h.violations, h.estimate, h.usual, h.lo, h.hi, h.seen) for h in found.hours} == {(None,) * 6}
 
 
 def test_an_unknown_floor_is_refused(tmp_path: Path) -> None:

@@ -106,7 +106,6 @@ def _publish(project: Project, found: list[Today]) -> None:
     import os
 
     from vsd_analytics.errors import LiveError
-    from vsd_analytics.figures.share.counts import mask_of
     from vsd_analytics.figures.share.days import closed_days
     from vsd_analytics.live.day_topics import day_figures, day_topic
     from vsd_analytics.live.delivery import Publisher
@@ -120,7 +119,7 @@ def _publish(project: Project, found: list[Today]) -> None:
     for card in found:
         floor = floors[card.floor_id or site.floors[0].floor_id]
         messages |= discovery_messages(site, broker, floor) if broker.is_home_assistant else {}
-        messages[day_topic(broker, floor)] = day_figures(closed_days(card, mask_of(site)), site, floor)
+        messages[day_topic(broker, floor)] = day_figures(closed_days(card, site), site, floor)
     with Publisher(broker, password=password_of(broker, environ=os.environ), what="figures") as publish:
         lost = [t for t, message in messages.items() if not publish(t, json.dumps(message).encode(), retain=True)]
     if lost:
@@ -161,7 +160,6 @@ def _write(project: Project, card: Today, out: str | None, options: MailOptions 
     """Print a card, write its page and, with options of a mail, its mail; return the files."""
     from vsd_analytics.cli import report_mail
     from vsd_analytics.cli.report_formats import write
-    from vsd_analytics.figures.share.counts import mask_of
     from vsd_analytics.figures.share.days import closed_days
     from vsd_analytics.figures.today import first_day
     from vsd_analytics.report.model.assemble import MADE_UP_ENGINE
@@ -180,7 +178,7 @@ def _write(project: Project, card: Today, out: str | None, options: MailOptions 
     paths = write(folder, {f"today{floor}.html": today_html(page).encode()})
     if options is not None:
         date = project.now.astimezone(site.zone) if options.is_sent else None
-        shared = make_today_page(closed_days(card, mask_of(site)), site, is_made_up=is_made_up)
+        shared = make_today_page(closed_days(card, site), site, is_made_up=is_made_up)
         mail = today_mail(shared, sender=options.sender, to=options.to, date=date)
         target = Path(out) if out is not None else project.root / report_mail.FOLDER
         paths += write(target, {f"today{floor}.eml": as_bytes(mail)})

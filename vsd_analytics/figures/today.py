@@ -80,6 +80,8 @@ class DayLevel:
         n_days: Earlier days that recorded them.
         state: "ok" when there is a usual range.
         reason: Why not.
+        whole_days: Violations of the same weekday in the weeks before, of days that all cameras recorded in all open
+            hours; None where they did not record this day so.
         is_rough: Counts are rounded, for readers (`share.days`).
         masked_below: Its count is less than this, and not given; 0 = it is given.
     """
@@ -95,6 +97,7 @@ class DayLevel:
     n_days: int
     state: State
     reason: Reason | None
+    whole_days: tuple[float, ...] | None = None
     is_rough: bool = False
     masked_below: int = 0
 
@@ -284,7 +287,14 @@ def _level(
         n_days=len(before) if has_estimate else 0,
         state="ok" if usual is not None else "not_measurable" if why is not None else "not_enough_data",
         reason=reason,
+        whole_days=_whole_days(slots, open_slots),
     )
+
+
+def _whole_days(slots: Slots, open_slots: NDArray[np.int64]) -> tuple[float, ...] | None:
+    is_whole = np.asarray(slots.is_recorded[:, :, open_slots].all(axis=(0, 2)))
+    counts = slots.n_violations[:, :, open_slots].sum(axis=(0, 2))
+    return tuple(counts[:-1][is_whole[:-1]].tolist()) if is_whole[-1] else None
 
 
 def _hours(

@@ -16,7 +16,7 @@ from report import sample_cards as cards
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.figures.share.counts import Mask, rough
+from vsd_analytics.figures.share.counts import rough
 from vsd_analytics.figures.share.days import closed_days
 from vsd_analytics.report.pages.mail import as_bytes
 from vsd_analytics.report.pages.today import TodayWords, make_today_page, today_html, today_mail, today_words
@@ -101,7 +101,7 @@ def test_what_is_mailed_and_published_is_of_days_that_are_over_in_round_numbers(
 
 
 def test_a_reader_s_card_says_of_a_small_day_that_it_is_small() -> None:
-    small = closed_days(cards.card(yesterday=cards.level(cards.FRIDAY, 3.0)), Mask(5))
+    small = closed_days(cards.card(yesterday=cards.level(cards.FRIDAY, 3.0)), cards.site())
     assert today_words(small, cards.site()).days[0].value == "<5"
     assert today_words(small, cards.site()).days[1:] == ()
 

@@ -1,37 +1,70 @@
 """What of a day leaves: days that are over, their counts as rough numbers, and nothing of their hours.
 
 A card is made every day, or every hour. Exact counts of days would tell what the weekly page hides of an hour, so a day
-is given to a step of twice `mask_below`; `weeks` hides hours so that this tells nothing.
+is given to a step of twice `mask_below`; `weeks` hides hours so that this tells nothing. All else that a card says of
+violations is computed from such rough numbers, those of earlier days too: the usual range, and where the day lies.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from vsd_analytics.figures.share.counts import Mask, rough
+from vsd_analytics.answer import Reason
+from vsd_analytics.figures.share.counts import Mask, mask_of, rough
 from vsd_analytics.figures.today import DayLevel, Today
+from vsd_analytics.site.model import Site
+from vsd_analytics.stats.usual import MIN_WEEKS, UsualRange, usual_range
 
 
-def closed_days(today: Today, mask: Mask) -> Today:
-    """Return a card for readers: yesterday's violations as a rough number, and the hours to come.
+def closed_days(today: Today, site: Site) -> Today:
+    """Return a card for readers: yesterday's violations as a rough number, and how many people to expect.
 
-    It has no hours of today so far, no counts of single hours, and no unusual hours.
+    It has no hours of today so far, no unusual hours, and no violations of single hours, counted or expected: these are
+    computed from exact hours.
 
     Args:
         today: The operator's card.
-        mask: The site's.
+        site: The site; where it hides nothing, the card is the operator's.
     """
+    mask = mask_of(site)
     if mask.below <= 1:
         return today
-    hours = tuple(replace(h, violations=None, estimate=None, seen=None) for h in today.hours)
-    return replace(today, yesterday=_rough(today.yesterday, mask), so_far=None, hours=hours, is_of_closed_days=True)
+    hours = tuple(
+        replace(h, violations=None, estimate=None, usual=None, lo=None, hi=None, seen=None) for h in today.hours
+    )
+    yesterday = _rough(today.yesterday, mask, confidence=float(site.settings.confidence))
+    return replace(today, yesterday=yesterday, so_far=None, hours=hours, is_of_closed_days=True)
 
 
-def _rough(level: DayLevel | None, mask: Mask) -> DayLevel | None:
+def _rough(level: DayLevel | None, mask: Mask, *, confidence: float) -> DayLevel | None:
+    """Return a day as a rough number, beside the rough numbers of earlier days if all cameras recorded all of it."""
     if level is None or level.violations is None:
         return level
     n = rough(round(level.violations), below=mask.below)
-    is_whole = level.estimate is None or round(level.estimate) == round(level.violations)
-    estimate = None if level.estimate is None else rough(round(level.estimate), below=mask.below)
-    known = n if is_whole else estimate
-    return replace(level, violations=n, estimate=known, is_rough=True, masked_below=0 if n is not None else mask.below)
+    usual, reason = _usual(level, mask, confidence=confidence)
+    return replace(
+        level,
+        violations=n,
+        estimate=n,
+        usual=usual,
+        n_days=0 if level.whole_days is None else len(level.whole_days),
+        state="not_enough_data" if usual is None else "ok",
+        reason=reason,
+        whole_days=None,
+        is_rough=True,
+        masked_below=0 if n is not None else mask.below,
+    )
+
+
+def _usual(level: DayLevel, mask: Mask, *, confidence: float) -> tuple[UsualRange | None, Reason | None]:
+    """Return the usual range by rough numbers, a step wider at both ends: half for its days, half for the day's own."""
+    if level.whole_days is None:
+        return None, Reason("today.not_whole")
+    few = len(level.whole_days) < MIN_WEEKS
+    days = [rough(round(n), below=mask.below) for n in level.whole_days]
+    found = usual_range([mask.middle if n is None else n for n in days], confidence=confidence)
+    if found is None:
+        has = len(level.whole_days)
+        return None, Reason("today.whole_days", least=MIN_WEEKS, has=has) if few else Reason("today.quiet_days")
+    step = 2 * mask.below
+    return replace(found, lo=max(0.0, found.lo - step), hi=found.hi + step), None

@@ -150,7 +150,7 @@ def _day(level: DayLevel | None, *, title: str) -> DayWords:
         )
     else:
         notes.append(say("today.unknown", reason=reason_text(level.reason)))
-    if 0 < level.recorded_hours < level.open_hours:
+    if not level.is_rough and 0 < level.recorded_hours < level.open_hours:
         notes.append(say("today.partly", n=level.recorded_hours, of=level.open_hours))
     if level.estimate is not None and level.violations is not None and abs(level.estimate - level.violations) >= HALF:
         notes.append(say("today.estimated", n=fmt.count(round(level.estimate))))
