@@ -216,4 +216,4 @@ def test_weeks_on_both_sides_of_a_found_move_are_not_compared(tmp_path: Path, vs
     code, printed, _ = vsd("compare", "2025-11-10..2025-11-11", "2025-11-17..2025-11-18")
     assert code == 1
     assert "the engine changed from vsd-people" in printed
-    assert "recorded of the open hours: A 100%, B 100%" in printed
+    assert printed.count("100%") == 2, "both weeks are recorded"

@@ -140,37 +140,51 @@ def test_two_weeks_and_their_areas(project: Path, capsys: pytest.CaptureFixture[
     code, out = vsd(project, capsys, "compare", "last-1", "last", "--json")
     found = json.loads(out)
     assert code == 0
-    areas = {p["area_id"] or p["kind"]: p["split"]["violation_rate"] for p in found["places"]}
-    assert areas["queue"]["verdict"] == "clear fall"
-    assert areas["door"]["verdict"] == "cannot tell"
+    answers = found["answers"]
+    areas = {p["area_id"] or p["kind"]: p for p in answers["compared_places"]["rows"]}
+    assert areas["queue"]["violations_per_open_h_verdict"] == "clear_fall"
+    assert areas["door"]["violations_per_open_h_verdict"] == "cannot_tell"
     n_before, n_now = 6 * 40, 5 * 40 + 20
-    assert areas["floor"]["value"] == pytest.approx(n_now / n_before)
-    made = found["mixing"]
-    assert made["state"] == "ok"
-    assert made["close"] == pytest.approx(n_now / n_before)
-    product = made["crowding"] * made["layout"] * made["behaviour"]["value"]
-    assert product == pytest.approx(made["close"], rel=1e-4)
-    for period, n in (("a", 40), ("b", 20)):
-        told = made[period]
-        assert told["layout"] == pytest.approx(concentration(hand_map(n), cell_m=0.25, distance_m=2.0), rel=1e-5)
-        assert told["close_h"] == pytest.approx(7 * (5 * 40 + n) * 20 / 3600, rel=1e-5)
-    assert made["a"]["layout"] != made["b"]["layout"]
-    floor = vsd(project, capsys, "compare", "last-1", "last")[1].splitlines()
+    floor = areas["floor"]
+    assert [floor[f"n_compared_{when}"]["value"] for when in ("before", "after")] == [7 * n_before, 7 * n_now]
+    assert floor["violations_per_open_h_change"]["value"] == pytest.approx(n_now / n_before - 1, rel=1e-5)
+    causes = {c["cause"]: c for c in answers["change_causes"]["rows"]}
+    changes = {name: c["cause_change"]["value"] for name, c in causes.items()}
+    assert changes["close_time"] == pytest.approx(n_now / n_before - 1, rel=1e-5)
+    product = np.prod([1 + changes[name] for name in ("crowding", "layout", "behaviour")])
+    assert product == pytest.approx(n_now / n_before, rel=1e-4)
+    parts = [causes[name]["cause_part"]["value"] for name in ("crowding", "layout", "behaviour")]
+    assert sum(parts) == pytest.approx(changes["close_time"], rel=1e-4)
+    periods = answers["compared_periods"]["rows"]
+    for period, n in zip(periods, (40, 20), strict=True):
+        chance = concentration(hand_map(n), cell_m=0.25, distance_m=2.0)
+        assert period["layout_chance"]["value"] == pytest.approx(chance, rel=1e-5)
+        assert period["close_pair_h"]["value"] == pytest.approx(7 * (5 * 40 + n) * 20 / 3600, rel=1e-5)
+    assert periods[0]["layout_chance"] != periods[1]["layout_chance"]
+    printed = vsd(project, capsys, "compare", "last-1", "last")[1]
     # six people alone all hour, and pairs of whom both are too close for 20 s
     close_s = {n: n * 2 * 20 for n in (n_before, n_now)}
-    shares = [f"{s / (6 * 3600 + s):.1%}" for s in close_s.values()]
-    [line] = [line for line in floor if line.startswith("share of time too close")]
-    assert [share in line for share in shares] == [True, True], line
-    [line] = [line for line in floor if line.startswith("person-minutes too close per open hour")]
-    assert [f"{s / 60:.0f}" in line for s in close_s.values()] == [True, True], line
+    shares = [f"{s / (6 * 3600 + s):.0%}" for s in close_s.values()]
+    assert [share in floor_line(printed, "share of time too close") for share in shares] == [True, True]
+    minutes = floor_line(printed, "person-minutes too close per open hour")
+    assert [f"{s / 60:.0f}" in minutes for s in close_s.values()] == [True, True], minutes
     code, out = vsd(project, capsys, "compare", "2026-11-02..2026-11-08", "2026-W46", "--area", "queue")
     assert code == 0
-    assert "compared: 7 pairs of days, 7.0 camera-hours recorded in both" in out
-    assert "hold all recorded hours of each period" not in out
+    assert "compared over 7 pairs of days, 7.0 camera-hours recorded in both" in out
+    assert "levels are of all recorded hours of each period" not in out
     uneven = vsd(project, capsys, "compare", "2026-11-02..2026-11-08", "2026-11-09..2026-11-14")[1]
-    assert "columns A and B hold all recorded hours of each period" in uneven
+    assert "levels are of all recorded hours of each period, changes of the hours recorded in both" in uneven
+    assert "without a partner of its weekday: 2026-11-08" in uneven
     assert "Queue" in out
     assert "Door" not in out
+
+
+def floor_line(printed: str, rate: str) -> str:
+    """Return the line of the floor in the table of a rate."""
+    lines = printed.splitlines()
+    [head] = [k for k, line in enumerate(lines) if f"{rate}: before" in line]
+    assert lines[head + 1].startswith("Ground floor")
+    return lines[head + 1]
 
 
 @pytest.mark.parametrize(
@@ -194,7 +208,7 @@ def test_what_cannot_be_compared_says_so(
     found, out = vsd(project, capsys, "compare", *arguments, "--json")
     assert found == code
     told = json.loads(out)
-    assert (told["code"] == "E101") if code == 2 else told["reason"]
+    assert (told["code"] == "E101") if code == 2 else told["answers"]["compared_places"]["nothing"]
 
 
 def test_recalibration_inside_the_weeks_is_refused(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -206,7 +220,7 @@ def test_recalibration_inside_the_weeks_is_refused(project: Path, capsys: pytest
         assert "recalibrated between" in told["reason"]
         code, out = vsd(project, capsys, "compare", "last-1", "last")
         assert code == 1
-        assert "not measurable: recalibrated between the periods: cam-1" in out
+        assert "recalibrated between the periods: cam-1" in out
     finally:
         calibrate(project, (1.0, "2026-10-01T00:00:00+00:00"))
 

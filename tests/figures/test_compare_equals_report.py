@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 from report import ingested_worlds as w
 
+from vsd_analytics.answer import Answers, value_of
 from vsd_analytics.figures.compare import compare, days_needed
+from vsd_analytics.figures.compare_answers import compare_answers
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
@@ -45,6 +47,7 @@ def test_report_and_compare_say_the_same(tmp_path: Path) -> None:
     a, b = ((m, m.fromordinal(m.toordinal() + 6)) for m in (w.BEFORE, w.MONDAY))
     with open_warehouse(site, *days_needed(site, a, b)) as warehouse:
         found = compare(warehouse, a, b)
+        answers = Answers(compare_answers(found, site, rest="Rest", inputs=warehouse.inputs_digest))
     assert found.state == "ok"
     assert (found.a.coverage, found.b.coverage) == (1.0, pytest.approx(report.coverage.share))
     areas = {p.area_id: p for p in found.places if p.kind != "floor"}
@@ -63,6 +66,17 @@ def test_report_and_compare_say_the_same(tmp_path: Path) -> None:
         for estimate, told in pairs:
             if estimate.change is not None:  # small counts are held back in the report alone
                 assert {k: getattr(estimate, k) for k in told} == told
+    told = answers["compared_places"].rows
+    for of_report, row in [
+        (report.level, told[0]),
+        *((a, r) for a in report.areas for r in told[1:] if r["area_id"] == a.area_id),
+    ]:
+        level, change = (value_of(row, f"violations_per_open_h_{part}") for part in ("after", "change"))
+        rate = of_report.violation_rate
+        assert (rate.value, rate.lo, rate.hi) == (level.value, level.lo, level.hi)
+        if rate.change is not None:
+            assert (rate.change, rate.change_lo, rate.change_hi) == (change.value, change.lo, change.hi)
+            assert rate.verdict == row["violations_per_open_h_verdict"]
     rest = next(row.close_time_share for row in report.areas if row.area_id is None)
     assert rest is not None
     compared = [

@@ -152,14 +152,14 @@ def workplace(folder: Path, root: Path) -> None:
         [*vsd, "compare", "2013-W26", "2013-W27", "--json"], check=False, capture_output=True, text=True
     )
     found = json.loads(done.stdout)
-    violation_rate = found["places"][0]["split"]["violation_rate"]
+    floor = found["answers"]["compared_places"]["rows"][0]
+    change = floor["violations_per_open_h_change"]
     print("| workplace, badges | week 1 | week 2 | ratio | likely between | verdict |\n|---|--:|--:|--:|---|---|")
-    rates, bounds = (
-        (violation_rate["rate_a"], violation_rate["rate_b"], violation_rate["value"]),
-        (violation_rate["lo"], violation_rate["hi"]),
-    )
-    cells = [*(f"{v:.3g}" for v in rates), " and ".join(f"{v:.2f}" for v in bounds), violation_rate["verdict"]]
-    n_a, n_b = violation_rate["n_a"], violation_rate["n_b"]
+    n_a, n_b = (floor[f"n_compared_{when}"]["value"] for when in ("before", "after"))
+    rates = (n_a / floor["compared_h_before"], n_b / floor["compared_h_after"], 1 + change["value"])
+    bounds = (1 + change["lo"], 1 + change["hi"])
+    verdict = floor["violations_per_open_h_verdict"].replace("_", " ")
+    cells = [*(f"{v:.3g}" for v in rates), " and ".join(f"{v:.2f}" for v in bounds), verdict]
     print(f"| violations per open hour, {n_a:.0f} and {n_b:.0f} of them | {' | '.join(cells)} |")
     print("| M6, M7 | – | – | – | – | not measurable: badges send no positions, so person-time is unknown |")
 

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from render.one_of_each import COLUMNS, HOLDS, HOSTILE, one_of_each
 
-from vsd_analytics.answer import VALUES, Answer, Answers, Cell, Column, Reason, Value
+from vsd_analytics.answer import VALUES, Answer, Answers, Cell, Column, Reason, Row, Value
 from vsd_analytics.render.frame import arrow, csv_text
 from vsd_analytics.render.json_form import ANSWERS_SCHEMA, as_json, from_json, rounded_answers
 from vsd_analytics.render.text import GridLayout, TableLayout, number_text, remarks, text, title
@@ -179,3 +179,26 @@ def test_csv_has_six_digits_and_no_formula() -> None:
     assert (known["people"], known["people_hi"], known["means_agree"]) == ("1.16667", "1.4", "yes")
     assert known["silent_cameras"] == "cam-1 cam-2"
     assert (unknown["n_visits"], unknown["n_visits_state"]) == ("", "not_enough_data")
+
+
+def test_changes_have_signs_and_codes_have_words_in_the_language_of_the_reader() -> None:
+    columns = (Column("name", "key"), Column("speed", "rate", "change"), Column("speed_verdict", "fact", "verdict"))
+    rows: tuple[Row, ...] = (
+        {"name": "clear_fall", "speed": Value(-0.142, -0.2, 0.05), "speed_verdict": "clear_fall"},
+        {"name": "B", "speed": Value(0.42), "speed_verdict": None},
+    )
+    moved = Answer("visits", columns, rows, HOLDS)
+    shown = (TableLayout(("name", "speed", "speed_verdict")),)
+    assert [line.split() for line in text(moved, shown)[1:]] == [
+        ["clear_fall", "-14%", "(-20%", "to", "+5%)", "clear", "fall"],
+        ["B", "+42%", "–"],
+    ]
+    with speaking("it"):
+        assert text(moved, shown)[1].endswith("calo netto")
+    assert arrow(moved)["speed_verdict"].to_pylist() == ["clear_fall", None]
+
+
+def test_rows_that_a_table_leaves_out_have_no_remarks() -> None:
+    only = (TableLayout(("name", "people"), only="people"),)
+    assert [line.split("  ")[0] for line in text(one_of_each(), only)] == ["area", '=cmd|"/c calc"\ufffd[31m\ufffdnext']
+    assert not any(NEEDS in line for line in remarks(one_of_each(), only))

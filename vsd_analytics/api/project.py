@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import date, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pyarrow as pa
 
@@ -13,11 +13,12 @@ from vsd_analytics.api.days import Days
 from vsd_analytics.api.table import Table
 from vsd_analytics.config.project import find_project, load_site
 from vsd_analytics.errors import StoreError, UsageError
+from vsd_analytics.render.frame import arrow
 from vsd_analytics.site.instants import parse_range, parse_week
 from vsd_analytics.site.model import Site
-from vsd_analytics.stats.estimates import ChangeEstimate
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import open_warehouse
+from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
@@ -29,15 +30,6 @@ if TYPE_CHECKING:
     from vsd_analytics.ingest.intake.pipeline import IngestResult
 
 DaysAsked = str | date | tuple[date, date]
-_COMPARED = pa.schema(
-    [(name, pa.string()) for name in ("kind", "area_id", "name")]
-    + [
-        (f"{figure}_{part}", pa.string() if part == "verdict" else pa.float64())
-        for figure in ("violations_per_open_h", "close_time_share")
-        for part in ("before", "after", "change", "change_lo", "change_hi", "verdict")
-    ]
-)
-"""Columns of `compare`, which a table without rows has too."""
 
 
 def open_project(folder: str | Path = ".") -> OpenProject:
@@ -126,40 +118,32 @@ class OpenProject:
             area_ids: Areas; none = all, and the rest of the floor.
 
         Returns:
-            A row for the floor, each area and the rest of the floor: `kind`, `area_id`, `name`, and for violations per
-            open hour (M0) and the share of person-time too close (M6) the level before and after, `_change` (-0.2 =
-            20 % fewer), `_change_lo`, `_change_hi` and `_verdict`. No row where the periods cannot be compared; `note`
-            says why.
+            A row for the floor, each area and the rest of the floor: `kind`, `area_id`, `name`, and for each of
+            `violations_per_open_h` (M0), `close_time_share` (M6), `close_min_per_open_h`, `people` (M5) and
+            `violations_per_person_h` (M7) the level `_before` and `_after`, `_change` (-0.2 = 20 % fewer) and
+            `_verdict`. Levels and changes have `_lo`, `_hi`, `_state` and `_reason`. No row where the periods cannot
+            be compared; `note` says why.
 
         Raises:
             UsageError: E101, a period, floor or area is unknown, or the periods have days in common.
 
         Example:
             >>> changed = site.compare("2026-11-09", "2026-11-10")
-            >>> [name for name in changed.columns if name.startswith("close_time_share_change")]
+            >>> [name for name in changed.columns if name.startswith("close_time_share_change")][:3]
             ['close_time_share_change', 'close_time_share_change_lo', 'close_time_share_change_hi']
         """
+        from vsd_analytics.answer import Answers
         from vsd_analytics.figures import compare as figures
+        from vsd_analytics.figures.compare_answers import compare_answers
 
         a, b = _range(before), _range(after)
         with open_warehouse(self.site, *figures.days_needed(self.site, a, b)) as warehouse:
             found = figures.compare(warehouse, a, b, floor_id=floor_id, area_ids=area_ids)
-        rows = [
-            {
-                "kind": place.kind,
-                "area_id": place.area_id,
-                "name": place.name if isinstance(place.name, str) else reason_text(place.name),
-                "violations_per_open_h_before": place.violation_rate_a.value,
-                "violations_per_open_h_after": place.violation_rate_b.value,
-                **_change("violations_per_open_h", place.split.violation_rate),
-                "close_time_share_before": place.close_time_share_a.value,
-                "close_time_share_after": place.close_time_share_b.value,
-                **_change("close_time_share", place.close_time_share),
-            }
-            for place in found.places
-        ]
+            rest = say("reason.row.rest")
+            answers = compare_answers(found, self.site, rest=rest, inputs=warehouse.inputs_digest)
+        places = Answers(answers)["compared_places"]
         title = f"{found.floor_name}, {_named(a)} and {_named(b)}"
-        return Table(pa.Table.from_pylist(rows, schema=_COMPARED), title=title, note=reason_text(found.reason))
+        return Table(arrow(places), title=title, note=reason_text(places.nothing))
 
     def change(self, number: int, *, area_id: str | None = None, weeks: int = 4) -> BeforeAfterFigure:
         """Return what a change of the log did to its area, beside areas that were left alone (M27).
@@ -279,13 +263,3 @@ def _range(asked: DaysAsked) -> tuple[date, date]:
 
 def _named(days: tuple[date, date]) -> str:
     return f"{days[0]}..{days[1]}"
-
-
-def _change(name: str, found: ChangeEstimate) -> dict[str, Any]:
-    change, lo, hi = (None if v is None else v - 1 for v in (found.value, found.lo, found.hi))
-    return {
-        f"{name}_change": change,
-        f"{name}_change_lo": lo,
-        f"{name}_change_hi": hi,
-        f"{name}_verdict": found.verdict,
-    }

@@ -5,25 +5,37 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from datetime import date, timedelta
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.cli.compare_text import ENCOUNTERS, change, figure, level, percent, ratio
-from vsd_analytics.cli.estimates import why_none, with_limits
+from vsd_analytics.cli.answers import print_answers
 from vsd_analytics.cli.options import floor_option, json_option
-from vsd_analytics.cli.output import emit_json, plain, rounded, table
+from vsd_analytics.cli.output import emit_json, plain, rounded
 from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
 from vsd_analytics.cli.ranges import last_monday, purged_hours_notes, warehouse_of, warn
 from vsd_analytics.errors import UsageError
+from vsd_analytics.render.text import Layout, TableLayout
 from vsd_analytics.site.instants import parse_range, parse_week
-from vsd_analytics.wording.reasons import reason_text, text_or_none, verdict_text
+from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.reasons import verdict_text
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.before_after import BeforeAfterFigure
-    from vsd_analytics.figures.compare import Comparison, PlaceChange
-    from vsd_analytics.stats.estimates import RateEstimate
+
+_PARTS: Final = ("before", "after", "change", "verdict")
+_COMPARED: Final = (
+    "violations_per_open_h", "close_time_share", "close_min_per_open_h", "people", "violations_per_person_h"
+)  # fmt: skip
+LAYOUTS: Final[dict[str, Layout]] = {
+    "compared_periods": (TableLayout(("period", "first_date", "last_date", "recorded_share", "recorded_h")),),
+    "compared_places": (
+        *(TableLayout(("name", *(f"{rate}_{part}" for part in _PARTS))) for rate in _COMPARED),
+        TableLayout(("name", "people_change_share"), only="people_change_share"),
+    ),
+    "change_causes": (TableLayout(("cause", "cause_change", "cause_verdict", "cause_share")),),
+}
 
 
 @click.command()
@@ -75,15 +87,19 @@ def compare(
 def _two_periods(
     project: Project, periods: tuple[str, ...], area_ids: tuple[str, ...], floor_id: str | None, *, as_json: bool
 ) -> int:
-    from vsd_analytics.figures import compare as analysis
+    from vsd_analytics.answer import Answers
+    from vsd_analytics.figures import compare as figures
+    from vsd_analytics.figures.compare_answers import compare_answers
 
     a, b = (_days(project, text) for text in periods)
-    first, last = analysis.days_needed(project.site, a, b)
+    first, last = figures.days_needed(project.site, a, b)
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
         warehouse.materialise("violations", "camera_hours", "area_hours")
-        found = analysis.compare(warehouse, a, b, floor_id=floor_id, area_ids=area_ids)
-        rules = purged_hours_notes(warehouse)
-    _print(found, _text(found), rules, as_json=as_json)
+        found = figures.compare(warehouse, a, b, floor_id=floor_id, area_ids=area_ids)
+        answers = compare_answers(found, project.site, rest=say("reason.row.rest"), inputs=warehouse.inputs_digest)
+        notes = purged_hours_notes(warehouse)
+    days = (min(a[0], b[0]), max(a[1], b[1]))
+    print_answers(Answers(answers), days=days, layouts=LAYOUTS, as_json=as_json, notes=notes)
     return 0 if found.state == "ok" else 1
 
 
@@ -110,7 +126,7 @@ def _change_of_log(project: Project, number: int, area_id: str | None, weeks: in
     return 0 if found.state == "ok" else 1
 
 
-def _print(found: Comparison | BeforeAfterFigure, text: str, rules: Sequence[str], *, as_json: bool) -> None:
+def _print(found: BeforeAfterFigure, text: str, rules: Sequence[str], *, as_json: bool) -> None:
     if as_json:
         emit_json(rounded({**_spelled(asdict(found)), "notes": [*found.notes, *rules]}))
         return
@@ -134,110 +150,3 @@ def _days(project: Project, text: str) -> tuple[date, date]:
         monday = parse_week(text, last=last_monday(project))
         return monday, monday + timedelta(days=6)
     return parse_range(text)
-
-
-def _text(found: Comparison) -> str:
-    shares = ["closed" if p.coverage is None else f"{p.coverage:.0%}" for p in (found.a, found.b)]
-    lines = [
-        f"{found.floor_name}: {found.a.first} to {found.a.last} (A) and {found.b.first} to {found.b.last} (B)",
-        f"recorded of the open hours: A {shares[0]}, B {shares[1]}",
-    ]
-    if found.state != "ok":
-        return "\n".join([*lines, "", why_none(found.state, found.reason), *_notes(found)])
-    lines.append(f"compared: {found.n_pairs} pairs of days, {found.hours_compared:,.1f} camera-hours recorded in both")
-    floor = found.places[0]
-    if any(
-        round(rate.exposure_h - found.hours_compared, 1) > 0
-        for rate in (floor.violation_rate_a, floor.violation_rate_b)
-    ):
-        lines.append("columns A and B hold all recorded hours of each period, B against A those recorded in both")
-    lines += ["", *_place(found.places[0]), "", *_mixing(found)]
-    if found.places[1:]:
-        lines += ["", *_areas(found.places[1:])]
-    return "\n".join([*lines, *_notes(found)])
-
-
-def _place(place: PlaceChange) -> list[str]:
-    split = place.split
-    rows = [
-        ("", "A", "B", "B against A", "verdict"),
-        ("violations per open hour", level(place.violation_rate_a), level(place.violation_rate_b),
-         *change(split.violation_rate)),
-        ("share of time too close", _share_level(place.close_time_share_a), _share_level(place.close_time_share_b),
-         *change(place.close_time_share)),
-        ("person-minutes too close per open hour", level(place.burden_a), level(place.burden_b), *change(place.burden)),
-        ("people in view", figure(split.people.rate_a), figure(split.people.rate_b), *change(split.people)),
-        (ENCOUNTERS, level(place.encounter_rate_a), level(place.encounter_rate_b), *change(split.encounter_rate)),
-    ]  # fmt: skip
-    lines = table(rows)
-    if split.people_share is not None and split.people.change is not None and split.encounter_rate.change is not None:
-        lines += [
-            "",
-            f"Of the change {percent(split.violation_rate.change)}: people {percent(split.people.change)}, "
-            f"encounters per person-hour {percent(split.encounter_rate.change)}. {_share(split.people_share)}",
-        ]
-    return lines
-
-
-def _mixing(found: Comparison) -> list[str]:
-    made = found.mixing
-    if made is None or made.state != "ok" or made.behaviour is None:
-        reason = "" if made is None else str(text_or_none(made.reason))
-        return [f"crowding, layout, behaviour: {reason}"]
-    close, crowding, layout = ratio(made.close), ratio(made.crowding), ratio(made.layout)
-    change_text, verdict = change(made.behaviour)
-    rows = [
-        ("time that pairs spend close", close, "", ""),
-        ("  crowding: two people present at once", crowding, _part(made.crowding_share), ""),
-        ("  layout: they would meet by where they stand", layout, _part(made.layout_share), ""),
-        ("  behaviour: they stay together or keep apart", change_text, _part(made.behaviour_share), verdict),
-    ]
-    return table(rows)
-
-
-def _part(share: float | None) -> str:
-    return "" if share is None else f"{share:.0%} of it"
-
-
-def _share(people: float) -> str:
-    if people < 0:
-        return "People moved the other way."
-    if people > 1:
-        return "Encounters per person-hour moved the other way."
-    return f"People explain {people:.0%} of it."
-
-
-def _share_level(rate: RateEstimate) -> str:
-    """Return a share with its interval in percent, or why there is none."""
-    missing = reason_text(rate.reason) or "–"
-    return with_limits(rate.value, rate.lo, rate.hi, lambda share: f"{100 * share:.3g}%", missing=missing)
-
-
-def _areas(places: Sequence[PlaceChange]) -> list[str]:
-    rates = ("violations per open hour: A", "B", "B against A", "verdict")
-    rows: list[tuple[str, ...]] = [("area", *rates, "share of time too close", "verdict", "people")]
-    reasons = []
-    for place in places:
-        name = place.name if isinstance(place.name, str) else reason_text(place.name)
-        violation_rate, close = place.split.violation_rate, place.close_time_share
-        levels = (figure(place.violation_rate_a.value), figure(place.violation_rate_b.value))
-        changed = (
-            change(violation_rate)[0],
-            verdict_text(violation_rate.verdict),
-            change(close)[0],
-            verdict_text(close.verdict),
-        )
-        rows.append((name, *levels, *changed, percent(place.split.people.change)))
-        unknown = [
-            (word, e.reason) for word, e in (("violations", violation_rate), ("time too close", close)) if e.reason
-        ]
-        reasons += [f"{name}, {word}: {reason_text(why)}" for word, why in unknown]
-    return [*table(rows), *reasons]
-
-
-def _notes(found: Comparison) -> list[str]:
-    notes = [reason_text(note) for note in found.notes]
-    if found.days_left_out:
-        notes.append(f"without a partner of its weekday: {', '.join(map(str, found.days_left_out))}")
-    notes += [f"camera {c} is not compared: {reason_text(why)}" for c, why in found.cameras_left_out.items()]
-    return ["", *(f"note: {note}" for note in notes)] if notes else []

@@ -23,6 +23,21 @@ def measured(estimate: Estimated | None, *, reason: Reason | None = None) -> Val
     return replace(value, reason=value.reason if value.lo is None else None)
 
 
+def relative(ratio: Estimated | None, *, reason: Reason) -> Value:
+    """Return a ratio of after over before as a relative change: -0.14 is 14 % fewer.
+
+    Args:
+        ratio: The ratio with its limits; None = there is none.
+        reason: Why there is no ratio, or no interval, where it does not say so itself.
+    """
+    if ratio is None:
+        return Value.missing(reason)
+    found = Value.of(ratio)
+    value, lo, hi = (None if n is None else n - 1 for n in (found.value, found.lo, found.hi))
+    has_interval = value is not None and (lo is not None or hi is not None)
+    return Value(value, lo, hi, found.state, None if has_interval else found.reason or reason)
+
+
 def known(number: float | None, reason: Reason | None, state: State = "not_enough_data") -> Value:
     """Return a number that has no interval, or why it is not known."""
     return lack(state, reason) if number is None else Value(number)

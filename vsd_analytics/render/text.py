@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from vsd_analytics.answer import INTERVALS, VALUES, Answer, Cell, Column, Reason, Row, Scalar, Value, value_of
 from vsd_analytics.errors import CONTROL
 from vsd_analytics.wording import format as fmt
-from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.catalogue import has, say
 from vsd_analytics.wording.reasons import reason_text
 
 _MINUTE_S = 60
@@ -27,7 +27,7 @@ class TableLayout:
 
     Attributes:
         columns: Names of columns, in order; those the answer lacks are left out.
-        only: Column without which a row is left out; empty for all rows.
+        only: Column without whose cell or number a row is left out; empty for all rows.
     """
 
     columns: tuple[str, ...]
@@ -75,9 +75,10 @@ def remarks(answer: Answer, layout: Layout) -> list[str]:
     """
     if answer.nothing is not None:
         return [reason_text(answer.nothing)]
-    columns = [column for column in answer.columns if any(column.name in shown.columns for shown in layout)]
     sentences: dict[tuple[str, str], dict[str, None]] = {}
     for number, row in enumerate(answer.rows):
+        shown = {name for part in layout if _has_row(part, row) for name in part.columns}
+        columns = [column for column in answer.columns if column.name in shown]
         for reason in (*_reasons(row, columns), *(reason for k, reason in answer.notes if k == number)):
             sentences.setdefault((_name(row), reason.code), {})[reason_text(reason)] = None
     general = [reason_text(reason) for k, reason in answer.notes if k is None]
@@ -106,12 +107,14 @@ def cell_text(cell: Cell, column: Column) -> str:
 
 
 def number_text(value: float, column: Column) -> str:
-    """Return a number as its unit is written: 12%, 0.6%, 45 s, 2.5 min, 08:00, 1,234, 0.095, <0.001."""
+    """Return a number as its unit is written: 12%, 0.6%, -14%, 45 s, 2.5 min, 08:00, 1,234, 0.095, <0.001."""
     if not math.isfinite(value):
         return fmt.MISSING
     match column.unit:
         case "share":
             return _percent(100 * value)
+        case "change":
+            return f"{value:+.0%}"
         case "s":
             return f"{value:.0f} s" if abs(value) < _SHOWN_BELOW_S else f"{value / _MINUTE_S:.1f} min"
         case "hour_of_day":
@@ -131,9 +134,17 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 def _tables(answer: Answer, shown: TableLayout) -> Iterator[list[str]]:
     known = {column.name for column in answer.columns}
     columns = [answer.column(name) for name in shown.columns if name in known]
-    rows = [row for row in answer.rows if not shown.only or row[shown.only] is not None]
+    rows = [row for row in answer.rows if _has_row(shown, row)]
     if _has_value(rows, columns):
         yield aligned([[head(c) for c in columns], *([cell_text(row[c.name], c) for c in columns] for row in rows)])
+
+
+def _has_row(shown: TableLayout | GridLayout, row: Row) -> bool:
+    """Tell whether a layout shows a row."""
+    if isinstance(shown, GridLayout) or not shown.only:
+        return True
+    cell = row[shown.only]
+    return cell.value is not None if isinstance(cell, Value) else cell is not None
 
 
 def _grids(answer: Answer, shown: GridLayout) -> Iterator[list[str]]:
@@ -188,5 +199,7 @@ def _plain(cell: Scalar, column: Column) -> str:
             return str(cell)  # a year or the number of a message has no separators
         case int() | float():
             return number_text(cell, column)
+        case _ if has(entry := f"reason.cell.{column.unit}.{cell}"):
+            return say(entry)
         case _:
             return str(cell)

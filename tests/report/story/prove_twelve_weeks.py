@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any, Final
 
 VSD: Final = [sys.executable, "-c", "from vsd_analytics.cli import main; main()"]
-ENDS: Final = {"": "theta", "_lo": "lo", "_hi": "hi"}
+ENDS: Final = {"": "value", "_lo": "lo", "_hi": "hi"}
 SPANS: Final = (
     ("five weeks of the slow rise", "2026-W36", "2026-W41"),
     ("over the redesign", "2026-W41", "2026-W42"),
@@ -116,13 +116,13 @@ def compared(project: Path, a: str, b: str) -> list[str]:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         sys.exit(done.stderr)
-    floor = json.loads(done.stdout)["places"][0]
-    changes = (
-        {f"change{end}": floor[k][name] - 1 for end, name in ENDS.items()} for k in ("burden", "close_time_share")
-    )
+    floor = json.loads(done.stdout)["answers"]["compared_places"]["rows"][0]
     return [
-        said({**c, "verdict": floor[k]["verdict"]})
-        for c, k in zip(changes, ("burden", "close_time_share"), strict=True)
+        said(
+            {f"change{end}": floor[f"{name}_change"][part] for end, part in ENDS.items()}
+            | {"verdict": floor[f"{name}_verdict"]}
+        )
+        for name in ("close_min_per_open_h", "close_time_share")
     ]
 
 
