@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -112,18 +113,24 @@ def vsd(root: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tupl
 def test_the_planted_redesign_is_found(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out = vsd(project, capsys, "compare", "--change", "1", "--json")
     found = json.loads(out)
-    assert (code, found["state"], found["design"]) == (0, "ok", "comparison areas")
-    assert found["comparison_areas"] == list(AREAS[1:])
-    assert found["violation_rate"]["value"] == pytest.approx(0.5, rel=0.02)
-    assert found["violation_rate"]["verdict"] == "clear fall"
-    assert found["effect"]["value"] == pytest.approx(0.5 * (3600 + 40 * 40) / (3600 + 20 * 40), rel=0.01)
-    assert found["effect"]["verdict"] == "clear fall"
-    assert len(found["effect"]["placebo"]) == 5
-    assert found["windows"]["before"] == ["2026-11-02", "2026-11-08"]
+    [change] = found["answers"]["logged_change"]["rows"]
+    assert (code, change["design"], change["is_credible"]) == (0, "beside", True)
+    assert change["comparison_area_ids"] == list(AREAS[1:])
+    assert (change["before_first"], change["before_last"]) == ("2026-11-02", "2026-11-08")
+    effects = {row["effect"]: row for row in found["answers"]["change_effects"]["rows"]}
+    per_open_h, per_person_h = (effects[f"violations_per_{unit}"] for unit in ("open_h", "person_h"))
+    assert per_open_h["effect_change"]["value"] == pytest.approx(-0.5, rel=0.02)
+    assert per_open_h["effect_verdict"] == "clear_fall"
+    ratio = 0.5 * (3600 + 40 * 40) / (3600 + 20 * 40)
+    assert 1 + per_person_h["effect_change"]["value"] == pytest.approx(ratio, rel=0.01)
+    assert per_person_h["effect_verdict"] is None, "people who stand about less raise it"
+    assert per_person_h["n_comparison_areas"] == 5
+    assert per_person_h["by_placebo"]["value"] == per_person_h["effect_change"]["value"]
     code, out = vsd(project, capsys, "compare", "--change", "1")
     assert code == 0
-    assert 'change 1 of the log, 2026-11-09 07:00: "moved the queue"' in out
-    assert "violations per open hour: -50%" in out
+    assert "Logged change, 2026-11-02 to 2026-11-15" in out
+    assert "moved the queue" in out
+    assert re.search(r"violations per open hour +-50%", out)
     assert "clear fall" in out
     assert "1 of the requested 4 weeks are stored on both sides" in out
 
@@ -132,7 +139,7 @@ def test_an_area_left_alone_has_no_effect(project: Path, capsys: pytest.CaptureF
     code, out = vsd(project, capsys, "compare", "--change", "2", "--area", "back", "--json")
     found = json.loads(out)
     assert code == 1
-    assert found["reason"].startswith("needs a whole week after the change, and 6 days are stored")
+    assert found["answers"]["change_effects"]["nothing"].startswith("needs a whole week after the change, and 6 days")
     assert vsd(project, capsys, "compare", "--change", "2", "--json")[0] == 2, "the whole site has no comparison"
 
 
@@ -216,8 +223,9 @@ def test_recalibration_inside_the_weeks_is_refused(project: Path, capsys: pytest
     try:
         code, out = vsd(project, capsys, "compare", "--change", "1", "--json")
         told = json.loads(out)
-        assert (code, told["state"], told["effect"]) == (1, "not_measurable", None)
-        assert "recalibrated between" in told["reason"]
+        effects = told["answers"]["change_effects"]
+        assert (code, effects["state"], effects["rows"]) == (1, "not_measurable", [])
+        assert "recalibrated between" in effects["nothing"]
         code, out = vsd(project, capsys, "compare", "last-1", "last")
         assert code == 1
         assert "recalibrated between the periods: cam-1" in out
@@ -228,10 +236,11 @@ def test_recalibration_inside_the_weeks_is_refused(project: Path, capsys: pytest
 def test_a_plan_needs_weeks_and_says_how_many(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out = vsd(project, capsys, "plan", "--area", "queue", "--effect", "-0.15", "--json")
     found = json.loads(out)
-    assert (code, found["state"], found["stored"]) == (1, "not_enough_data", None)
-    assert "needs at least 4 weeks before the change" in found["reason"]
+    choices = found["answers"]["plan_choices"]
+    assert (code, choices["state"], found["stored"]) == (1, "not_enough_data", None)
+    assert "needs at least 4 weeks before the change" in choices["nothing"]
     assert not (project / "plans.jsonl").exists()
     code, _ = vsd(project, capsys, "plan", "--area", "queue")
     assert code == 2
     code, out = vsd(project, capsys, "plan", "--json")
-    assert (code, json.loads(out)) == (0, {"plans": []})
+    assert (code, json.loads(out)["answers"]["plans"]["rows"]) == (0, [])

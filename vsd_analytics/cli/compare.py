@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from datetime import date, timedelta
-from typing import TYPE_CHECKING, Any, Final
+from typing import Final
 
 import click
 
-from vsd_analytics.answer import Reason
 from vsd_analytics.cli.answers import print_answers
 from vsd_analytics.cli.options import floor_option, json_option
-from vsd_analytics.cli.output import emit_json, plain, rounded
 from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
-from vsd_analytics.cli.ranges import last_monday, purged_hours_notes, warehouse_of, warn
+from vsd_analytics.cli.ranges import last_monday, purged_hours_notes, warehouse_of
 from vsd_analytics.errors import UsageError
 from vsd_analytics.render.text import Layout, TableLayout
 from vsd_analytics.site.instants import parse_range, parse_week
 from vsd_analytics.wording.catalogue import say
-from vsd_analytics.wording.reasons import verdict_text
-
-if TYPE_CHECKING:
-    from vsd_analytics.figures.before_after import BeforeAfterFigure
 
 _PARTS: Final = ("before", "after", "change", "verdict")
 _COMPARED: Final = (
     "violations_per_open_h", "close_time_share", "close_min_per_open_h", "people", "violations_per_person_h"
 )  # fmt: skip
+_DAYS: Final = ("before_first", "before_last", "after_first", "after_last")
 LAYOUTS: Final[dict[str, Layout]] = {
     "compared_periods": (TableLayout(("period", "first_date", "last_date", "recorded_share", "recorded_h")),),
     "compared_places": (
@@ -35,6 +28,32 @@ LAYOUTS: Final[dict[str, Layout]] = {
         TableLayout(("name", "people_change_share"), only="people_change_share"),
     ),
     "change_causes": (TableLayout(("cause", "cause_change", "cause_verdict", "cause_share")),),
+    "logged_change": (
+        TableLayout(("entry", "at", "name", "text", "comparison_area_ids")),
+        TableLayout(
+            ("n_weeks_each_side", "before_first", "before_last", "after_first", "after_last"), only="before_first"
+        ),
+        TableLayout(("left_out_first", "left_out_last"), only="left_out_first"),
+    ),
+    "change_effects": (
+        TableLayout(("effect", "effect_change", "effect_verdict", "n_comparison_areas")),
+        TableLayout(("effect", "by_day", "by_week"), only="by_day"),
+        TableLayout(("effect", "by_without"), only="by_without"),
+        TableLayout(("effect", "placebo_least", "placebo_most", "by_placebo"), only="by_placebo"),
+        TableLayout(("effect", "shrunken_change"), only="shrunken_change"),
+        TableLayout(("effect", "by_line"), only="by_line"),
+        TableLayout(("effect", "trend_per_week", "detectable_per_week", "n_trend_weeks"), only="n_trend_weeks"),
+    ),
+    "change_so_far": (
+        TableLayout(("effect", "so_far_change", "so_far_verdict", "e_value", "clear_since_week", "n_weeks_after")),
+        TableLayout(("effect", "beside_all_change", "without_least", "without_most"), only="without_least"),
+    ),
+    "change_parts": (TableLayout(("whole", "part", "part_change", "part_verdict")),),
+    "change_places": (
+        TableLayout(("place", "place_rate_change", "relative_change")),
+        TableLayout(("place", "place_people_change", "place_people_verdict"), only="place_people_verdict"),
+    ),
+    "plan_score": (TableLayout(("made", "planned_change", "measured_change", "is_inside", "is_clear", "is_due")),),
 }
 
 
@@ -104,9 +123,10 @@ def _two_periods(
 
 
 def _change_of_log(project: Project, number: int, area_id: str | None, weeks: int, *, as_json: bool) -> int:
-    from vsd_analytics.cli.compare_text import change_text, score_text
+    from vsd_analytics.answer import Answers
     from vsd_analytics.config.plans import read_plans
     from vsd_analytics.figures.before_after import before_after
+    from vsd_analytics.figures.change_answers import change_answers
     from vsd_analytics.figures.change_weeks import days_needed
     from vsd_analytics.figures.experiments import score
 
@@ -115,34 +135,12 @@ def _change_of_log(project: Project, number: int, area_id: str | None, weeks: in
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
         warehouse.materialise("violations", "camera_hours", "area_hours")
         found = before_after(warehouse, number, area_id=area_id, weeks=weeks)
-        rules = purged_hours_notes(warehouse)
-    scored = score(found, read_plans(project.site), zone_day=found.at.astimezone(project.site.zone).date())
-    text = change_text(found) if scored is None else f"{change_text(found)}\n\n{score_text(scored)}"
-    if as_json:
-        made = {**_spelled(asdict(found)), "plan": None if scored is None else asdict(scored)}
-        emit_json(rounded({**made, "notes": [*found.notes, *rules]}))
-    else:
-        _print(found, text, rules, as_json=False)
+        scored = score(found, read_plans(project.site), zone_day=found.at.astimezone(project.site.zone).date())
+        answers = change_answers(found, scored, project.site, inputs=warehouse.inputs_digest)
+        notes = purged_hours_notes(warehouse)
+    days = (answers[0].holds_for.first, answers[0].holds_for.last)
+    print_answers(Answers(answers), days=days, layouts=LAYOUTS, as_json=as_json, notes=notes)
     return 0 if found.state == "ok" else 1
-
-
-def _print(found: BeforeAfterFigure, text: str, rules: Sequence[str], *, as_json: bool) -> None:
-    if as_json:
-        emit_json(rounded({**_spelled(asdict(found)), "notes": [*found.notes, *rules]}))
-        return
-    warn(rules)
-    click.echo(plain(text))
-
-
-def _spelled(value: Any) -> Any:
-    """Return nested dictionaries with codes as the command has always written them: "clear fall"."""
-    spelled: dict[str, Callable[[Any], Any]] = {
-        "verdict": verdict_text,
-        "design": lambda design: Reason(f"design.{design}"),
-    }
-    if isinstance(value, dict):
-        return {k: spelled.get(k, _spelled)(v) for k, v in value.items()}
-    return [_spelled(v) for v in value] if isinstance(value, list | tuple) else value
 
 
 def _days(project: Project, text: str) -> tuple[date, date]:

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import Final
 
 import click
 
-from vsd_analytics.cli.compare_text import percent
+from vsd_analytics.cli.answers import print_answers
 from vsd_analytics.cli.options import json_option
-from vsd_analytics.cli.output import emit_json, plain, rounded, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import UsageError
-from vsd_analytics.wording.reasons import reason_text
+from vsd_analytics.render.text import Layout, TableLayout
 
-if TYPE_CHECKING:
-    from vsd_analytics.config.plans import Plan
-    from vsd_analytics.figures.experiments import ExperimentPlan
+_WAY: Final = ("weeks_after", "power_then", "measured_then")
+LAYOUTS: Final[dict[str, Layout]] = {
+    "plan": (
+        TableLayout(("name", "planned_change", "power_asked")),
+        TableLayout(
+            ("n_known_weeks", "first_date", "last_date", "week_sd", "week_sd_days", "week_sd_beyond"),
+            only="n_known_weeks",
+        ),
+    ),
+    "plan_choices": (TableLayout(("weeks_before", "weeks_to_wait", *_WAY)),),
+    "comparison_areas": (TableLayout(("area_id", "apart_m", "correlation", "week_sd_apart")),),
+    "plans": (TableLayout(("made", "area_id", "planned_change", "weeks_before", *_WAY)),),
+}
 
 
 @click.command()
@@ -59,9 +67,11 @@ def plan(
         return _list(project, as_json=as_json)
     if area_id is None or not effect:
         raise UsageError("a plan needs an area and an effect", fix="vsd plan --area ID --effect -0.15")
+    from vsd_analytics.answer import Answers
     from vsd_analytics.cli.ranges import nothing_stored, warehouse_of
     from vsd_analytics.config.plans import add_plan, plan_dict
     from vsd_analytics.figures.experiments import check_plan, plan_days, plan_experiment, stored_plan
+    from vsd_analytics.figures.plan_answers import plan_answers
     from vsd_analytics.warehouse.stored_days import stored_extent
 
     check_plan(effect=effect, power=power)
@@ -71,63 +81,28 @@ def plan(
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
         warehouse.materialise("violations", "camera_hours", "area_hours")
         found = plan_experiment(warehouse, area_id, effect=effect, power=power, weeks_max=weeks_max)
+        inputs = warehouse.inputs_digest
     made = stored_plan(found, made=project.now.astimezone(project.site.zone).date())
     is_new = made is not None and add_plan(project.site, made)
-    if as_json:
-        stored = None if made is None else plan_dict(made)
-        emit_json(rounded({**asdict(found), "stored": stored, "is_new": is_new}))
-    else:
-        click.echo(plain(_text(found)))
-        if is_new:
-            project.say("stored in plans.jsonl; after the change: vsd log add, then vsd compare --change N")
+    days = found.known or (first, last)
+    stored = {"stored": None if made is None else plan_dict(made), "is_new": is_new}
+    answers = Answers(plan_answers(found, project.site, days=days, inputs=inputs))
+    print_answers(answers, days=days, layouts=LAYOUTS, as_json=as_json, notes=(), beside=stored)
+    if is_new and not as_json:
+        project.say("stored in plans.jsonl; after the change: vsd log add, then vsd compare --change N")
     return 0 if found.state == "ok" else 1
 
 
 def _list(project: Project, *, as_json: bool) -> int:
-    from vsd_analytics.config.plans import plan_dict, read_plans
+    from vsd_analytics.answer import Answers
+    from vsd_analytics.config.plans import read_plans
+    from vsd_analytics.figures.plan_answers import plans_answer
 
     plans = read_plans(project.site)
-    if as_json:
-        emit_json({"plans": [plan_dict(p) for p in plans]})
-    elif plans:
-        click.echo("\n".join(table([_HEAD, *(_row(p) for p in plans)])))
-    else:
+    if not plans and not as_json:
         project.say("no plans yet; make one: vsd plan --area ID --effect -0.15")
+        return 0
+    answer = plans_answer(plans, project.site, today=project.now.astimezone(project.site.zone).date())
+    days = (answer.holds_for.first, answer.holds_for.last)
+    print_answers(Answers([answer]), days=days, layouts=LAYOUTS, as_json=as_json, notes=())
     return 0
-
-
-_HEAD = ("made", "area", "effect", "weeks before", "weeks after", "power", "measured then")
-
-
-def _row(plan: Plan) -> tuple[str, ...]:
-    weeks = "not enough" if plan.weeks_after is None else str(plan.weeks_after)
-    measured = f"{percent(plan.theta_lo - 1)} to {percent(plan.theta_hi - 1)}"
-    start = (str(plan.made), plan.area, percent(plan.effect), str(plan.weeks_before), weeks)
-    return (*start, f"{plan.power_then:.0%}", measured)
-
-
-def _text(found: ExperimentPlan) -> str:
-    lines = [
-        f"{found.area_name}: {percent(found.effect)} time too close per open hour, with a power of {found.power:.0%}"
-    ]
-    left_out = [f"cannot be compared with {area_id}: {reason_text(why)}" for area_id, why in found.areas_left_out]
-    if found.state != "ok" or found.variation is None or found.known is None:
-        return "\n".join([*lines, "", f"not enough data: {reason_text(found.reason)}", *left_out])
-    varied, (first, last) = found.variation, found.known
-    lines += [
-        f"from {len(varied.log_ratios)} weeks, {first} to {last}: beside the comparison areas a week differs by "
-        f"{varied.sd:.0%} (days {varied.sd_days:.0%}, weeks beyond {varied.sd_weeks:.0%})",
-        "",
-    ]
-    rows = [("weeks before", "still to wait", "weeks after", "power then", "measured then")]
-    for way in found.choices:
-        weeks = f"more than {found.weeks_max}" if way.weeks_after is None else str(way.weeks_after)
-        measured = f"{percent(way.theta_lo - 1)} to {percent(way.theta_hi - 1)}"
-        rows.append((str(way.weeks_before), str(way.weeks_to_wait), weeks, f"{way.power:.0%}", measured))
-    lines += [*table(rows), ""]
-    serve = [("compare with", "metres away", "moves alike (correlation)", "weeks apart by")]
-    for area in found.comparison:
-        alike = "–" if area.correlation is None else f"{area.correlation:.2f}"
-        apart = "–" if area.sd_apart is None else f"{area.sd_apart:.0%}"
-        serve.append((area.area_id, f"{area.apart_m:.1f}", alike, apart))
-    return "\n".join([*lines, *table(serve), *left_out])

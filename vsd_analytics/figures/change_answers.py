@@ -1,0 +1,284 @@
+"""What a logged change did, as answers: the effect and what its range rests on, the places around, the floor, the plan.
+
+The verdicts stay those of `figures.before_after`. Here a ratio of after over before is a relative change: -0.2 is 20 %
+less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from datetime import date
+from typing import Final
+
+from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, Value
+from vsd_analytics.figures.before_after import BeforeAfterFigure
+from vsd_analytics.figures.experiments import PlanScore
+from vsd_analytics.figures.values import known, lack, relative
+from vsd_analytics.site.model import Site
+from vsd_analytics.stats.before_after import BeforeAfter
+from vsd_analytics.stats.estimates import ChangeEstimate
+from vsd_analytics.stats.running_verdict import RunningVerdict
+
+_NO_TREND: Final = Reason("redesign.no_trend")
+_FEW: Final = Reason("change.few")
+_RANGES: Final = ("day", "week", "placebo", "line", "without")
+CHANGE: Final = (
+    Column("entry", "key"),
+    Column("at", "instant"),
+    Column("text", "fact"),
+    Column("area_id", "fact"),
+    Column("name", "fact"),
+    Column("design", "fact", "design"),
+    Column("is_credible", "fact"),
+    *(Column(f"{when}_{end}", "fact") for when in ("before", "after", "left_out") for end in ("first", "last")),
+    Column("n_weeks_each_side", "fact"),
+    Column("comparison_area_ids", "fact"),
+)
+"""Columns of `logged_change`."""
+EFFECTS: Final = (
+    Column("effect", "key", "effect"),
+    Column("effect_change", "rate", "change", "M27"),
+    Column("effect_verdict", "fact", "verdict"),
+    Column("shrunken_change", "rate", "change", "M27"),
+    *(Column(f"by_{name}", "rate", "change", "M27") for name in _RANGES),
+    Column("placebo_least", "rate", "change"),
+    Column("placebo_most", "rate", "change"),
+    Column("trend_per_week", "rate", "change"),
+    Column("detectable_per_week", "rate", "share"),
+    Column("n_trend_weeks", "fact"),
+    Column("n_comparison_areas", "fact"),
+)
+"""Columns of `change_effects`: each of `by_day` to `by_without` is the effect with one of the ranges behind its own."""
+SO_FAR: Final = (
+    Column("effect", "key", "effect"),
+    Column("so_far_change", "rate", "change", "M27"),
+    Column("so_far_verdict", "fact", "verdict"),
+    Column("e_value", "rate", "ratio"),
+    Column("clear_since_week", "fact"),
+    Column("beside_all_change", "rate", "change", "M27"),
+    Column("without_least", "rate", "change"),
+    Column("without_most", "rate", "change"),
+    Column("n_weeks_after", "fact"),
+    Column("n_reference_weeks", "fact"),
+)
+"""Columns of `change_so_far`: the verdict that may be read every week."""
+PLACES: Final = (
+    Column("place", "key", "place"),
+    Column("place_rate_change", "rate", "change", "M7"),
+    Column("relative_change", "rate", "change", "M27"),
+    Column("place_people_change", "rate", "change", "M5"),
+    Column("place_people_verdict", "fact", "verdict"),
+)
+"""Columns of `change_places`."""
+PARTS: Final = (
+    Column("whole", "key", "whole"),
+    Column("part", "key", "part"),
+    Column("part_change", "rate", "change"),
+    Column("part_verdict", "fact", "verdict"),
+)
+"""Columns of `change_parts`: the change of a whole, and the parts that add up to it."""
+PLANNED: Final = (
+    Column("made", "key"),
+    Column("planned_change", "rate", "change"),
+    Column("measured_change", "rate", "change"),
+    Column("is_inside", "fact"),
+    Column("is_clear", "fact"),
+    Column("is_due", "fact"),
+    Column("weeks_before", "fact"),
+    Column("weeks_after", "fact"),
+    Column("n_weeks_after", "fact"),
+)
+"""Columns of `plan_score`."""
+
+
+def change_answers(
+    found: BeforeAfterFigure, scored: PlanScore | None, site: Site, *, inputs: str
+) -> tuple[Answer, ...]:
+    """Return what a logged change did as tables (M27), exact: for the operator.
+
+    `logged_change`: the entry, the days and areas compared; its notes say what speaks against the comparison, what the
+    data could not rule out, and what must hold. `change_effects`: the effect on each rate relative to the comparison
+    areas, the ranges its own is made of, and the trend before the change. `change_so_far`: the verdict that may be read
+    every week. `change_parts`: how the effect on the time too close is made up, and the change of the whole floor.
+    `change_places`: the area, the comparison areas, and 2 to 5 m around it. `plan_score`: how a plan came out.
+
+    Args:
+        found: The change.
+        scored: Its plan; None without one.
+        site: The site.
+        inputs: Hash of the facts.
+    """
+    day = found.at.astimezone(site.zone).date()
+    windows = found.windows
+    first, last = (day, day) if windows is None else (min(day, windows.trend[0]), max(day, windows.watched[1]))
+    floor_id = next((a.floor_id for a in site.areas if a.area_id == found.area_id), None)
+    holds = HoldsFor(site.site_id, floor_id, first, last, settings=site.settings.settings_id(), inputs=inputs)
+    why = None if found.state == "ok" else lack(found.state, found.reason)
+    answers = [
+        Answer("logged_change", CHANGE, (_entry(found, site),), holds, notes=tuple((None, n) for n in _notes(found))),
+        _answer("change_effects", EFFECTS, _effects(found), holds, why or _why_alone(found)),
+        _answer("change_so_far", SO_FAR, _so_far(found), holds, why or _why_alone(found)),
+        _answer("change_parts", PARTS, _parts(found), holds, why),
+        _answer("change_places", PLACES, _places(found), holds, why),
+    ]
+    if scored is not None:
+        answers.append(Answer("plan_score", PLANNED, (_score(scored),), holds))
+    return tuple(answers)
+
+
+def _answer(name: str, columns: Sequence[Column], rows: Iterable[Row], holds: HoldsFor, why: Value | None) -> Answer:
+    made = tuple(rows)
+    if made or why is None:
+        return Answer(name, tuple(columns), made, holds)
+    return Answer(name, tuple(columns), (), holds, nothing=why.reason, state=why.state)
+
+
+def _why_alone(found: BeforeAfterFigure) -> Value | None:
+    return Value.missing(Reason("redesign.alone")) if found.design == "alone" else None
+
+
+def _entry(found: BeforeAfterFigure, site: Site) -> Row:
+    windows = found.windows
+    spans: dict[str, tuple[date, date] | None] = {"before": None, "after": None, "left_out": None}
+    if windows is not None:
+        spans = {"before": windows.before, "after": windows.after, "left_out": windows.left_out}
+    return {
+        "entry": found.number,
+        "at": found.at.astimezone(site.zone),
+        "text": found.text,
+        "area_id": found.area_id,
+        "name": found.area_name,
+        "design": found.design,
+        "is_credible": found.is_credible if found.state == "ok" else None,
+        **{f"{when}_first": None if days is None else days[0] for when, days in spans.items()},
+        **{f"{when}_last": None if days is None else days[1] for when, days in spans.items()},
+        "n_weeks_each_side": None if windows is None else windows.n_weeks,
+        "comparison_area_ids": found.comparison_areas,
+    }
+
+
+def _notes(found: BeforeAfterFigure) -> list[Reason]:
+    """Return what a reader must know: why there is no effect, doubts, cautions, areas left out, what must hold."""
+    notes = [] if found.state == "ok" or found.reason is None else [found.reason]
+    notes += [Reason("redesign.doubt", why=doubt) for doubt in found.doubts]
+    notes += [Reason("redesign.caution", why=caution) for caution in found.cautions]
+    if found.effect is not None:
+        notes.append(Reason("redesign.rises"))
+    notes += [Reason("redesign.left_out", area=area_id, why=why) for area_id, why in found.areas_left_out]
+    return [*notes, *found.notes, *(Reason("redesign.holds_if", what=what) for what in found.assumptions)]
+
+
+def _effects(found: BeforeAfterFigure) -> Iterable[Row]:
+    effects = (
+        ("close_min_per_open_h", found.burden),
+        ("close_time_share", found.close),
+        ("violations_per_open_h", found.violation_rate),
+        ("violations_per_person_h", found.effect),
+    )
+    for name, effect in effects:
+        if effect is None:
+            continue
+        # encounters per person-hour rise when people stand about less, so they get no verdict of their own
+        has_verdict = found.is_credible and name != "violations_per_person_h" and effect.value is not None
+        trend, change = effect.trend, relative(effect, reason=_FEW)
+        placebo = [theta - 1 for theta in effect.placebo]
+        few = Reason("redesign.no_placebo")
+        yield {
+            "effect": name,
+            "effect_change": change,
+            "effect_verdict": effect.verdict if has_verdict else None,
+            "shrunken_change": relative(effect.shrunken, reason=Reason("redesign.not_shrunken")),
+            **{f"by_{part}": _range(change, effect, part) for part in _RANGES},
+            "placebo_least": known(min(placebo, default=None), few),
+            "placebo_most": known(max(placebo, default=None), few),
+            "trend_per_week": Value.missing(_NO_TREND) if trend is None else Value.of(trend),
+            "detectable_per_week": known(None if trend is None else trend.detectable_per_week, _NO_TREND),
+            "n_trend_weeks": None if trend is None else trend.n_weeks,
+            "n_comparison_areas": effect.n_areas,
+        }
+
+
+def _range(change: Value, effect: BeforeAfter, part: str) -> Value:
+    """Return an effect with one of the ranges that its own is made of, or why there is none."""
+    lo, hi = getattr(effect, f"{part}_lo"), getattr(effect, f"{part}_hi")
+    if change.value is None or lo is None or hi is None:
+        return Value.missing(change.reason or Reason(f"redesign.no_{part}"))
+    return Value(change.value, lo - 1, hi - 1)
+
+
+def _so_far(found: BeforeAfterFigure) -> Iterable[Row]:
+    so_far: RunningVerdict | None = found.running
+    if so_far is None:
+        return
+    reason = so_far.reason or Reason("redesign.any_effect")
+    beside_all = Value.missing(so_far.reason or _FEW)
+    if so_far.all_value is not None:
+        all_lo, all_hi = (None if n is None else n - 1 for n in (so_far.all_lo, so_far.all_hi))
+        no_range = Reason("redesign.any_effect") if all_lo is None and all_hi is None else None
+        beside_all = Value(so_far.all_value - 1, all_lo, all_hi, reason=no_range)
+    without = [theta - 1 for theta in so_far.without if theta is not None]
+    yield {
+        "effect": "close_min_per_open_h",
+        "so_far_change": relative(so_far, reason=reason),
+        "so_far_verdict": so_far.verdict if found.is_credible and so_far.value is not None else None,
+        "e_value": known(so_far.e_value, so_far.reason or _FEW, so_far.state),
+        "clear_since_week": so_far.clear_since,
+        "beside_all_change": beside_all,
+        "without_least": known(min(without, default=None), reason),
+        "without_most": known(max(without, default=None), reason),
+        "n_weeks_after": so_far.n_weeks,
+        "n_reference_weeks": so_far.n_reference,
+    }
+
+
+def _parts(found: BeforeAfterFigure) -> Iterable[Row]:
+    def row(whole: str, part: str, change: Value, verdict: str | None = None) -> Row:
+        return {"whole": whole, "part": part, "part_change": change, "part_verdict": verdict}
+
+    if found.routes is not None and found.burden is not None and found.burden.value is not None:
+        yield row("area", "people", Value(found.routes.people))
+        yield row("area", "closeness", Value(found.routes.closeness))
+    if found.floor is not None:
+        net = found.floor.net
+        yield row("floor", "floor", relative(net, reason=_FEW), net.verdict)
+        own = net.contributions[found.floor.places.index(found.area_id)] if net.value is not None else None
+        yield row("floor", "area", known(own, net.reason or _FEW, net.state))
+        rest = None if own is None or net.value is None else net.value - 1 - own
+        yield row("floor", "rest", known(rest, net.reason or _FEW, net.state))
+
+
+def _places(found: BeforeAfterFigure) -> Iterable[Row]:
+    near = found.neighbours
+    places: tuple[tuple[str, ChangeEstimate | None, ChangeEstimate | None], ...] = (
+        ("area", found.alone, found.people),
+        ("comparison", found.comparison, None),
+        ("around", None if near is None else near.encounter_rate, None if near is None else near.people),
+    )
+    itself = Reason("redesign.itself")
+    for place, rate, people in places:
+        if rate is None:
+            continue
+        beside = found.effect if place == "area" else near.effect if near and place == "around" else None
+        why_none = itself if place == "comparison" else Reason("redesign.alone")
+        yield {
+            "place": place,
+            "place_rate_change": relative(rate, reason=_FEW),
+            "relative_change": relative(beside, reason=why_none),
+            "place_people_change": relative(people, reason=itself),
+            "place_people_verdict": None if people is None else people.verdict,
+        }
+
+
+def _score(scored: PlanScore) -> Row:
+    plan, ratio = scored.plan, scored.theta
+    return {
+        "made": plan.made,
+        "planned_change": Value(plan.effect, plan.theta_lo - 1, plan.theta_hi - 1),
+        "measured_change": known(None if ratio is None else ratio - 1, _FEW),
+        "is_inside": scored.is_inside,
+        "is_clear": scored.is_clear if ratio is not None else None,
+        "is_due": scored.is_due,
+        "weeks_before": plan.weeks_before,
+        "weeks_after": plan.weeks_after,
+        "n_weeks_after": scored.n_weeks,
+    }
