@@ -40,9 +40,10 @@ function sentences(t) {
   const c = t.change, compare = state.show !== 'week', [now, before] = M.weeks, parts = [], say = (key, values) => parts.push(word(key, values));
   if (noDay()) return [word('no_day_chosen')];
   if (t.place.id !== 'floor') say('place', { name: t.place.name });
+  if (M.isShared && t.place.index && !isWhole()) say('whole_week');
   if (compare && c && c.often.rateA !== null && c.often.rateB !== null && c.often.nA + c.often.nB > 0) {
     say('both', { before, now, a: fig(c.often.rateA), b: fig(c.often.rateB) });
-    if (isTold(c.often)) say('changed', { change: withLikely(verdict(c.often), likely(c.often)) }); else say('too_little', { reason: c.often.reason });
+    if (isTold(c.often)) say('changed', { change: withLikely(verdict(c.often), likely(c.often)) }); else if (c.often.isPlain) { say('changed', { change: fewer(c.often.theta) }); say('no_interval', { reason: c.often.reason }); } else say('too_little', { reason: c.often.reason });
     say('hours_both', { hours: hoursText(c.hours) });
     if (c.hours < M.rules.rough) say('rough');
     return parts;
@@ -77,7 +78,7 @@ function tellWeeks() {
     for (const k of KINDS) {
       const e = c && c[k], isShown = e && e.rateA !== null && (k === 'often' || e.xA >= M.rules.minExposure);
       fill(`was-${k}`, [isShown ? shownRate(k, e.rateA) : NONE, isShown ? word('same_hours') : '']);
-      fill(`change-${k}`, isTold(e) ? shownChange(k, e) : [word('words.too_little_data'), e ? e.reason : M.notCompared], e ? { rate: e.theta, lo: e.lo, hi: e.hi, a: e.rateA, b: e.rateB } : { rate: null, lo: null, hi: null, a: null, b: null });
+      fill(`change-${k}`, isTold(e) ? shownChange(k, e) : e && e.isPlain ? [fewer(e.theta), e.reason] : [word('words.too_little_data'), e ? e.reason : M.notCompared], e ? { rate: e.theta, lo: e.lo, hi: e.hi, a: e.rateA, b: e.rateB } : { rate: null, lo: null, hi: null, a: null, b: null });
     }
   }
   $('read-name').textContent = t.place.name;
@@ -92,7 +93,7 @@ function fill(id, [big, small], exact) {
 /* The page comes with the map of the whole week: until something else is chosen, it is not drawn again. */
 let isFresh = true;
 function isShipped(p) {
-  const same = isFresh && state.show === 'week' && state.map === 'violations' && isWhole() && recordedBy(p, p.drawn).every(h => h > 0);
+  const same = isFresh && state.show === 'week' && state.map === 'violations' && (M.isShared || isWhole()) && recordedBy(p, p.drawn).every(h => h > 0);
   isFresh = false;
   return same;
 }

@@ -24,6 +24,7 @@ function pairNow() {
   const c = changeNow();
   if (c && c.spans.length && state.show !== 'week') return c.hasCells ? { now: c.after, was: c.before } : {};
   if (!week.cells) return {};
+  if (M.isShared) { const of = p => state.show !== 'week' && p.pair || p.sums, has = before && before.cells && state.show !== 'week'; return { now: has ? of(week) : week.sums, was: has ? of(before) : null }; }
   const has = before && before.cells && state.show !== 'week', isSame = has && !M.notCompared;
   return { now: week, used: isSame ? week.same : week.drawn, was: has ? before : null, usedWas: has ? isSame ? before.same : before.drawn : null };
 }

@@ -47,7 +47,7 @@ function lazily(makers, made = {}) {
 }
 
 function readPanel(r) {
-  const C = M.cameras, P = M.places.length, S = r.one(), p = { S };
+  const C = M.rows, P = M.byHour, S = r.one(), p = { S };
   for (const k of ['day', 'weekday', 'hour', 'fold']) p[k] = r.many(S);
   const rec = r.many(C * S);
   p.recorded = rec.map(v => Math.floor(v / 2) / 3.6e6); p.counted = rec.map(v => v % 2);
@@ -81,6 +81,18 @@ function readCells(parts, nCells) {
       return { nx, ny, x: excess.one() - 1e6, y: excess.one() - 1e6, v: excess.many(nx * ny).map(v => v ? (v - 1) / 100 : NaN) };
     },
   });
+}
+
+/* A page for readers: recorded hours of each camera, of the whole week and of what is compared; their cells come later. */
+function readWeek(r, p) {
+  const [apart, pair] = [0, 1].map(() => r.many(M.cameras).map(v => v / 3.6e6));
+  p.sums = { isSide: true, hours: apart.map((h, c) => h + pair[c]) }; p.pair = M.notCompared ? null : { isSide: true, hours: pair };
+}
+function readWeekCells(parts, nCells, p) {
+  const halves = nCells * M.grid.cellsAcross ** 2, [violations, split, time, violationsOfPair, timeOfPair] = parts;
+  const read = (v, t) => ({ violations: () => readTable(v, null, halves, ['v'], 1), time: () => { const unit = t.one() / 3.6e6; return readTable(t, null, nCells, ['v', 'w'], unit); } });
+  p.cells = p.sums.cells = lazily({ ...read(violations, time), split: () => readSplit(split, nCells, M.grid.cellsAcross) });
+  if (p.pair) p.pair.cells = lazily(read(violationsOfPair, timeOfPair));
 }
 
 /* The matched weeks on one side of a logged change: sums over the hours that both sides recorded. */
@@ -117,8 +129,8 @@ function pairHours() {
   const key = (p, i) => `${p.weekday[i]} ${p.hour[i]} ${p.fold[i]}`, at = new Map();
   for (let i = 0; i < before.S; i++) at.set(key(before, i), i);
   week.twin = Int32Array.from({ length: week.S }, (_, i) => at.has(key(week, i)) ? at.get(key(week, i)) : -1);
-  week.same = new Uint8Array(M.cameras * week.S); before.same = new Uint8Array(M.cameras * before.S);
-  for (let c = 0; c < M.cameras; c++) for (let i = 0; i < week.S; i++) {
+  week.same = new Uint8Array(M.rows * week.S); before.same = new Uint8Array(M.rows * before.S);
+  for (let c = 0; c < M.rows; c++) for (let i = 0; i < week.S; i++) {
     const j = week.twin[i];
     if (j >= 0 && M.comparable[c] && week.counted[c * week.S + i] && before.counted[c * before.S + j]) week.same[c * week.S + i] = before.same[c * before.S + j] = 1;
   }
@@ -126,7 +138,7 @@ function pairHours() {
 
 /* Sums by camera and day of a place over some camera-hours: {n, x} for how often, {n, x} of one row for how risky. */
 function panelOf(p, used, place, close_cameras = closeCameras(place, p)) {
-  const on = chosen(p), C = M.cameras, S = p.S, days = [], weekday = [], column = new Int32Array(S).fill(-1);
+  const on = chosen(p), C = M.rows, S = p.S, days = [], weekday = [], column = new Int32Array(S).fill(-1);
   for (let i = 0; i < S; i++) if (on[i]) {
     if (days[days.length - 1] !== p.day[i]) { days.push(p.day[i]); weekday.push(p.weekday[i]); }
     column[i] = days.length - 1;
@@ -134,12 +146,12 @@ function panelOf(p, used, place, close_cameras = closeCameras(place, p)) {
   const blank = () => new Array(days.length).fill(0), n = [], x = [], time = blank(), close = blank(), closeTime = blank();
   for (let c = 0; c < C; c++) {
     const nc = blank(), xc = blank(); n.push(nc); x.push(xc);
-    if (!place.cameras[c] && !close_cameras[c]) continue;
+    if (!place.rows[c] && !close_cameras[c]) continue;
     const base = (place.index * C + c) * S, told = place.index >= 0;
     for (let i = 0; i < S; i++) if (column[i] >= 0 && used[c * S + i]) {
       const d = column[i];
       if (told && close_cameras[c]) { closeTime[d] += p.time[base + i]; close[d] += p.close[base + i]; }
-      if (!place.cameras[c]) continue;
+      if (!place.rows[c]) continue;
       xc[d] += p.recorded[c * S + i];
       if (told) { nc[d] += p.n[base + i]; time[d] += p.time[base + i]; }
     }
@@ -154,12 +166,13 @@ function panelOf(p, used, place, close_cameras = closeCameras(place, p)) {
     }
   }
   const total = time.map((_, d) => sum(n.map(row => row[d])));
-  return { often: { n, x }, risky: { n: [total], x: [time] }, close: { n: [close], x: [closeTime] }, weekday, hours: sum(x.map(sum)) / Math.max(1, sum(place.cameras)) };
+  return { often: { n, x }, risky: { n: [total], x: [time] }, close: { n: [close], x: [closeTime] }, weekday, hours: sum(x.map(sum)) / Math.max(1, sum(place.rows)) };
 }
 
 /* Some squares of the floor as a place: the cameras that ever counted anybody in them. */
 function squaresAsPlace(id, name, numbers) {
   const g = M.grid, A = g.cellsAcross, squares = new Uint8Array(g.nx * g.ny), place = { id, name, index: -1, squares, cameras: new Array(M.cameras).fill(0), hidden: [null, null] };
+  place.rows = place.cameras;
   for (const k of numbers) squares[k] = 1;
   for (const p of [week, before]) if (p && p.cells) for (const [t, a] of [[p.cells.violations, A], [p.cells.time, 1]]) for (let i = 0; i < t.n; i++) {
     const x = Math.floor(t.cell[i] % (g.nx * a) / a), y = Math.floor(Math.floor(t.cell[i] / (g.nx * a)) / a);
@@ -184,12 +197,31 @@ function placeNow() {
 const closeCameras = (place, p) => { const [now, then] = (place.index >= 0 ? place : M.places[0]).close; return p === before ? then : now; };
 const closeInBoth = place => closeCameras(place, week).map((v, c) => v & closeCameras(place, before)[c]);
 
+const nothing = reason => ({ rate: null, lo: null, hi: null, n: null, ok: false, reason });
+
+/* A page for readers: the report's figures of the whole week; of squares, plain sums of the week without a range. */
+function weekRates(place) {
+  const isSquares = place.index < 0, plain = p => isSquares && p ? sideRates(p, place) : null, now = plain(week.sums), [a, b] = [before && before.pair, week.pair].map(plain);
+  const few = isSquares && now.n < M.rules.mask ? word('reason.masked', { n: M.rules.mask }) : null, hide = place.hidden[0] || (sum(place.cameras) ? few : word('reason.nobody'));
+  const none = k => M.noViolations || k !== 'often' && M.noExposure || hide, hoursOf = p => sum(p.hours.filter((_, c) => place.cameras[c])) / Math.max(1, sum(place.cameras));
+  const told = { place, hours: hoursOf(week.sums), change: null };
+  for (const k of KINDS) told[k] = none(k) ? nothing(none(k)) : isSquares ? { rate: now[k], lo: null, hi: null, n: now.n, ok: true, reason: word('no_range') } : { ...place.week[k], n: null, ok: true };
+  if (!before || M.notCompared || hide || place.hidden[1] || M.noViolations) return told;
+  told.change = { hours: hoursOf(week.pair) };
+  const pair = (rateA, theta, more) => ({ rateA, rateB: rateA === null || theta === null ? null : rateA * theta, theta, nA: 1, nB: 1, xA: Infinity, lo: null, hi: null, verdict: 'too_little_data', reason: '', ...more });
+  for (const k of KINDS) {
+    const report = place.report && place.report[k], isMany = isSquares && a && a.n >= M.rules.mask && b.n >= M.rules.mask;
+    told.change[k] = none(k) ? null : report ? pair(report.previous, report.theta, report) : isMany ? pair(a[k], a[k] ? b[k] / a[k] : null, { isPlain: Boolean(a[k]), reason: word('no_range') }) : pair(null, null, { reason: isSquares ? word('reason.masked', { n: M.rules.mask }) : '' });
+  }
+  return told;
+}
+
 /* Everything said about a place: this week's rates and, where the weeks can be compared, the change. */
 function rates(place) {
+  if (M.isShared && (place.index || isWhole())) return weekRates(place);
   const now = panelOf(week, week.counted, place), hide = place.hidden[0] || (sum(place.cameras) ? null : word('reason.nobody'));
   const usual = place.index >= 0 && place.past && past ? panelOf(past, past.counted, place) : null;
   const history = (kind, k) => usual && { n: usual[kind].n, x: usual[kind].x, weekday: usual.weekday };
-  const nothing = reason => ({ rate: null, lo: null, hi: null, n: null, ok: false, reason });
   const told = {
     place, hours: now.hours,
     often: M.noViolations ? nothing(M.noViolations) : hide ? nothing(hide) : howOften(now.often, M.rules, now.weekday, history('often')),

@@ -128,16 +128,17 @@ async function start() {
   const began = performance.now(), g = M.grid, r = reader(await unpack($('data').textContent.trim()));
   fine = g ? { nx: g.nx * g.fineAcross, ny: g.ny * g.fineAcross, home: null } : null;
   document.body.classList.add('live');
-  const read = k => { const p = readPanel(r); p.cells = null; p.drawn = M.ranked[k] ? p.counted : p.recorded.map(v => v > 0 ? 1 : 0); return p; };
+  const read = k => { const p = readPanel(r); p.cells = null; if (M.isShared) readWeek(r, p); p.drawn = M.ranked[k] ? p.counted : p.recorded.map(v => v > 0 ? 1 : 0); return p; };
   week = read(0); before = M.hasBefore ? read(1) : null; past = M.hasPast ? readPanel(r) : null;
   if (g && r.one()) readWalkable(r);
   if (M.hasSeen) seen = runs(r, M.cameras * fine.nx * fine.ny);
   pairHours();
   let first = 0;
   const show = () => { recall(); draw(); first = performance.now() - began; };
-  if (!location.hash && recordedBy(week, week.drawn).every(h => h > 0)) show();
+  const drawn = M.isShared ? week.sums.hours : recordedBy(week, week.drawn), parts = n => Array.from({ length: n }, () => cells.part()), nCells = g ? g.nx * g.ny : 0;
+  if (!location.hash && drawn.every(h => h > 0)) show();
   const cells = reader(await unpack($('cells').textContent.trim()));
-  for (const [k, p] of [week, before].entries()) if (M.hasCells[k]) p.cells = readCells(Array.from({ length: 6 }, () => cells.part()), g.nx * g.ny);
+  for (const [k, p] of [week, before].entries()) if (M.hasCells[k]) { if (M.isShared) readWeekCells(parts(5), nCells, p); else p.cells = readCells(parts(6), nCells); }
   readChanges(cells);
   if (!first) show();
   listen();

@@ -151,39 +151,56 @@ class PackedStream:
 
 
 def unpacked(page: str, data: PlannerData) -> list[dict[str, Any]]:
-    """Return the weeks of a page as lists: hours, counts by place, camera and hour, rows of cells."""
+    """Return the weeks of a page as lists: hours, counts by place, row and hour, rows or sums of cells."""
     hours, cells = (PackedStream(page, name) for name in ("data", "cells"))
     weeks = []
-    n_cameras, n_places = len(data.cameras), len(data.places)
+    n_rows, n_places = (1, 1) if data.is_shared else (len(data.cameras), len(data.places))
     for week in (data.week, data.before):
         if week is None:
             continue
         n = hours.one()
         told: dict[str, Any] = {name: hours.many(n) for name in ("day", "weekday", "hour", "fold")}
-        told["recorded"] = hours.many(n_cameras * n)
-        told["n"] = hours.wide(n_places * n_cameras * n)
+        told["recorded"] = hours.many(n_rows * n)
+        told["n"] = hours.wide(n_places * n_rows * n)
         unit = hours.one()
-        told["time"], told["close"] = ([unit * v for v in hours.wide(n_places * n_cameras * n)] for _ in range(2))
+        told["time"], told["close"] = ([unit * v for v in hours.wide(n_places * n_rows * n)] for _ in range(2))
+        if data.is_shared:
+            hours.many(2 * len(data.cameras))
         if week.cells is not None:
-            for name, kinds in (("violations", 1), ("time_cells", 2)):
-                cells.one()  # how many bytes follow, as before each part
-                if name == "time_cells":
-                    told["unit"] = cells.one()
-                sums = cells.one()
-                told[f"{name}_key"], told[f"{name}_sums"] = cells.many(sums), [cells.many(sums) for _ in range(kinds)]
-                cells.one()
-                size = cells.many(sums)
-                cells.many(sum(size))
-                told[name] = [cells.wide(sum(size)) for _ in range(kinds)]
-                if name == "violations":
-                    cells.one()
-                    rows = cells.one()
-                    told["fine_key"], told["fine"] = cells.many(rows), [cells.many(rows)]
-            cells.one()
-            n_x, n_y, _, _ = cells.many(4)
-            cells.many(n_x * n_y)
+            (_unpack_sums if data.is_shared else _unpack_rows)(cells, told)
         weeks.append(told)
     return weeks
+
+
+def _unpack_sums(cells: PackedStream, told: dict[str, Any]) -> None:
+    """Read the parts of a week of a page for readers."""
+    for name, kinds in (("violations", 1), ("fine", 1), ("time_cells", 2), ("violations_pair", 1), ("time_pair", 2)):
+        cells.one()  # how many bytes follow, as before each part
+        if name.startswith("time"):
+            told["unit"] = cells.one()
+        sums = cells.one()
+        told[f"{name}_key"], told[name] = cells.many(sums), [cells.many(sums) for _ in range(kinds)]
+
+
+def _unpack_rows(cells: PackedStream, told: dict[str, Any]) -> None:
+    """Read the parts of a week of the operator's page."""
+    for name, kinds in (("violations", 1), ("time_cells", 2)):
+        cells.one()
+        if name == "time_cells":
+            told["unit"] = cells.one()
+        sums = cells.one()
+        told[f"{name}_key"], told[f"{name}_sums"] = cells.many(sums), [cells.many(sums) for _ in range(kinds)]
+        cells.one()
+        size = cells.many(sums)
+        cells.many(sum(size))
+        told[name] = [cells.wide(sum(size)) for _ in range(kinds)]
+        if name == "violations":
+            cells.one()
+            rows = cells.one()
+            told["fine_key"], told["fine"] = cells.many(rows), [cells.many(rows)]
+    cells.one()
+    n_x, n_y, _, _ = cells.many(4)
+    cells.many(n_x * n_y)
 
 
 def at(day: int, hour: int) -> datetime:

@@ -37,7 +37,7 @@ Open = Callable[..., Any]
 
 @pytest.fixture
 def opened(tab: Open, pages: dict[str, Path]) -> Open:
-    def page(name: str = "masked", address: str = "", **options: Any) -> Any:
+    def page(name: str = "exact", address: str = "", **options: Any) -> Any:
         shown = tab(pages[name].as_uri() + address, **options)
         if options.get("java_script_enabled", True):
             shown.wait_for_function("document.body.dataset.first")
@@ -61,7 +61,12 @@ def address(page: Any) -> dict[str, str]:
 
 @pytest.mark.parametrize(("scheme", "width"), MODES)
 def test_every_view_is_accessible_quiet_and_fits(opened: Open, axe: Open, scheme: str, width: int) -> None:
-    page = opened(color_scheme=scheme, viewport={"width": width, "height": 900}, bypass_csp=True)
+    page = opened(
+        "masked" if width < 600 else "exact",
+        color_scheme=scheme,
+        viewport={"width": width, "height": 900},
+        bypass_csp=True,
+    )
     for at in VIEWS:
         page.evaluate("at => { location.hash = at || '#'; }", at)
         page.evaluate("dispatchEvent(new HashChangeEvent('hashchange'))")
@@ -289,10 +294,10 @@ def test_the_sentence_speaks_of_the_selection(opened: Open) -> None:
 
 
 def test_a_selection_with_few_violations_is_not_counted_out(opened: Open) -> None:
-    page = opened(address="#place=rect&rect=14,8,16,10")
+    page = opened("masked", address="#place=rect&rect=14,8,16,10")
     assert "fewer than 5 violations were counted" in said(page)
     assert page.get_attribute("#now-often", "data-rate") == ""
-    nobody = opened(address="#place=rect&rect=16,1,18,3")
+    nobody = opened("masked", address="#place=rect&rect=16,1,18,3")
     assert "no camera counted anybody there" in said(nobody)
 
 
@@ -316,7 +321,7 @@ def test_the_address_brings_the_same_view_back(opened: Open, pages: dict[str, Pa
     page.select_option("#place", "floor")
     page.select_option("#from", "9")
     page.click("#zr")
-    assert written_address(page) == pages["masked"].as_uri()
+    assert written_address(page) == pages["exact"].as_uri()
 
 
 @pytest.mark.parametrize(
@@ -456,26 +461,26 @@ def test_no_day_chosen_is_said_in_words(opened: Open) -> None:
 
 
 @pytest.fixture
-def viewed(tab: Open, masked: PlannerData, tmp_path: Path) -> Any:
+def viewed(tab: Open, exact: PlannerData, tmp_path: Path) -> Any:
     """The page of a floor whose first camera sees its left half and whose second, down on a Wednesday, the right."""
     path = tmp_path / "viewed.html"
-    assert masked.shown is not None
-    grid = cell_counts.grid_of(masked.shown.extent)
+    assert exact.shown is not None
+    grid = cell_counts.grid_of(exact.shown.extent)
     assert grid is not None
     seen = np.zeros((2, grid.n_y * 4, grid.n_x * 4), dtype=np.bool_)
     seen[0, :, : grid.n_x * 2], seen[1, :, grid.n_x * 2 :] = True, True
-    path.write_text(render_planner(replace(masked, seen=seen)), encoding="utf-8")
+    path.write_text(render_planner(replace(exact, seen=seen)), encoding="utf-8")
     page = tab(path.as_uri())
     page.wait_for_function("document.body.dataset.first")
     return page
 
 
-def test_floor_that_no_camera_recorded_in_the_chosen_time_is_hatched(viewed: Any, masked: PlannerData) -> None:
+def test_floor_that_no_camera_recorded_in_the_chosen_time_is_hatched(viewed: Any, exact: PlannerData) -> None:
     def hatched() -> float:
         return float(viewed.evaluate("(b => b.width * b.height)(document.querySelector('#wb .nv').getBBox())"))
 
-    assert masked.shown is not None
-    x0, y0, x1, y1 = masked.shown.extent
+    assert exact.shown is not None
+    x0, y0, x1, y1 = exact.shown.extent
     whole = (x1 - x0) * (y1 - y0) * 100**2
     assert hatched() == 0
     shipped = "document.body.classList.contains('views')"

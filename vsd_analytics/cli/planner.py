@@ -47,12 +47,13 @@ def planner(
     is_opened: bool,
     as_json: bool,
 ) -> None:
-    """Write a page to explore a floor: days, hours, logged changes, five maps, the rates of any rectangle.
+    """Write a page to explore a floor: days, hours, logged changes, maps, the rates of any rectangle.
 
     A click on a logged change shows the weeks before and after it, what it did, and what became of the whole floor.
     One file that needs no network and no server. Its figures are those of the report; the page contains no count under
-    mask_below, and its weeks are over. With --exact, it is the operator's: exact, and of any week. With --json, print
-    the figures of the whole week and where the page was written.
+    mask_below, its weeks are over, and chosen hours change the figures of the whole floor only. With --exact, it is the
+    operator's: exact, of any week, and by hour in every place. With --json, print the figures of the whole week and
+    where the page was written.
 
     \b
     Example:

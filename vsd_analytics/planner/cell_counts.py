@@ -121,6 +121,8 @@ class CellsAsked:
         mask: Tells which counts are put together.
         hidden: Areas whose counts are held back (None among them: the rest of the floor), which are one place here;
             None = the floor's own count is held back, so that no violation has a cell.
+        is_by_hour: Rows are by hour; otherwise of the whole week, and the slot of a row says whether its hours are
+            compared with the other week (1) or not (0).
     """
 
     slots: Ints
@@ -130,6 +132,7 @@ class CellsAsked:
     grid: CellGrid
     mask: Mask
     hidden: Sequence[Area | None] | None = ()
+    is_by_hour: bool = True
 
 
 def week_cells(data: WeekData, asked: CellsAsked, *, excess: FloorHotspots) -> WeekCells:
@@ -168,7 +171,10 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
     n, tracks, *times = (rows[name].to_numpy() for name in ("n_violations", "n_tracks", "exposure_ms", "violation_ms"))
     del rows, hour_ms  # a large floor has millions of rows a week
     camera, slot, x, y, n, tracks, *times = (v[taken] for v in (camera, slot, x, y, n, tracks, *times))
-    keys = np.stack((camera, slot, x, y, data.hours.day[slots].astype(np.int32)[slot], asked.shared[camera, slot]))
+    day, side = data.hours.day[slots].astype(np.int32)[slot], asked.shared[camera, slot]
+    if not asked.is_by_hour:
+        day, slot = np.zeros_like(slot), side.astype(np.int32)
+    keys = np.stack((camera, slot, x, y, day, side))
     del camera, slot, x, y
     is_able, has_time = (n > 0) & data.whole.cameras[keys[0]] & (hidden is not None), times[0] > 0
     unit_ms = _unit(*times)

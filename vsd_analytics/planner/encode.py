@@ -118,8 +118,9 @@ def packed_numbers(data: PlannerData) -> PackedNumbers:
     for week in (data.week, data.before):
         if week is not None:
             hours += _panel_bytes(week.panel)
+            hours += [] if week.recorded_ms is None else [varints(week.recorded_ms)]
             if week.cells is not None:
-                cells += _cell_bytes(week, grid)
+                cells += _week_bytes(week.cells, grid) if data.is_shared else _cell_bytes(week, grid)
     if data.history.day.size:
         hours += _panel_bytes(data.history)
     if grid is not None:
@@ -171,6 +172,28 @@ def _cell_bytes(week: PlannerWeek, grid: cell_counts.CellGrid | None) -> list[by
         *_table(cells.time, grid.n_squares, varints([cells.unit_ms])),
         *_part(excess),
     ]
+
+
+def _week_bytes(cells: cell_counts.WeekCells, grid: cell_counts.CellGrid | None) -> list[bytes]:
+    """Return the sums of the week's cells, how violations lie in them, and the sums of the hours that are compared."""
+    assert grid is not None
+    across = round(cell_counts.SQUARE_M / cell_counts.CELL_M)
+    per_square = round(cell_counts.SQUARE_M / cell_counts.FINE_M) ** 2
+    violations, time = (
+        [_sums(rows, n_cells, is_compared=only) for only in (False, True)]
+        for rows, n_cells in ((cells.violations, grid.n_squares * across**2), (cells.time, grid.n_squares))
+    )
+    fine = sparse(cells.fine[0] * grid.n_squares * per_square + cells.fine[1], cells.fine[2])
+    unit = varints([cells.unit_ms])
+    parts = (violations[0], fine, [unit, *time[0]], violations[1], [unit, *time[1]])
+    return [piece for part in parts for piece in _part(part)]
+
+
+def _sums(rows: cell_counts.Rows, n_cells: int, *, is_compared: bool) -> list[bytes]:
+    taken = rows.slot == 1 if is_compared else np.ones_like(rows.slot, dtype=np.bool_)
+    key, first = np.unique((rows.camera * n_cells + rows.cell)[taken], return_index=True)
+    values = rows.values[:, taken]
+    return sparse(key, *(np.add.reduceat(values, first, axis=1) if key.size else values))
 
 
 def _table(rows: cell_counts.Rows, n_cells: int, *head: bytes) -> list[bytes]:

@@ -1,4 +1,4 @@
-"""The hours of a week and what was counted in them, without what the report holds back."""
+"""The hours of a week and what was counted in them: of all places for the operator, of the whole floor for readers."""
 
 from __future__ import annotations
 
@@ -55,7 +55,8 @@ class HourPanel:
         fold: 1 for the second of two equal local hours, same shape.
         recorded_ms: Recorded opening time, shape (n_cameras, n_slots).
         is_counted: Camera-hours that enter rates, same shape.
-        n: Violations, shape (n_places, n_cameras, n_slots); no count is from 1 to under `mask_below`.
+        n: Violations, shape (n_places, n_cameras, n_slots); no count is from 1 to under `mask_below`. A page for
+            readers has one place, the whole floor, and one row in place of the cameras, all together.
         exposure_ms: Person-milliseconds, same shape.
         close_ms: Those in violation, same shape; with a count that is merged goes the time of its hour.
     """
@@ -88,7 +89,14 @@ class Counted:
     extent: Extent | None
 
     def cells_asked(
-        self, data: WeekData, slots: Ints, *, used: Flags, shared: Flags, hidden: Collection[int]
+        self,
+        data: WeekData,
+        slots: Ints,
+        *,
+        used: Flags,
+        shared: Flags,
+        hidden: Collection[int],
+        is_by_hour: bool = True,
     ) -> CellsAsked | None:
         """Return what of a week's cells is asked for; None without a map of at most so many squares.
 
@@ -98,6 +106,7 @@ class Counted:
             used: Camera-hours that take part.
             shared: Those that are compared.
             hidden: Places whose counts are not given.
+            is_by_hour: As for `CellsAsked`.
         """
         grid = None if self.extent is None else grid_of(self.extent)
         if self.extent is None or grid is None:
@@ -110,6 +119,7 @@ class Counted:
             grid=grid,
             mask=data.mask,
             hidden=None if 0 in hidden else [a for k, a in enumerate(self.areas, 1) if k in hidden],
+            is_by_hour=is_by_hour,
         )
 
 
@@ -189,6 +199,67 @@ def panel_of(
         exposure_ms=exposure_ms,
         close_ms=close_ms,
     )
+
+
+def floor_panel(
+    data: TwoWeeks, days: Sequence[date], asked: Counted, mondays: Sequence[date], *, is_hidden: bool
+) -> HourPanel:
+    """Return the open hours of some days for readers: what the report's timetable has, of all cameras together.
+
+    An hour is counted if all cameras recorded it that recorded any of its week. Hours that a timetable hides have equal
+    parts of their sum where the week tells that sum, and are all counted; otherwise none of them is.
+
+    Args:
+        data: The floor.
+        days: The days.
+        asked: What is counted where; only its first place, the whole floor, is.
+        mondays: First days of the weeks; the earliest is day 0.
+        is_hidden: The floor's counts are not given.
+    """
+    slots, hours, cameras = open_slots(data, days), data.hours, asked.places[0].cameras
+    counted = hours.is_counted[:, slots] & cameras[:, None]
+    n, exposure_ms, close_ms = (
+        np.where(counted, np.rint(np.nan_to_num(of[:, slots]) * scale), 0).sum(axis=0).astype(np.int64)
+        for of, scale in (
+            (asked.places[0].n, 1),
+            (asked.places[0].exposure_h, 3_600_000),
+            (asked.close_h[0], 3_600_000),
+        )
+    )
+    recorded_ms, is_counted = np.zeros_like(n), np.zeros(len(slots), dtype=np.bool_)
+    recorded_s = hours.recorded_s[:, slots] * cameras[:, None]
+    for monday in mondays:
+        of_week = np.isin(hours.day[slots] - monday.toordinal(), range(7))
+        recording = counted[:, of_week].any(axis=1)
+        if not recording.any():
+            continue
+        is_counted[of_week] = counted[np.ix_(recording, of_week)].all(axis=0)
+        recorded_ms[of_week] = np.rint(recorded_s[np.ix_(recording, of_week)].mean(axis=0) * 1000)
+        held = data.hidden_in(monday).hours
+        hidden = np.isin(slots, list(held.small | held.others))
+        is_sum_known = not ((recorded_s > 0) & ~counted)[:, of_week].any()
+        is_counted[hidden] &= is_sum_known and bool(is_counted[hidden].all())
+        for values in (n, close_ms):
+            values[hidden] = _in_equal_parts(int(values[hidden].sum()), int(hidden.sum()))
+    for values in (n, close_ms) if is_hidden else ():
+        values[:] = 0
+    for values in (n, exposure_ms, close_ms, recorded_ms):
+        values[~is_counted] = 0
+    return HourPanel(
+        day=hours.day[slots] - min(mondays).toordinal(),
+        weekday=hours.weekday[slots],
+        hour=hours.hour[slots],
+        fold=hours.fold[slots],
+        recorded_ms=recorded_ms[None],
+        is_counted=is_counted[None],
+        n=n[None, None],
+        exposure_ms=exposure_ms[None, None],
+        close_ms=close_ms[None, None],
+    )
+
+
+def _in_equal_parts(total: int, n_parts: int) -> Ints:
+    return np.diff(np.arange(n_parts + 1) * total // max(1, n_parts))
 
 
 def hidden_places(data: TwoWeeks, mondays: Sequence[date], areas: Sequence[Area | None]) -> Mapping[int, Reason]:

@@ -149,6 +149,8 @@ def _page(data: PlannerData) -> PlannerPage:
     maps = map_kinds.map_kinds(
         tuple(site.settings.heat_steps), distance=distance, hotspot_days=int(site.settings.hotspot_days)
     )
+    if data.is_shared:
+        maps = tuple(m for m in maps if m.kind != "excess")
     hours = _hours(data)
     title = catalogue.say(
         "planner.title", site=site.name, floor=data.floor.name, weeks=joined(weeks[::-1]), year=week.year
@@ -238,8 +240,11 @@ def _meta(
         "weeks": weeks,
         "hours": hours,
         "cameras": len(data.cameras),
+        "isShared": int(data.is_shared),
+        "rows": 1 if data.is_shared else len(data.cameras),
+        "byHour": 1 if data.is_shared else len(data.places),
         "able": [int(c) for c in data.places[0].cameras],
-        "comparable": [int(c) for c in data.comparable],
+        "comparable": _by_row(data, data.comparable),
         "ranked": [int(w is not None and w.is_ranked) for w in (data.week, data.before)],
         "hasBefore": data.before is not None,
         "hasPast": bool(data.history.day.size),
@@ -277,6 +282,13 @@ def _meta(
     }
 
 
+def _by_row(data: PlannerData, flags: Sequence[bool]) -> list[int]:
+    """Return flags by camera as flags by row of the panels of hours: for readers one row, of all cameras together."""
+    if data.is_shared:
+        return [int(all(flag for flag, is_able in zip(flags, data.places[0].cameras, strict=True) if is_able))]
+    return [int(flag) for flag in flags]
+
+
 def _grid_meta(data: PlannerData, grid: cell_counts.CellGrid) -> dict[str, Any]:
     return {
         "x0": grid.x0,
@@ -295,8 +307,8 @@ def _grid_meta(data: PlannerData, grid: cell_counts.CellGrid) -> dict[str, Any]:
 def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
     hidden = [w.hidden.get(index) if w is not None else None for w in (data.week, data.before)]
     changes: dict[str, Any] = {}
+    measured = {"often": row.violation_rate, "close": row.close_time_share, "risky": row.encounter_rate}
     if data.before is not None and data.why_not_compared is None and not any(hidden):
-        measured = {"often": row.violation_rate, "close": row.close_time_share, "risky": row.encounter_rate}
         changes = {name: _change_meta(estimate) for name, estimate in measured.items()}
     return {
         "id": row.place_id,
@@ -305,9 +317,17 @@ def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
         "cameras": [int(c) for c in row.cameras],
         "hidden": [text_or_none(why) for why in hidden],
         "past": int(row.has_history),
-        "close": [[int(c) for c in cameras] for cameras in row.close_cameras],
+        "rows": [1] if data.is_shared else [int(c) for c in row.cameras],
+        "close": [_by_row(data, cameras) for cameras in row.close_cameras],
         "report": changes,
+        "week": {name: _level_meta(estimate) for name, estimate in measured.items()} if data.is_shared else {},
     }
+
+
+def _level_meta(estimate: Estimate) -> dict[str, Any]:
+    """Return the report's figure of the whole week, which a page for readers shows of a place."""
+    reason = text_or_none(estimate.reason)
+    return {"rate": estimate.value, "lo": estimate.lo, "hi": estimate.hi, "reason": reason}
 
 
 def _change_of_log_meta(change: PlannerChange) -> dict[str, Any]:
@@ -337,6 +357,7 @@ def _change_meta(estimate: Estimate) -> dict[str, Any] | None:
     hi = estimate.change_hi
     return {
         "theta": 1 + estimate.change,
+        "previous": estimate.previous,
         "lo": 1 + estimate.change_lo,
         "hi": None if hi is None else 1 + hi,
         "verdict": estimate.verdict,

@@ -1,7 +1,8 @@
 """What the planner's page knows of a floor: two weeks by hour, camera, place and cell, the log, the report's figures.
 
 The page computes every rate again in the browser, from sums that are additive over hours, cameras and cells; nothing
-here is a rate but the table that a page without script shows.
+here is a rate but the table that a page without script shows. A page for readers has hours of the whole floor only: of
+other places it has the report's figures of the whole week, and of cells the sums of the week.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from vsd_analytics.figures.catalogue import OF_SPACE, asks_for, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_time import change_close_time_share, close_time
 from vsd_analytics.figures.compare import why_not
-from vsd_analytics.figures.panels import WEEK, Flags, Place
+from vsd_analytics.figures.panels import WEEK, Flags, Ints, Place
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.share.periods import check_days
 from vsd_analytics.figures.share.weeks import revealing_spots, shared_spots
 from vsd_analytics.figures.week import areas as report_areas
@@ -34,7 +36,15 @@ from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.figures.week.results import AreaRow, WeekRef
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.cell_counts import WeekCells, seen_cells
-from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, hidden_places, open_slots, panel_of
+from vsd_analytics.planner.hour_counts import (
+    Counted,
+    HourPanel,
+    TwoWeeks,
+    floor_panel,
+    hidden_places,
+    open_slots,
+    panel_of,
+)
 from vsd_analytics.planner.layouts import Layout, layouts
 from vsd_analytics.planner.logged_changes import MOST_WEEKS, PlannerChange, entries_of, logged_changes
 from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level
@@ -62,6 +72,8 @@ class PlannerWeek:
     Attributes:
         ref: Which.
         panel: Its open hours.
+        recorded_ms: For readers: recorded opening time of each camera in the hours drawn, those that are not compared
+            with the other week and those that are, shape (2, n_cameras); None on the operator's page.
         cells: What lies where; None where violations have no place on the floor.
         is_ranked: Enough was recorded to rank places and compare.
         hidden: Why the figures of a place are not given, by place; the others are.
@@ -69,6 +81,7 @@ class PlannerWeek:
 
     ref: WeekRef
     panel: HourPanel
+    recorded_ms: Ints | None
     cells: WeekCells | None
     is_ranked: bool
     hidden: Mapping[int, Reason]
@@ -143,6 +156,7 @@ class PlannerData:
         changes: The log's entries of these weeks, in order of time.
         layouts: Fixtures by selection (`layouts.layouts`); empty where they are always those of `shown`.
         space: Answers on how the space is used in the week (M35 to M42); empty where no place of the floor asks.
+        is_shared: The page is for readers; otherwise it is the operator's, by hour in all places.
     """
 
     site: Site
@@ -166,6 +180,7 @@ class PlannerData:
     changes: tuple[PlannerChange, ...]
     layouts: tuple[Layout, ...] = ()
     space: Answers = field(default_factory=Answers)
+    is_shared: bool = False
 
 
 def weeks_needed(site: Site, monday: date, *, floor_id: str | None = None) -> int:
@@ -210,6 +225,7 @@ def planner_pages(
         UsageError: E105, a week is not over, and the site hides small counts.
         StoreError: E301, nothing was ever stored.
         KeyError: The site has no floor of this id.
+        DiskError: E304 to E306, what leaves cannot be remembered.
     """
     other = monday - WEEK if before is None else before
     floors = [f for f in site.floors if floor_id in (None, f.floor_id)]
@@ -250,6 +266,8 @@ def planner_data(
     data = TwoWeeks(warehouse, floor=floor, monday=monday, before=before, clock=clock)
     has_before = bool(data.hours.recorded_s[:, data.week(before)].any())
     why = why_not(data.pair)[1] if has_before else Reason("compare.no_other_week")
+    if why is None and data.is_revealed_by_comparing:
+        why = GIVES_AWAY
     is_compared = why is None
     is_ranked = _share(data.this) >= data.site.settings.min_coverage
     past = [monday - k * WEEK for k in range(1, HISTORY // WEEK + 1)]
@@ -273,13 +291,17 @@ def planner_data(
         made[before] = _week(data, Period(data, before, last), counted, excess=then)
     changes = logged_changes(data, counted, weeks=weeks)
     no_history = {k for k, p in enumerate(places) if not p.has_history}
+    if data.mask.is_on:
+        data.remember_shared()
     return PlannerData(
         site=data.site,
         floor=floor,
         cameras=tuple(data.cameras),
         week=made[monday],
         before=made.get(before),
-        history=panel_of(data, data.this.history_days, counted, past, hidden=no_history),
+        history=floor_panel(data, data.this.history_days, counted, past, is_hidden=0 in no_history)
+        if data.mask.is_on
+        else panel_of(data, data.this.history_days, counted, past, hidden=no_history),
         places=places,
         comparable=tuple(bool(c) for c in data.pair.is_comparable[: len(data.ids)]),
         why_not_compared=why,
@@ -295,6 +317,7 @@ def planner_data(
         changes=changes,
         layouts=layouts(data, before=before, changes=changes),
         space=_space(data, is_ranked=is_ranked),
+        is_shared=data.mask.is_on,
     )
 
 
@@ -349,7 +372,7 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
     figures = [
         (level.violation_rate, level.encounter_rate, level.close_time_share or unknown_share),
         *(
-            (row.violation_rate, row.encounter_rate or level.encounter_rate, row.close_time_share or unknown_share)
+            (row.violation_rate, row.encounter_rate or unknown_share, row.close_time_share or unknown_share)
             for row in of_areas
         ),
     ]
@@ -384,11 +407,18 @@ def _week(data: TwoWeeks, period: Period, counted: Counted, *, excess: spots.Flo
     shared = data.pair.used(0 if period.first == data.pair.before.first else 1)
     hidden = hidden_places(data, [period.first], counted.areas)
     slots, is_ranked = open_slots(data, period.days), _share(period) >= data.site.settings.min_coverage
-    used = data.hours.is_counted if is_ranked else data.hours.recorded_s > 0
-    asked = counted.cells_asked(data, slots, used=used[:, slots], shared=shared[:, slots], hidden=hidden)
+    used = (data.hours.is_counted if is_ranked else data.hours.recorded_s > 0)[:, slots]
+    is_shared, compared = data.mask.is_on, shared[:, slots]
+    asked = counted.cells_asked(data, slots, used=used, shared=compared, hidden=hidden, is_by_hour=not is_shared)
+    recorded_ms = np.rint(data.hours.recorded_s[:, slots] * 1000).astype(np.int64)
     return PlannerWeek(
         ref=WeekRef.of(period.first, zone=data.site.timezone),
-        panel=panel_of(data, period.days, counted, [period.first], hidden=hidden, shared=shared),
+        panel=floor_panel(data, period.days, counted, [period.first], is_hidden=0 in hidden)
+        if is_shared
+        else panel_of(data, period.days, counted, [period.first], hidden=hidden, shared=shared),
+        recorded_ms=np.stack([(recorded_ms * (used & side)).sum(axis=1) for side in (~compared, compared)])
+        if is_shared
+        else None,
         cells=None if asked is None else cell_counts.week_cells(data, asked, excess=excess),
         is_ranked=is_ranked,
         hidden=hidden,

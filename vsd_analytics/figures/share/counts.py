@@ -52,6 +52,11 @@ class Mask:
 
     below: int
 
+    @property
+    def is_on(self) -> bool:
+        """Tell whether anything is hidden at all: a limit of 0 or 1 hides no count."""
+        return self.below > 1
+
     def hides(self, *counts: float | None) -> bool:
         """Tell whether any of some counts is small."""
         return any(n is not None and is_small(n, below=self.below) for n in counts)
