@@ -9,9 +9,15 @@ another recording is taken for one.
 
 from __future__ import annotations
 
+import gzip
+import io
+import json
 import os
+import re
 import sys
+import tarfile
 import tempfile
+import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -28,12 +34,15 @@ from ingest.spellings import (
     Spelling,
     escalator,
     hall,
+    halves_of_people,
     moved,
     project,
     queue,
     renamed,
+    seen_twice,
     standing,
     statue,
+    to_25_cm,
     write,
 )
 
@@ -99,6 +108,36 @@ def real() -> Iterator[tuple[str, pd.DataFrame]]:
         run = pd.read_csv(folder / f"hermes/{name}.txt.gz", sep=r"\s+", names=columns, comment="#")
         yield name, _recording((run["frame"] - run["frame"].min()) / 16, run.assign(x=run["x"] / 100, y=run["y"] / 100))
 
+    yield from _annotated(folder)
+
+
+def _annotated(folder: Path) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Yield recordings of other forms: a forum in pixels of known size, MOTChallenge in metres, cells, PeTrack."""
+    text = gzip.decompress((folder / "edinburgh/annotations/tracks.01Aug.txt.gz").read_bytes()).decode()
+    tracks = re.findall(r"TRACK\.R(\d+)=\[(.*?)\]\s*;", text, re.S)
+    points = [(track, *map(int, point)) for track, way in tracks for point in re.findall(r"(\d+) (\d+) (\d+)", way)]
+    forum = pd.DataFrame(points, columns=["track", "u", "v", "frame"])
+    forum = forum.assign(x=forum["u"] * 0.0247, y=forum["v"] * 0.0247)
+    yield "Edinburgh", _recording((forum["frame"] - forum["frame"].min()) / 9, forum)
+    with zipfile.ZipFile(folder / "pets_mot/3DMOT2015Labels.zip") as archive:
+        for name in ("PETS09-S2L1", "TUD-Stadtmitte"):
+            text = archive.read(f"3DMOT2015Labels/train/{name}/gt/gt.txt").decode()
+            mot = pd.read_csv(io.StringIO(text), names=["frame", "track", *"lbwhcxyz"])
+            yield name, _recording((mot["frame"] - 1) / (7 if name.startswith("PETS") else 25), mot)
+    with tarfile.open(folder / "wildtrack/annotations_positions_0_995.tar.gz") as archive:
+        cells = [
+            (int(Path(member.name).stem), str(person["personID"]), person["positionID"])
+            for member in archive.getmembers()
+            if member.name.endswith(".json") and (file := archive.extractfile(member)) is not None
+            for person in json.load(file)
+        ]
+    square = pd.DataFrame(cells, columns=["frame", "track", "cell"])
+    square = square.assign(x=-3 + 0.025 * (square["cell"] % 480), y=-9 + 0.025 * (square["cell"] // 480))
+    yield "WILDTRACK", _recording(square["frame"] / 10, square)
+    columns = ["track", "frame", "x", "y", "z"]
+    crowd = pd.read_csv(folder / "juelich/bottleneck/040_c_56_h-.txt.gz", sep=r"\s+", names=columns, comment="#")
+    yield "Jülich", _recording((crowd["frame"] - crowd["frame"].min()) / 25, crowd)
+
 
 def _per_second(times: pd.Series) -> float:
     step = float(np.median(np.diff(np.unique(times))))
@@ -113,21 +152,35 @@ def _recording(seconds: pd.Series, frame: pd.DataFrame) -> pd.DataFrame:
     return made.round({"x": 3, "y": 3}).sort_values("ms", kind="stable", ignore_index=True)[:ROWS_MAX]
 
 
+def after(first: pd.DataFrame, then: pd.DataFrame, *cameras: str) -> str:
+    """Return what is said of a recording that comes after another one."""
+    with tempfile.TemporaryDirectory() as folder:
+        root = project(Path(folder), *(cameras or ("a",)))
+        came(root, first, "first", is_sure=True)
+        return doubts(came(root, then, "second"))
+
+
+def second_views(frame: pd.DataFrame) -> Iterator[tuple[str, str]]:
+    """Yield what is said of the same people, seen by a second camera."""
+    for name, made in (("", lambda f: f), (", to 25 cm", to_25_cm), (", to a decimetre", lambda f: f.round(1))):
+        for error_m in (0.05, 0.1):
+            one, two = (made(f) for f in seen_twice(frame, error_m=error_m))
+            yield f"errors of {100 * error_m:.0f} cm{name}", after(one, two, "a", "b")
+
+
 def others() -> Iterator[tuple[str, Callable[[], str]]]:
     """Yield recordings that are no second delivery, each with what is said of it."""
-
-    def after(first: pd.DataFrame, then: pd.DataFrame, *cameras: str) -> str:
-        with tempfile.TemporaryDirectory() as folder:
-            root = project(Path(folder), *(cameras or ("a",)))
-            came(root, first, "first", is_sure=True)
-            return doubts(came(root, then, "second"))
 
     day = 86_400_000
     for name, made in (("hall", hall), ("queue", queue), ("escalator", escalator), ("people who stand", standing)):
         yield f"{name}: the next day, other people", lambda m=made: after(m(1), moved(renamed(m(2)), ms=day))
         yield f"{name}: an hour later, other people", lambda m=made: after(m(1), moved(renamed(m(3)), ms=3_600_000))
         yield f"{name}: the next part", lambda m=made: after(*_halves(m(1)))
-        yield f"{name}: one half of the people, then the other", lambda m=made: after(*_people(m(1)))
+        yield f"{name}: one half of the people, then the other", lambda m=made: after(*halves_of_people(m(1)))
+        yield (
+            f"{name}: one half of the people, then the other, to 25 cm",
+            lambda m=made: after(*halves_of_people(to_25_cm(m(1)))),
+        )
         yield (
             f"{name}: another camera, 40 m further, at the same times",
             lambda m=made: after(m(1), m(4).assign(camera="b", x=m(4)["x"] + 40), "a", "b"),
@@ -144,11 +197,6 @@ def others() -> Iterator[tuple[str, Callable[[], str]]]:
 def _halves(frame: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     is_first = frame["ms"] < frame["ms"].quantile(0.5)
     return frame[is_first], frame[~is_first]
-
-
-def _people(frame: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    is_one = pd.factorize(frame["track"])[0] % 2 == 0
-    return frame[is_one], frame[~is_one]
 
 
 def beside_each_other(recordings: Mapping[str, pd.DataFrame]) -> Iterator[tuple[str, str]]:
@@ -174,6 +222,11 @@ def main() -> int:
         said = [again(frame, spelling) for frame in worlds.values()]
         is_bad |= name in TWELVE and "" in said
         print(f"| {name} | {' | '.join(s or 'silent' for s in said)} |", flush=True)
+    print(f"\n| a second view | {' | '.join(worlds)} |\n|---|{'---|' * len(worlds)}")
+    views = [dict(second_views(frame)) for frame in worlds.values()]
+    for name in views[0]:
+        is_bad |= any("W230" in of_world[name] for of_world in views)
+        print(f"| {name} | {' | '.join(of_world[name] or 'silent' for of_world in views)} |", flush=True)
     print("\n| no second delivery | said |\n|---|---|")
     for name, ask in others():
         said_of = ask()
@@ -186,6 +239,10 @@ def main() -> int:
             said = [doubts(came(root, frame, f"half{i}", is_sure=True)) for i, (_, frame) in enumerate(halves)]
         is_bad |= any(said)
         print(f"| ATC 9 h: both files of the hour, one camera | {' '.join(said).strip() or 'nothing'} |")
+    for name, frame in recordings.items():
+        said_of = after(*halves_of_people(frame))
+        is_bad |= bool(said_of)
+        print(f"| {name}: one half of the people, then the other | {said_of or 'nothing'} |", flush=True)
     for name, said_of in beside_each_other(recordings):
         is_bad |= bool(said_of)
         print(f"| {name}, beside the others | {said_of or 'nothing'} |", flush=True)

@@ -114,6 +114,31 @@ def renamed(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.assign(track="n" + frame["track"].astype(str))
 
 
+def to_25_cm(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return a recording whose places are rounded to 25 cm."""
+    return frame.assign(x=(frame["x"] * 4).round() / 4, y=(frame["y"] * 4).round() / 4)
+
+
+def seen_twice(frame: pd.DataFrame, *, error_m: float = 0.1) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return what two cameras see of the same people, each with errors of its own."""
+    rng = np.random.default_rng(3)
+    one, two = (
+        frame.assign(
+            camera=camera,
+            track=f"{camera}" + frame["track"].astype(str),
+            **{axis: (frame[axis] + rng.normal(0, error_m, len(frame))).round(3) for axis in "xy"},
+        )
+        for camera in "ab"
+    )
+    return one, two
+
+
+def halves_of_people(frame: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the records of every second person, and those of the others."""
+    is_one = pd.factorize(frame["track"])[0] % 2 == 0
+    return frame[is_one], frame[~is_one]
+
+
 @dataclass(frozen=True)
 class Spelling:
     """One way to deliver a recording again.
@@ -172,8 +197,13 @@ SPELLINGS: Mapping[str, Spelling] = {
     "an hour later": Spelling(lambda f: moved(renamed(f).round({"x": 2, "y": 2}), ms=3_600_000)),
     "feet as metres": Spelling(lambda f: renamed(f).assign(x=f["x"] / 0.3048, y=f["y"] / 0.3048)),
     "every frame after every second": Spelling(renamed, stored=_thinned),
+    "0.4 m further": Spelling(lambda f: moved(renamed(f), ms=30, x=f["x"] + 0.3, y=f["y"] + 0.3)),
+    "a metre further": Spelling(lambda f: moved(renamed(f), x=f["x"] + 1)),
+    "camera renamed, to 25 cm": Spelling(
+        lambda f: to_25_cm(renamed(f)).assign(camera="b"), stored=to_25_cm, cameras=("a", "b")
+    ),
 }
-"""The twelve of the issue, and six more."""
+"""The twelve ways of `TWELVE`, and more."""
 TWELVE = tuple(SPELLINGS)[:12]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import timedelta
@@ -169,6 +170,9 @@ def test_people_who_do_the_same_again_and_again_are_no_recording_that_came_befor
     assert n_persons(shop) == 720
 
 
+ELSEWHERE = "have the time and id of stored ones"
+
+
 def moved(shop: Path, *, by_m: float, name: str = "corrected.csv", n_lines: int | None = None) -> Path:
     """Write the day again, with the same times and ids and other places."""
     lines = (shop / "day.csv").read_text().splitlines()[:n_lines]
@@ -186,12 +190,28 @@ def x_mm(shop: Path) -> set[int]:
 def test_a_corrected_export_whose_records_are_known_is_warned_of(shop: Path, imported: Vsd, vsd: Vsd) -> None:
     assert imported()[0] == 0
     first = x_mm(shop)
-    code, said = vsd("ingest", str(moved(shop, by_m=0.5)), "--map", "ts=time")
+    code, said = vsd("ingest", str(moved(shop, by_m=0.4)), "--map", "ts=time")
     assert (code, x_mm(shop)) == (1, first)
-    assert "2,400 of 2,400 records that were compared are stored already, at other places" in said
-    remedy = said.split("fix: vsd ")[1].split(" puts")[0]
+    assert f"2,400 of 2,400 records that were compared {ELSEWHERE}, 0.4 m away" in said
+    remedy = re.findall(r"after `vsd (.+?)`", said)[0]
     assert vsd(*remedy.split())[0] == 0
-    assert x_mm(shop) == {x + 500 for x in first}
+    assert vsd("ingest", str(shop / "corrected.csv"), "--map", "ts=time")[0] == 0
+    assert x_mm(shop) == {x + 400 for x in first}
+
+
+def test_records_under_times_and_ids_of_others_are_never_dropped_in_silence(
+    shop: Path, imported: Vsd, vsd: Vsd
+) -> None:
+    """The records of another camera, or of a second tracker, have times and ids of stored ones and are elsewhere."""
+    imported()
+    path = moved(shop, by_m=30)
+    code, said = vsd("ingest", str(path), "--map", "ts=time")
+    assert (code, n_persons(shop)) == (2, 2400)
+    assert f"2,400 of 2,400 records that were compared {ELSEWHERE}, 30 m away" in said
+    text = (shop / "vsd.toml").read_text()
+    (shop / "vsd.toml").write_text(f'{text}[[camera]]\nid = "other"\nname = "Other"\nfloor = "f"\n')
+    code, said = vsd("ingest", str(path), "--map", "ts=time", "--camera", "other")
+    assert (code, n_persons(shop)) == (0, 4800), said
 
 
 @pytest.mark.parametrize(("by_m", "n_lines"), [(0.004, None), (0.5, 8)])
@@ -201,14 +221,14 @@ def test_rounded_places_and_few_records_raise_no_warning(
     imported()
     said = vsd("ingest", str(moved(shop, by_m=by_m, n_lines=n_lines)), "--map", "ts=time")[1]
     assert "0 new records stored" in said
-    assert "at other places" not in said
+    assert ELSEWHERE not in said
 
 
 def test_other_people_at_the_same_times_raise_no_warning(shop: Path, imported: Vsd, vsd: Vsd) -> None:
     imported()
     path = moved(shop, by_m=0.5)
     path.write_text(path.read_text().replace(",1,", ",8,").replace(",2,", ",9,"))
-    assert "at other places" not in vsd("ingest", str(path), "--map", "ts=time")[1]
+    assert ELSEWHERE not in vsd("ingest", str(path), "--map", "ts=time")[1]
 
 
 @pytest.mark.parametrize("n_bytes", [0, 100, -10])
@@ -220,4 +240,4 @@ def test_a_damaged_part_is_named_where_the_places_of_its_records_come_again(
     part.write_bytes(part.read_bytes()[:n_bytes])
     code, said = vsd("ingest", str(moved(shop, by_m=0.5)), "--map", "ts=time")
     assert (code, "E302" in said, part.name in said) == (2, True, True), said
-    assert "at other places" not in said
+    assert ELSEWHERE not in said

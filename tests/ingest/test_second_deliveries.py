@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-from ingest.prove_second_deliveries import NOW, again, beside_each_other, came, doubts, others
-from ingest.spellings import SPELLINGS, hall, of_people, project, renamed, write
+from ingest.prove_second_deliveries import NOW, again, beside_each_other, came, doubts, others, second_views
+from ingest.spellings import SPELLINGS, hall, of_people, project, renamed, seen_twice, write
 
 from vsd_analytics.api.ingest_frame import ingest_frame
 from vsd_analytics.cli import cli
@@ -100,14 +100,11 @@ def test_of_a_file_that_overlaps_the_rest_is_stored_after_the_cut(tmp_path: Path
 
 
 def two_views() -> pd.DataFrame:
-    """Return people whom two cameras see, each with errors of its own."""
-    rng = np.random.default_rng(3)
-    frames = [
-        small().assign(camera=camera, track=f"{camera}" + small()["track"], **errors)
-        for camera in "ab"
-        for errors in [{axis: (small()[axis] + rng.normal(0, 0.1, len(small()))).round(3) for axis in "xy"}]
-    ]
-    return pd.concat(frames).sort_values("ms", kind="stable")
+    return pd.concat(seen_twice(small())).sort_values("ms", kind="stable")
+
+
+def test_what_two_cameras_see_is_no_recording_that_comes_again_however_places_are_rounded() -> None:
+    assert set(dict(second_views(small())).values()) == {"W231"}
 
 
 @pytest.mark.parametrize("is_one_file", [True, False])
@@ -131,6 +128,30 @@ def test_two_cameras_of_one_floor_are_asked_for_their_views_and_the_lines_settle
     assert "W231" not in vsd(root, "check", files[-1])[1]
     code, said = vsd(root, "ingest", files[-1])
     assert (code, "W231" in said, n_stored(root)) == (0, False, len(both)), said
+
+
+@pytest.mark.parametrize("further_m", [0.3, 1.0])
+def test_a_recording_that_comes_at_places_beside_is_the_same_one_and_no_cut_is_advised(
+    further_m: float, tmp_path: Path, vsd: Vsd
+) -> None:
+    root = project(tmp_path / "p", "a")
+    assert vsd(root, "ingest", write(small(), tmp_path / "one.csv"))[0] == 0
+    calibrated = renamed(small()).assign(x=small()["x"] + further_m)
+    code, said = vsd(root, "ingest", write(calibrated, tmp_path / "two.csv"))
+    assert (code, n_stored(root), "cut the file" in said) == (2, len(small()), False), said
+    assert f"the same recording is stored already, {further_m:g} m away: 100% of its records" in said
+    purge = re.findall(r"`vsd (purge --import \w+)`", said)[0]
+    assert vsd(root, *purge.split(), "--force")[0] == 0
+    assert vsd(root, "ingest", tmp_path / "two.csv")[0] == 0
+
+
+def test_parts_that_are_spread_over_the_whole_file_are_not_to_be_cut_off(tmp_path: Path, vsd: Vsd) -> None:
+    root = project(tmp_path / "p", "a")
+    one = small()[pd.factorize(small()["track"])[0] % 2 == 0]
+    assert vsd(root, "ingest", write(one, tmp_path / "one.csv"))[0] == 0
+    code, said = vsd(root, "ingest", write(renamed(small()), tmp_path / "two.csv"))
+    assert (code, "a part of it is stored already" in said, "cut the file" in said) == (2, True, False), said
+    assert re.search(r"leave it out; to have it in place of what is stored: `vsd purge --import \w+`", said)
 
 
 def in_feet(frame: pd.DataFrame) -> pd.DataFrame:

@@ -8,7 +8,7 @@ those some minutes before and after, which tell how many would be near by chance
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -30,9 +30,12 @@ _CLOSE_S, _AROUND_S = 0.15, 0.7
 CONTROLS_S: Final = (-241.0, -113.0, -47.0, -19.0, 19.0, 47.0, 113.0, 241.0)
 """Other lags, in seconds: what is near then is near by chance. No usual period fits all."""
 SHARE_MIN: Final = 0.03
+"""A smaller share of records that are near shows nothing."""
 UNSHIFTED_MS: Final = 2_000
 """Lags up to this are clocks that differ, not a recording that is shifted."""
-"""A smaller share of records that are near shows nothing."""
+BESIDE_MAX_M: Final = 2.0
+BESIDE_TRACKS: Final = 5
+"""Fewer people who walk at one distance from others may be couples."""
 _GAP_S: Final = 3.0
 """A track whose records are further apart is not drawn in between."""
 _DRAWN_S: Final = 0.25
@@ -91,6 +94,10 @@ class Recording:
         edges = np.linspace(0, len(self), n + 1).astype(np.int64)
         within = np.random.default_rng(0).random(n)
         return self.at(edges[:-1] + (within * np.diff(edges)).astype(np.int64))
+
+    def shifted(self, way_m: Floats) -> Recording:
+        """Return the recording at places that far away, (x, y)."""
+        return replace(self, places=self.places + way_m)
 
     def rounding_m(self) -> float:
         """Return the step in which nearly all places are rounded, in metres; 0 = none that is coarse."""
@@ -277,6 +284,37 @@ def best_match(
                 if best.excess > 0.97:
                     return best
     return best
+
+
+def match_beside(here: Recording, stored: Recording) -> tuple[Match, float] | None:
+    """Return the match of a recording that is shifted on the floor, and how far in metres; None where there is none.
+
+    The shift is the most frequent way from a stored record to one of the same time, up to `BESIDE_MAX_M`.
+    """
+    if not len(here) or not len(stored):
+        return None
+    there = Near(stored.drawn(), side_m=BESIDE_MAX_M)
+    row, record, _ = _pairs(here, there, 0, BESIDE_MAX_M, round(1000 * _CLOSE_S))
+    ways = here.places[row] - there.recording.places[record]
+    if not len(ways):
+        return None
+    _, square, n = np.unique(
+        key_of(np.floor(ways / COARSE_M).astype(np.int64)), return_inverse=True, return_counts=True
+    )
+    way = np.median(ways[square.ravel() == np.argmax(n)], axis=0)
+    way = np.median(ways[np.hypot(*(ways - way).T) <= COARSE_M], axis=0)
+    found = best_match(here.shifted(-way), stored, lags_ms=[0], distances_m=[COARSE_M, FINEST_MAX_M])
+    if found is None or not found.is_near.any():
+        return None
+    # in a crowd there is somebody at any distance, whatever the direction
+    for x, y in ((-way[1], way[0]), -way, (way[1], -way[0])):
+        turned = best_match(here.shifted(-np.array([x, y])), stored, lags_ms=[0], distances_m=[found.within_m])
+        if turned is not None and turned.share > found.chance:
+            found = replace(found, chance=turned.share)
+    tracks = here.track[found.is_near], found.other.track[found.record[found.is_near]]
+    if max(len(np.unique(t)) for t in tracks) < BESIDE_TRACKS:
+        return None
+    return found, float(np.hypot(*way))
 
 
 def fine_m(*recordings: Recording) -> float:

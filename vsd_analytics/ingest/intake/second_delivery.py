@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import base64
 import contextlib
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -22,8 +21,21 @@ import pyarrow as pa
 from vsd_analytics.config.file_columns import METRES
 from vsd_analytics.geometry.camera_views import view_polygon
 from vsd_analytics.ingest.checks.check_case import SourceWarning
+from vsd_analytics.ingest.intake.delivery_warnings import (
+    SAME_SHARE,
+    VIEWS_M,
+    by_number,
+    other_places,
+    other_unit,
+    same_again,
+    same_beside,
+    second_view,
+    time_text,
+    with_other_times,
+)
 from vsd_analytics.ingest.intake.recording import (
     COARSE_M,
+    FINE_M,
     SHARE_MIN,
     UNSHIFTED_MS,
     Floats,
@@ -35,16 +47,21 @@ from vsd_analytics.ingest.intake.recording import (
     fine_m,
     key_of,
     lags_of,
+    match,
+    match_beside,
 )
 from vsd_analytics.ingest.intake.stored_recordings import (
     KeyedRecords,
+    ReadPart,
+    at_instants,
     evenly,
     newest_rows,
+    read_part,
     rows_of,
-    stored_rows,
+    stored_tables,
     table_of,
 )
-from vsd_analytics.ingest.intake.unit_changes import UnitChange, change_between, change_within
+from vsd_analytics.ingest.intake.unit_changes import change_between, change_within
 from vsd_analytics.schema import TableName
 from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.store.imports import ImportLine, holdings, imports_of
@@ -52,18 +69,20 @@ from vsd_analytics.store.store import Store
 
 SAMPLE_MAX: Final = 6_000
 """Records that are looked for."""
+KNOWN_MAX: Final = 500
+"""Those that are looked for first: where all are stored, so are hardly less than 99 % of the records."""
 CAMERA_MAX: Final = 900
 """Those of one camera."""
 DENSE_MAX: Final = 20_000
 """Records in succession, in which landmarks are looked for."""
 RECORDS_MIN: Final = 20
 """Fewer records show nothing."""
-SAME_SHARE: Final = 0.8
-"""From this share of the records on it is the same recording; below it, a part of it."""
 SURE: Final = 0.5
 """Least excess for another camera, another unit and other times."""
-VIEW_SHARE, VIEW_M = 0.1, 0.5
-"""Least excess of people whom two cameras see, within half a metre."""
+VIEW_SHARE: Final = 0.1
+"""Least excess of people whom two cameras see."""
+CLEAR_M, EQUAL_SHARE, SAME_INSTANT_S = 0.03, 0.97, 0.005
+"""Two cameras that see one person are hardly ever this near, and so many of their places never equal."""
 LAG_MAX_S: Final = 90.0
 """Longest shift of times that is looked for among records of the same times."""
 AROUND_S: Final = 340.0
@@ -94,6 +113,8 @@ class Door:
     stores: Sequence[Store]
     import_id: str
     _kept: KeyedRecords | None = field(default=None, init=False)
+    _read: ReadPart = field(default_factory=lambda: lru_cache(maxsize=2)(read_part), init=False)
+    # each batch of a source lies in the hours of the one before
 
     def look(self, head: Sequence[Tables]) -> list[SourceWarning]:
         """Return what is stored already of the first records, or seen by a second camera."""
@@ -138,23 +159,33 @@ class Door:
 
     def _beside_stored(self, table: TableName, asked: KeyedRecords) -> list[SourceWarning]:
         """Compare records with those that are stored at their times."""
-        stored = stored_rows(self.site, self.stores, table, asked.recording, around_s=AROUND_S, but=self.import_id)
-        if not len(stored.recording):
+        rows = self._stored(table, asked.recording)
+        if not any(part.num_rows for part in rows) or self._is_known(table, asked, rows):
             return []
+        stored = rows_of(self.site, table, rows, keyed_ms=asked.recording.ts_ms)
         warnings = []
-        if (moved := _other_places(asked, stored)) is not None:
-            warnings.append(moved)
+        if (elsewhere := _other_places(asked, stored)) is not None:
+            warnings.append(elsewhere)
         fresh = asked.at(~np.isin(asked.key, stored.key[stored.key != 0]))
         for camera in _cameras(self.site, fresh.recording):
             here = fresh.recording.of_camera(camera.camera_id).some(CAMERA_MAX)
-            n_all = int((asked.recording.camera == asked.recording.cameras.index(camera.camera_id)).sum())
             if len(here) >= RECORDS_MIN:
-                warnings += self._of_camera(
-                    camera, here, stored, share=len(here) / max(len(here), min(n_all, CAMERA_MAX))
-                )
+                warnings += self._of_camera(camera, here, stored)
         return warnings[:3]
 
-    def _of_camera(self, camera: Camera, here: Recording, stored: KeyedRecords, *, share: float) -> list[SourceWarning]:
+    def _stored(self, table: TableName, here: Recording) -> list[pa.Table]:
+        return stored_tables(
+            self.site, self.stores, table, here, around_s=AROUND_S, but=self.import_id, read=self._read
+        )
+
+    def _is_known(self, table: TableName, asked: KeyedRecords, rows: Sequence[pa.Table]) -> bool:
+        """Return whether some of the records are all stored as they are: the same file again needs no closer look."""
+        some = asked.at(np.linspace(0, len(asked.recording) - 1, min(KNOWN_MAX, len(asked.recording))).astype(np.int64))
+        ts_ms = some.recording.ts_ms
+        stored = rows_of(self.site, table, at_instants(rows, ts_ms), keyed_ms=ts_ms)
+        return bool(np.isin(some.key, stored.key).all()) and _other_places(some, stored, share=0.0) is None
+
+    def _of_camera(self, camera: Camera, here: Recording, stored: KeyedRecords) -> list[SourceWarning]:
         there = stored.recording
         own = there.of_camera(camera.camera_id)
         others = [c for c in self._without_views(camera) if c.camera_id in there.cameras]
@@ -165,54 +196,27 @@ class Door:
         lags = [0, *(lag for lag, n in lags_of(Near(here, side_m=fine), marks.ts_ms, marks.places,
                                                within_m=fine, longest_s=LAG_MAX_S) if n >= 5)]  # fmt: skip
         found = best_match(here, close, lags_ms=lags, distances_m=[fine])
-        if found is not None and (
-            _is_own(camera, here, found) or _is_there(found, SHARE_MIN if _has_own(found, camera) else SURE)
-        ):
-            return [self._again(camera, here, found)]
-        found = best_match(here, own, lags_ms=lags, distances_m=[max(fine, COARSE_M)])
-        if found is not None and (_is_own(camera, here, found) or _is_there(found, SHARE_MIN)):
-            return [self._again(camera, here, found)]
+        if found is not None and not _is_own(camera, here, found):
+            is_again = _is_own_again(found) if _has_own(found, camera) else _is_other_again(here, close, found)
+            found = found if is_again else None
+        if found is None:
+            found = best_match(here, own, lags_ms=lags, distances_m=[max(fine, COARSE_M)])
+            if found is not None and not (_is_own(camera, here, found) or _is_own_again(found)):
+                found = None
+        if (found is None or found.share < SAME_SHARE) and (beside := match_beside(here, own)) is not None:
+            shifted, away_m = beside
+            if _is_there(shifted, SURE) and (found is None or shifted.share > 1.2 * found.share):
+                return [same_beside(shifted, away_m)]
+        if found is not None:
+            return [same_again(self.site, camera, here, found)]
         for factor in _OTHER_UNITS:
             scaled = Recording(here.ts_ms, here.places / factor, here.camera, here.track, here.owner, here.cameras)
             within = min(max(fine / factor, fine), COARSE_M)
             found = best_match(scaled, own, lags_ms=lags[:1], distances_m=[within])
             if found is not None and _is_there(found, SURE):
-                return [self._again(camera, here, found, factor=factor)]
+                return [same_again(self.site, camera, here, found, factor=factor)]
         seen = there.at(is_other)
         return [self._second_view(camera, here, found)] if (found := _seen_by(here, seen)) is not None else []
-
-    def _again(self, camera: Camera, here: Recording, found: Match, *, factor: float = 1.0) -> SourceWarning:
-        other, record = found.other, found.record[found.is_near]
-        names = [other.cameras[no] for no in np.unique(other.camera[record]).tolist()]
-        owners = [other.owners[no] for no in _by_number(other.owner[record])]
-        near_ms = here.ts_ms[found.is_near]
-        of_whom = f"camera{'' if len(names) == 1 else 's'} {', '.join(names)}"
-        as_whom = "" if camera.camera_id in names else f" and comes as camera {camera.camera_id}"
-        how = "" if abs(found.lag_ms) < 5 else f", {found.lag_ms / 1000:+g} s apart"
-        if factor != 1:
-            how += f", and {factor:.3g} times as large"
-        if found.share >= SAME_SHARE:
-            purges = [f"`vsd purge --import {owner}`" for owner in owners[:5] if owner]
-            instead = (
-                f"; to have it in place of what is stored: {', '.join(purges)}, and import again" if purges else ""
-            )
-            return SourceWarning(
-                f"the same recording is stored already, for {of_whom}{as_whom}: {found.share:.0%} of its records are "
-                f"at the same places at the same times{how}",
-                "people would be counted twice",
-                f"leave it out{instead}",
-                is_sure=True,
-                code="W230",
-            )
-        first, last = _time(self.site, near_ms.min()), _time(self.site, near_ms.max())
-        return SourceWarning(
-            f"a part of it is stored already, for {of_whom}{as_whom}: {found.share:.0%} of its records, from {first} "
-            f"to {last}, are at the same places at the same times{how}",
-            "people would be counted twice in that time",
-            "cut the file there, and import the rest",
-            is_sure=True,
-            code="W230",
-        )
 
     def _at_other_times(self, table: TableName, asked: KeyedRecords, dense: Recording) -> list[SourceWarning]:
         """Compare records with earlier imports, whatever the times of these are, by their landmarks."""
@@ -235,10 +239,11 @@ class Door:
                 continue
             here = asked.recording.some(CAMERA_MAX)
             shifted = Recording(here.ts_ms - lag_ms, here.places, here.camera, here.track, here.owner, here.cameras)
-            stored = stored_rows(self.site, self.stores, table, shifted, around_s=AROUND_S, but=self.import_id)
-            found = best_match(shifted, stored.recording, lags_ms=[0], distances_m=[fine_m(here, stored.recording)])
+            rows = self._stored(table, shifted)
+            stored = rows_of(self.site, table, rows, keyed_ms=np.zeros(0, dtype=np.int64)).recording
+            found = best_match(shifted, stored, lags_ms=[0], distances_m=[fine_m(here, stored)])
             if found is not None and _is_there(found, SURE / 2):
-                return [_with_other_times(line, found, lag_ms)]
+                return [with_other_times(line, found, lag_ms)]
         return []
 
     def _beside_each_other(self, asked: Recording, dense: KeyedRecords) -> Iterator[SourceWarning]:
@@ -264,37 +269,30 @@ class Door:
             here = recording.of_camera(camera.camera_id)
             change = change_within(here)
             if change is not None:
-                yield _other_unit(camera, change, f"from {_time(self.site, change.from_ms)} on", is_inside=True)
+                yield other_unit(camera, change, f"from {time_text(self.site, change.from_ms)} on", is_inside=True)
                 return
             past = self._past(table, camera, here)
             change = None if past is None else change_between(past, here)
             if change is not None:
-                yield _other_unit(camera, change, "beside those that are stored", is_inside=False)
+                yield other_unit(camera, change, "beside those that are stored", is_inside=False)
                 return
 
     def _past(self, table: TableName, camera: Camera, here: Recording) -> Recording | None:
         """Return records of the camera that are stored nearest to some others; None = there are none."""
         rows = newest_rows(
-            self.site, self.stores, table, camera, int(here.ts_ms[0]) if len(here) else 0, self.import_id
+            self.site,
+            self.stores,
+            table,
+            camera,
+            int(here.ts_ms[0]) if len(here) else 0,
+            self.import_id,
+            self._read,
         )
         return None if rows is None else rows.recording.at(rows.is_metric)
 
     def _second_view(self, camera: Camera, here: Recording, found: Match) -> SourceWarning:
-        other = found.other
-        no = _by_number(other.camera[found.record[found.is_near]])[0]
-        name = other.cameras[no]
-        lines = [
-            f'under [[camera]] id = "{c}": view = {view}'
-            for c, view in ((camera.camera_id, _view(here)), (name, _view(other.at(other.camera == no))))
-            if not self._has_view(c)
-        ]
-        return SourceWarning(
-            f"cameras {camera.camera_id} and {name} see the same people: {found.share:.0%} of the records of "
-            f"{camera.camera_id} are within {VIEW_M:g} m of one of {name}, and {found.chance:.0%} at other times",
-            "without views, whoever is seen by both counts twice in all figures, until vsd.toml has them",
-            f"say in vsd.toml what each camera sees: {'; '.join(lines)}",
-            code="W231",
-        )
+        has_view = {c.camera_id: self._has_view(c.camera_id) for c in self.site.cameras}
+        return second_view(camera, here, found, has_view=has_view)
 
     def _without_views(self, camera: Camera) -> list[Camera]:
         """Return the other cameras of a floor beside which it may count people twice."""
@@ -309,56 +307,33 @@ class Door:
         return view_polygon(camera, calibration=calibration) is not None
 
 
-def _other_unit(camera: Camera, change: UnitChange, where: str, *, is_inside: bool) -> SourceWarning:
-    """Return the warning of positions that are larger by the factor of a unit, or smaller: W220."""
-    unit, is_larger = change.unit, change.factor > 1
-    before, after = change.speeds_m_s
-    if is_inside:
-        part = "the later part" if is_larger else "the earlier part"
-        fix = f"cut the file there, and import {part} with --unit {unit}"
-    elif is_larger:
-        fix = f"--unit {unit}"
-    else:
-        fix = f"take the stored ones back, and import them with --unit {unit}: vsd imports, vsd purge --import ID"
-    return SourceWarning(
-        f"{where}, positions of camera {camera.camera_id} are {change.factor:.3g} times as large, and half of the "
-        f"steps faster than {after:.2g} m/s in place of {before:.2g} m/s",
-        f"one camera sees one floor: one of the two is in {unit}",
-        fix,
-        is_sure=True,
-        code="W220",
-    )
-
-
-def _with_other_times(line: ImportLine, found: Match, lag_ms: int) -> SourceWarning:
-    return SourceWarning(
-        f"the same recording is stored already, with other times: import {line.id}; {found.share:.0%} of the records "
-        f"are at the same places {_span(lag_ms)} {'later' if lag_ms > 0 else 'earlier'}",
-        "people would be at the same places again, and be counted twice",
-        f"take the first import back with `vsd purge --import {line.id}`, and import again",
-        is_sure=True,
-        code="W230",
-    )
-
-
-def _span(lag_ms: int) -> str:
-    seconds = abs(lag_ms) / 1000
-    for unit, name in ((86400, "days"), (3600, "hours"), (60, "minutes")):
-        count = round(seconds / unit)
-        if count and math.isclose(seconds, count * unit, abs_tol=1):
-            return f"{count} {name[:-1] if count == 1 else name}"
-    return f"{seconds:,.1f} s"
-
-
 def _seen_by(here: Recording, there: Recording) -> Match | None:
     """Return how many people one other camera sees, of several; None where it is none."""
-    found = best_match(here, there, lags_ms=[0], distances_m=[VIEW_M])
+    found = best_match(here, there, lags_ms=[0], distances_m=VIEWS_M)
     if found is None or not _is_there(found, VIEW_SHARE):
         return None
-    no = _by_number(found.other.camera[found.record[found.is_near]])[0]
+    no = by_number(found.other.camera[found.record[found.is_near]])[0]
     # the people of many cameras together are near by chance more often
-    found = best_match(here, there.at(there.camera == no), lags_ms=[0], distances_m=[VIEW_M])
+    found = best_match(here, there.at(there.camera == no), lags_ms=[0], distances_m=VIEWS_M)
     return found if found is not None and _is_there(found, VIEW_SHARE) else None
+
+
+def _is_own_again(found: Match) -> bool:
+    """Return whether it is a recording of the camera again: of coarse places, lags are tried until many are near."""
+    is_tried = found.within_m > COARSE_M and abs(found.lag_ms) >= 5
+    return _is_there(found, SURE if is_tried else SHARE_MIN)
+
+
+def _is_other_again(here: Recording, close: Recording, found: Match) -> bool:
+    """Return whether it is the recording of other cameras again, and no second view of the same people.
+
+    Two cameras that round coarsely have somebody at one place, too, but places that were rounded alike are equal.
+    """
+    if abs(found.lag_ms) <= UNSHIFTED_MS and found.within_m > CLEAR_M:
+        equal = match(here, Near(close, side_m=FINE_M), lag_ms=found.lag_ms, within_m=FINE_M, around_s=SAME_INSTANT_S)
+        if equal.share < EQUAL_SHARE and (found.within_m > COARSE_M or here.rounding_m() == close.rounding_m()):
+            return False
+    return _is_there(found, SURE)
 
 
 def _is_there(found: Match, least: float) -> bool:
@@ -394,49 +369,26 @@ def _no(recording: Recording, camera_id: str) -> int:
     return recording.cameras.index(camera_id) if camera_id in recording.cameras else -2
 
 
-def _by_number(numbers: Ints) -> list[int]:
-    """Return different numbers, the most frequent first."""
-    values, n = np.unique(numbers, return_counts=True)
-    return list(values[np.argsort(-n, kind="stable")].tolist())
-
-
-def _other_places(asked: KeyedRecords, stored: KeyedRecords) -> SourceWarning | None:
-    """Return the warning of a corrected export: most records that are stored already come at other places now."""
+def _other_places(asked: KeyedRecords, stored: KeyedRecords, *, share: float = MOVED_SHARE) -> SourceWarning | None:
+    """Return the warning of records whose time and id are stored at other places, where most of these are."""
     has_track = asked.recording.track >= 0
     keys, at = np.unique(stored.key, return_index=True)
     no = np.searchsorted(keys, asked.key)
     no[no == len(keys)] = 0
     both = np.flatnonzero(has_track & (keys[no] == asked.key) & (asked.key != 0))
-    there = at[no[both]]
-    apart = np.abs(asked.recording.places[both] - stored.recording.places[there]).max(axis=1) if len(both) else both
-    moved = there[np.asarray(apart) > MOVED_M]
-    if len(both) < MOVED_MIN or len(moved) <= MOVED_SHARE * len(both):
+    if len(both) < MOVED_MIN:
         return None
-    owner = stored.recording.owners[_by_number(stored.recording.owner[moved])[0]]
-    remedy = f"--import {owner}" if owner else "--camera and --range, then the import again"
-    return SourceWarning(
-        f"{len(moved):,} of {len(both):,} records that were compared are stored already, at other places, and their "
-        "first places stay",
-        "a corrected export changes nothing while the first one is there",
-        f"vsd purge {remedy} puts the new places in",
-        code="W230",
-    )
+    there = at[no[both]]
+    apart_m = np.abs(asked.recording.places[both] - stored.recording.places[there]).max(axis=1)
+    is_moved = apart_m > MOVED_M
+    if is_moved.mean() <= share:
+        return None
+    owner = stored.recording.owners[by_number(stored.recording.owner[there[is_moved]])[0]]
+    return other_places(apart_m[is_moved], len(both), owner)
 
 
 def _cameras(site: Site, recording: Recording) -> list[Camera]:
     return [c for c in site.cameras if c.camera_id in recording.cameras][:CAMERAS_MAX]
-
-
-def _view(recording: Recording) -> str:
-    """Return the rectangle of nearly all places as the value of `view`."""
-    low, high = np.quantile(recording.places, [0.005, 0.995], axis=0)
-    (left, bottom), (right, top) = np.floor(low * 10 - 1) / 10, np.ceil(high * 10 + 1) / 10
-    corners = ((left, bottom), (right, bottom), (right, top), (left, top))
-    return "[" + ", ".join(f"[{x:.1f}, {y:.1f}]" for x, y in corners) + "]"
-
-
-def _time(site: Site, ms: int) -> str:
-    return datetime.fromtimestamp(int(ms) / 1000, tz=UTC).astimezone(site.zone).isoformat(sep=" ", timespec="seconds")
 
 
 def _marks(line: ImportLine) -> tuple[Ints, Floats]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -38,6 +38,9 @@ _COLUMNS: Final[Mapping[TableName, Sequence[str]]] = {
     "observations": ("camera_id", "ts", "track_id", "x_mm", "y_mm", "u_px", "v_px"),
     "pairs": ("camera_id", "ts", "track_a", "track_b", "x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm", "distance_mm"),
 }
+
+
+ReadPart = Callable[[Path, TableName], pa.Table]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +108,17 @@ def rows_of(site: Site, table: TableName, tables: Sequence[pa.Table], *, keyed_m
     return rows.at(order[~np.isnan(places[order, 0])])
 
 
-def stored_rows(
-    site: Site, stores: Sequence[Store], table: TableName, here: Recording, *, around_s: float, but: str
-) -> KeyedRecords:
-    """Return what is stored at the times of some records, on the floors of their cameras.
+def stored_tables(
+    site: Site,
+    stores: Sequence[Store],
+    table: TableName,
+    here: Recording,
+    *,
+    around_s: float,
+    but: str,
+    read: ReadPart,
+) -> list[pa.Table]:
+    """Return the rows that are stored at the times of some records, on the floors of their cameras, for `rows_of`.
 
     Args:
         site: The site.
@@ -117,6 +127,7 @@ def stored_rows(
         here: The records.
         around_s: Seconds before the first and behind the last record of an hour that are read, too.
         but: Import whose records in a spool are left out: they are the records themselves.
+        read: Reads a part, perhaps from memory.
 
     Raises:
         StoreError: E311, a removal did not end in time.
@@ -139,15 +150,20 @@ def stored_rows(
                 ends = ends_ms(part.path)
                 if n_rows > ROWS_MAX or (ends is not None and (ends[0] > last_ms or ends[1] < first_ms)):
                     continue
-                rows = _part(part.path, table)
+                rows = read(part.path, table)
                 n_rows += rows.num_rows
                 tables.append(rows)
-    of_floor = [_within(rows, first_ms, last_ms, cameras) for rows in tables]
-    return rows_of(site, table, of_floor, keyed_ms=here.ts_ms)
+    return [_within(rows, first_ms, last_ms, cameras) for rows in tables]
+
+
+def at_instants(tables: Sequence[pa.Table], ts_ms: Ints) -> list[pa.Table]:
+    """Return the rows of some instants."""
+    instants = pa.array(np.unique(ts_ms))
+    return [rows.filter(pc.is_in(rows["ts"].cast(pa.int64()), instants)) for rows in tables]
 
 
 def newest_rows(
-    site: Site, stores: Sequence[Store], table: TableName, camera: Camera, at_ms: int, but: str
+    site: Site, stores: Sequence[Store], table: TableName, camera: Camera, at_ms: int, but: str, read: ReadPart
 ) -> KeyedRecords | None:
     """Return some of the records of a camera that are stored nearest to an instant, in one hour; None = none.
 
@@ -158,6 +174,7 @@ def newest_rows(
         camera: The camera.
         at_ms: The instant.
         but: Import whose records in a spool are left out.
+        read: Reads a part, perhaps from memory.
     """
     camera_ids = pa.array([camera.camera_id])
     for store in stores:
@@ -165,7 +182,7 @@ def newest_rows(
             parts = sorted(store.parts(table), key=lambda part: abs(part.hour - at_ms // HOUR_MS))
             # a part of other cameras tells nothing: one column of it is read to know
             with_camera = (p for p in parts[:PAST_PARTS_OPENED] if _holds_camera(p.path, camera.camera_id))
-            tables = (_part(part.path, table) for part in islice(with_camera, PAST_PARTS))
+            tables = (read(part.path, table) for part in islice(with_camera, PAST_PARTS))
             for rows in (*_of_spool(store, table, -(1 << 60), 1 << 60, but), *tables):
                 own = rows.filter(pc.is_in(rows["camera_id"].cast(pa.string()), camera_ids)).slice(0, PAST_ROWS)
                 if own.num_rows >= PAST_ROWS // 100:
@@ -178,7 +195,8 @@ def _holds_camera(path: Path, camera_id: str) -> bool:
         return camera_id in pc.unique(file.read(columns=["camera_id"], use_threads=False)["camera_id"]).to_pylist()
 
 
-def _part(path: Path, table: TableName) -> pa.Table:
+def read_part(path: Path, table: TableName) -> pa.Table:
+    """Return the columns of a part that are compared, with the owners of its rows."""
     texts = [name for name in _COLUMNS[table] if name == "camera_id" or name.startswith("track")]
     with pq.ParquetFile(path, read_dictionary=texts) as file:
         rows = file.read(columns=list(_COLUMNS[table]), use_threads=False)
