@@ -187,14 +187,21 @@ def published(world: World, weeks: Sequence[int], *, held_least: int = BELOW) ->
         weeks: The weeks.
         held_least: As for `Known`.
     """
+    from privacy import other_outputs
+
     known = Known(held_least=held_least)
     for week in weeks:
+        other_outputs.read_cards(known, world, week)
         try:
             report = week_report(world.site, monday(week))
         except ReportError:
             continue
-        read_json(known, world, week, json.loads(to_json(report)))
+        told = json.loads(to_json(report))
+        read_json(known, world, week, told)
         read_csv(known, world, week, to_csv(report))
+        hours = [(date.fromisoformat(c["day"]) - monday(week), c) for c in told["when"]["cells"]]
+        hidden_hours = {(d.days, c["hour"]) for d, c in hours if c["violations"] is None}
+        other_outputs.read_planner(known, world, week, hidden_hours)
     return known
 
 

@@ -8,15 +8,18 @@ from __future__ import annotations
 import csv
 import io
 import json
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pytest
 from planner import planted_shop as planted
 from privacy import hidden_counts as hidden
+from privacy import other_outputs
 
 from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.duckdb_file import export_duckdb
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
@@ -30,6 +33,7 @@ BUSY = {
 }
 """Three weeks with a hotspot at the door, and one with hardly anybody there, whose camera sees the queue then."""
 TWO_WEEKS = (2, 3)
+N_SHOWN = 10
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +103,29 @@ def test_no_count_held_back_can_be_worked_out_from_all_numbers_of_two_weeks(
     assert hidden.broken(known, world) == []
     assert hidden.small_counts(world)
     assert hidden.worked_out(known, world) == {}
+
+
+def test_the_planner_the_cards_and_the_duckdb_file_tell_no_count_that_is_held_back(
+    world: hidden.World, reports: dict[int, WeekReport], tmp_path: Path
+) -> None:
+    known = hidden.published(world, TWO_WEEKS)
+    for output in ("planner hour", "planner cells", "planner area:door", "card of day"):
+        assert any(output in source for *_, source in known.rows), output
+    export_duckdb(world.site, hidden.monday(2), hidden.monday(3), out=tmp_path / "weeks.duckdb")
+    assert other_outputs.read_duckdb(known, world, tmp_path / "weeks.duckdb") > N_SHOWN
+    assert hidden.broken(known, world) == []
+    assert hidden.worked_out(known, world) == {}
+
+
+def test_the_reader_finds_what_the_planner_by_area_and_hour_gave_away(
+    world: hidden.World, reports: dict[int, WeekReport]
+) -> None:
+    """Until version 2.0 the page had hours of areas: one of them and the report's hour of the floor tell the others."""
+    known = hidden.published(world, TWO_WEEKS)
+    for place, day, hour in product(("queue", None), range(hidden.N_DAYS), range(*hidden.HOURS)):
+        keys = hidden.keys_of(3, place=place, day=day, hour=hour)
+        known.exact(keys, world.sum(keys), "hour of an area")
+    assert any(name.startswith("week 3") for name in hidden.worked_out(known, world))
 
 
 def test_the_reader_finds_what_is_given_away(world: hidden.World) -> None:

@@ -31,7 +31,7 @@ def forgetful() -> Iterator[None]:
         yield
 
 
-def test_pages_after_each_hour_each_week_an_erasure_and_a_purge_tell_no_small_count(
+def test_pages_of_each_week_two_erasures_and_another_distance_tell_no_small_count(
     versions: sequences.Versions,
 ) -> None:
     sequences.erased(versions, 1, 0, 0, 10, slots=3)
