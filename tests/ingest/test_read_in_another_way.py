@@ -75,8 +75,8 @@ def test_same_file_by_another_clock_is_refused_and_not_stored_twice(shop: Path, 
 
 def test_after_a_purge_of_the_first_import_it_is_stored(shop: Path, vsd: Vsd, imported: Vsd) -> None:
     imported()
-    first = imported("--zone", "Europe/Berlin")[1].split("--import ")[1][:16]
-    code, says = vsd("purge", "--import", first, "--force")
+    remedy = re.findall(r"`vsd (purge --import .+?)`", imported("--zone", "Europe/Berlin")[1])[0]
+    code, says = vsd(*remedy.split())
     assert code == 0, says
     code, says = imported("--zone", "Europe/Berlin")
     assert (code, "W230" in says) == (0, False), says
@@ -137,8 +137,8 @@ def test_another_export_of_a_stored_recording_is_refused(
     code, says = vsd("ingest", exported(shop, "b.csv", row, n_skipped=n_skipped))
     assert (code, n_persons(shop)) == (2, 360), says
     assert "W230]: the same recording is stored already" in says
-    first = says.split("vsd purge --import ")[1][:16]
-    assert vsd("purge", "--import", first, "--force")[0] == 0
+    remedy = re.findall(r"`vsd (purge --import .+?)`", says)[0]
+    assert vsd(*remedy.split())[0] == 0
     assert "W230" not in vsd("ingest", str(shop / "b.csv"))[1]
     assert n_persons(shop) == 360 - 3 * n_skipped
 

@@ -61,8 +61,8 @@ def test_the_same_again_is_refused_and_the_fix_brings_it_in(tmp_path: Path, vsd:
     assert "W230" in vsd(root, "check", two)[1]
     code, said = vsd(root, "ingest", two)
     assert (code, n_stored(root)) == (2, len(small())), said
-    purge = re.findall(r"`vsd (purge --import \w+)`", said)[0]
-    assert vsd(root, *purge.split(), "--force")[0] == 0
+    purge = re.findall(r"`vsd (purge --import .+?)`", said)[0]
+    assert vsd(root, *purge.split())[0] == 0
     code, said = vsd(root, "ingest", two)
     assert (code, n_stored(root)) == (0, len(small())), said
 
@@ -140,8 +140,8 @@ def test_a_recording_that_comes_at_places_beside_is_the_same_one_and_no_cut_is_a
     code, said = vsd(root, "ingest", write(calibrated, tmp_path / "two.csv"))
     assert (code, n_stored(root), "cut the file" in said) == (2, len(small()), False), said
     assert f"the same recording is stored already, {further_m:g} m away: 100% of its records" in said
-    purge = re.findall(r"`vsd (purge --import \w+)`", said)[0]
-    assert vsd(root, *purge.split(), "--force")[0] == 0
+    purge = re.findall(r"`vsd (purge --import .+?)`", said)[0]
+    assert vsd(root, *purge.split())[0] == 0
     assert vsd(root, "ingest", tmp_path / "two.csv")[0] == 0
 
 
@@ -151,7 +151,7 @@ def test_parts_that_are_spread_over_the_whole_file_are_not_to_be_cut_off(tmp_pat
     assert vsd(root, "ingest", write(one, tmp_path / "one.csv"))[0] == 0
     code, said = vsd(root, "ingest", write(renamed(small()), tmp_path / "two.csv"))
     assert (code, "a part of it is stored already" in said, "cut the file" in said) == (2, True, False), said
-    assert re.search(r"leave it out; to have it in place of what is stored: `vsd purge --import \w+`", said)
+    assert re.search(r"leave it out; to have it in place of what is stored: `vsd purge --import \w+ --force`", said)
 
 
 def in_feet(frame: pd.DataFrame) -> pd.DataFrame:

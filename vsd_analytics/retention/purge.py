@@ -21,6 +21,7 @@ from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable, quarantine
 from vsd_analytics.store.erasures import Erasure, RecordScope, erasures, reason_hash, rows_in_scope
+from vsd_analytics.store.imports import LARGEST_SHARE
 from vsd_analytics.store.layout import HOUR_MS, Part, date_of_hour
 from vsd_analytics.store.removal import Intent, remove_records, removing
 from vsd_analytics.store.seals import FOLDER, Seals
@@ -28,9 +29,6 @@ from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.day_files import facts_around, spare_other_days
-
-LARGEST_SHARE = 0.5
-"""Share of the stored days or records that a purge may remove without `--force`. More is usually a typing error."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -114,7 +114,14 @@ def are_erased(rows: pa.Table, every: Iterable[Erasure]) -> pa.Array:
 def notes_of_erased(n_dropped: Mapping[str, int]) -> list[str]:
     """Return a warning (W312) where a source brought erased records again, by what was dropped of it."""
     n = n_dropped.get(ERASED, 0)
-    return [f"W312: {n:,} of its records were {ERASED} before, and are not stored again"] if n else []
+    return (
+        [
+            f"W312: {n:,} of its records were {ERASED} before, and are not stored again; if that was a mistake, repeat "
+            "that vsd purge with --lift, and import again"
+        ]
+        if n
+        else []
+    )
 
 
 def rows_in_scope(path: Path, scope: RecordScope) -> int:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
+import pyarrow.parquet as pq
 
 from vsd_analytics.errors import disk_error
 from vsd_analytics.schema import TABLES, TableName
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from vsd_analytics.store.store import Store
 
 FILE = "imports.jsonl"
+LARGEST_SHARE = 0.5
+"""Share of the stored days or records that a purge may remove without `--force`. More is usually a typing error."""
 
 
 class ImportLine(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
@@ -138,6 +141,14 @@ def holdings(store: Store) -> dict[str, Holding]:
             for import_id, owned in brought_by(part.path).items():
                 held.setdefault(import_id, Holding()).n_again += owned.n_rows
     return held
+
+
+def purge_command(store: Store, import_id: str) -> str:
+    """Return the command that takes an import back, with `--force` where it brought more than half of the records."""
+    held = holdings(store).get(import_id, Holding())
+    n_stored = sum(pq.read_metadata(part.path).num_rows for table in TABLES for part in store.parts(table))
+    is_most = sum(held.n_records.values()) > LARGEST_SHARE * n_stored
+    return f"vsd purge --import {import_id}{' --force' if is_most else ''}"
 
 
 def order_of(listed: Mapping[str, ImportLine]) -> dict[str, int]:

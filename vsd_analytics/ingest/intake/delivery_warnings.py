@@ -16,7 +16,8 @@ from vsd_analytics.ingest.checks.check_case import SourceWarning
 from vsd_analytics.ingest.intake.recording import Floats, Ints, Match, Recording
 from vsd_analytics.ingest.intake.unit_changes import UnitChange
 from vsd_analytics.site.model import Camera, Site
-from vsd_analytics.store.imports import ImportLine
+from vsd_analytics.store.imports import ImportLine, purge_command
+from vsd_analytics.store.store import Store
 
 SAME_SHARE: Final = 0.8
 """From this share of the records on it is the same recording; below it, a part of it."""
@@ -47,7 +48,7 @@ def same_again(site: Site, camera: Camera, here: Recording, found: Match, *, fac
             f"the same recording is stored already, for {of_whom}{as_whom}: {found.share:.0%} of its records are at "
             f"the same places at the same times{how}",
             "people would be counted twice",
-            _leave_out(found),
+            _leave_out(site, found),
         )
     first, last = time_text(site, near_ms.min()), time_text(site, near_ms.max())
     is_spread = np.ptp(near_ms) >= _SPREAD * np.ptp(here.ts_ms)
@@ -55,17 +56,17 @@ def same_again(site: Site, camera: Camera, here: Recording, found: Match, *, fac
         f"a part of it is stored already, for {of_whom}{as_whom}: {found.share:.0%} of its records, from {first} to "
         f"{last}, are at the same places at the same times{how}",
         "people would be counted twice" + (", and no cut parts them" if is_spread else " in that time"),
-        _leave_out(found) if is_spread else "cut the file there, and import the rest",
+        _leave_out(site, found) if is_spread else "cut the file there, and import the rest",
     )
 
 
-def same_beside(found: Match, away_m: float) -> SourceWarning:
+def same_beside(site: Site, found: Match, away_m: float) -> SourceWarning:
     """Return the warning of people whom the same camera has a little further, as after a new calibration: W230."""
     return _refused(
         f"the same recording is stored already, {away_m:.2g} m away: {found.share:.0%} of its records are there at the "
         f"same times{_apart(found)}, and {found.chance:.0%} by chance",
         "people would be counted twice, once at each place",
-        _leave_out(found),
+        _leave_out(site, found),
     )
 
 
@@ -116,28 +117,29 @@ def other_unit(camera: Camera, change: UnitChange, where: str, *, is_inside: boo
     )
 
 
-def with_other_times(line: ImportLine, found: Match, lag_ms: int) -> SourceWarning:
+def with_other_times(site: Site, line: ImportLine, found: Match, lag_ms: int) -> SourceWarning:
     """Return the warning of a recording that an import brought with other times: W230."""
     return _refused(
         f"the same recording is stored already, with other times: import {line.id}; {found.share:.0%} of the records "
         f"are at the same places {_span(lag_ms)} {'later' if lag_ms > 0 else 'earlier'}",
         "people would be at the same places again, and be counted twice",
-        f"take the first import back with `vsd purge --import {line.id}`, and import again",
+        f"take the first import back with `{_purge(site, line.id)}`, and import again",
     )
 
 
-def other_places(apart_m: Floats, n_compared: int, owner: str) -> SourceWarning:
+def other_places(site: Site, apart_m: Floats, n_compared: int, owner: str) -> SourceWarning:
     """Return the warning of records whose time and id are stored at another place, and which are left out: W230.
 
     More than half a metre further, they are hardly a corrected export of the same people: the source is refused.
 
     Args:
+        site: The site.
         apart_m: How far from the stored place, of each such record.
         n_compared: Records whose time and id are stored.
         owner: The import of most of the stored ones; "" = unknown.
     """
     away_m = float(np.median(apart_m))
-    purge = f"vsd purge --import {owner}" if owner else "vsd purge --camera and --range"
+    purge = _purge(site, owner) if owner else "vsd purge --camera and --range"
     is_far = away_m > VIEWS_M[0]
     return SourceWarning(
         f"{len(apart_m):,} of {n_compared:,} records that were compared have the time and id of stored ones, "
@@ -160,12 +162,16 @@ def _refused(what: str, why: str, fix: str) -> SourceWarning:
     return SourceWarning(what, why, fix, is_sure=True, code="W230")
 
 
-def _leave_out(found: Match) -> str:
+def _leave_out(site: Site, found: Match) -> str:
     """Return what to do about the same people, with the imports that brought them first."""
     owners = [found.other.owners[no] for no in by_number(found.other.owner[found.record[found.is_near]])]
-    purges = [f"`vsd purge --import {owner}`" for owner in owners[:5] if owner]
+    purges = [f"`{_purge(site, owner)}`" for owner in owners[:5] if owner]
     instead = f"; to have it in place of what is stored: {', '.join(purges)}, and import again" if purges else ""
     return f"leave it out{instead}"
+
+
+def _purge(site: Site, import_id: str) -> str:
+    return purge_command(Store(site.root / "store", site_id=site.site_id), import_id)
 
 
 def _apart(found: Match) -> str:

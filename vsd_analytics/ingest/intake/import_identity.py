@@ -16,7 +16,7 @@ from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable
 from vsd_analytics.store.durable import make_dirs, publish
-from vsd_analytics.store.imports import ImportLine, holdings, imports_of
+from vsd_analytics.store.imports import ImportLine, holdings, imports_of, purge_command
 from vsd_analytics.store.store import Store
 
 Content = list[list[str]]
@@ -110,7 +110,8 @@ def warning_of_earlier_reading(site: Site, source: Source, reading: str) -> Sour
     other = [line for line in earlier if line.reading != reading]
     content = content_id(content_of(source.path)) if other else ""
     other = [line for line in other if line.content == content]
-    held = holdings(Store(site.root / "store", site_id=site.site_id)) if other else {}
+    store = Store(site.root / "store", site_id=site.site_id)
+    held = holdings(store) if other else {}
     stored: ImportLine | None = next((line for line in reversed(other) if line.id in held), None)
     if stored is None:
         return None
@@ -118,7 +119,7 @@ def warning_of_earlier_reading(site: Site, source: Source, reading: str) -> Sour
     return SourceWarning(
         f"the same file is stored already, read in another way: import {stored.id}, {n_records:,} records",
         "with another clock everybody would be stored twice; with another unit or column the first places would stay",
-        f"take the first import back with `vsd purge --import {stored.id}`, and import again",
+        f"take the first import back with `{purge_command(store, stored.id)}`, and import again",
         is_sure=True,
         code="W230",
     )

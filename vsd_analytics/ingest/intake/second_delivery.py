@@ -164,7 +164,7 @@ class Door:
             return []
         stored = rows_of(self.site, table, rows, keyed_ms=asked.recording.ts_ms)
         warnings = []
-        if (elsewhere := _other_places(asked, stored)) is not None:
+        if (elsewhere := _other_places(self.site, asked, stored)) is not None:
             warnings.append(elsewhere)
         fresh = asked.at(~np.isin(asked.key, stored.key[stored.key != 0]))
         for camera in _cameras(self.site, fresh.recording):
@@ -183,7 +183,7 @@ class Door:
         some = asked.at(np.linspace(0, len(asked.recording) - 1, min(KNOWN_MAX, len(asked.recording))).astype(np.int64))
         ts_ms = some.recording.ts_ms
         stored = rows_of(self.site, table, at_instants(rows, ts_ms), keyed_ms=ts_ms)
-        return bool(np.isin(some.key, stored.key).all()) and _other_places(some, stored, share=0.0) is None
+        return bool(np.isin(some.key, stored.key).all()) and _other_places(self.site, some, stored, share=0.0) is None
 
     def _of_camera(self, camera: Camera, here: Recording, stored: KeyedRecords) -> list[SourceWarning]:
         there = stored.recording
@@ -206,7 +206,7 @@ class Door:
         if (found is None or found.share < SAME_SHARE) and (beside := match_beside(here, own)) is not None:
             shifted, away_m = beside
             if _is_there(shifted, SURE) and (found is None or shifted.share > 1.2 * found.share):
-                return [same_beside(shifted, away_m)]
+                return [same_beside(self.site, shifted, away_m)]
         if found is not None:
             return [same_again(self.site, camera, here, found)]
         for factor in _OTHER_UNITS:
@@ -243,7 +243,7 @@ class Door:
             stored = rows_of(self.site, table, rows, keyed_ms=np.zeros(0, dtype=np.int64)).recording
             found = best_match(shifted, stored, lags_ms=[0], distances_m=[fine_m(here, stored)])
             if found is not None and _is_there(found, SURE / 2):
-                return [with_other_times(line, found, lag_ms)]
+                return [with_other_times(self.site, line, found, lag_ms)]
         return []
 
     def _beside_each_other(self, asked: Recording, dense: KeyedRecords) -> Iterator[SourceWarning]:
@@ -369,7 +369,9 @@ def _no(recording: Recording, camera_id: str) -> int:
     return recording.cameras.index(camera_id) if camera_id in recording.cameras else -2
 
 
-def _other_places(asked: KeyedRecords, stored: KeyedRecords, *, share: float = MOVED_SHARE) -> SourceWarning | None:
+def _other_places(
+    site: Site, asked: KeyedRecords, stored: KeyedRecords, *, share: float = MOVED_SHARE
+) -> SourceWarning | None:
     """Return the warning of records whose time and id are stored at other places, where most of these are."""
     has_track = asked.recording.track >= 0
     keys, at = np.unique(stored.key, return_index=True)
@@ -384,7 +386,7 @@ def _other_places(asked: KeyedRecords, stored: KeyedRecords, *, share: float = M
     if is_moved.mean() <= share:
         return None
     owner = stored.recording.owners[by_number(stored.recording.owner[there[is_moved]])[0]]
-    return other_places(apart_m[is_moved], len(both), owner)
+    return other_places(site, apart_m[is_moved], len(both), owner)
 
 
 def _cameras(site: Site, recording: Recording) -> list[Camera]:
