@@ -464,3 +464,24 @@ def test_messages_of_single_objects_are_people_of_one_frame_with_a_period(root: 
         (START_MS, 120.0, 150.0, False),
         (START_MS, 120.0, 150.0, True),
     ]
+
+
+@pytest.mark.parametrize(
+    ("stated", "length_s", "n_read"),
+    [
+        (N_FRAMES, None, N_FRAMES),
+        (N_FRAMES + 600, None, N_FRAMES + 600),
+        (125_000, None, N_FRAMES - 1),  # the last one shows nobody
+        (125_000, N_FRAMES, N_FRAMES - 1),
+        (N_FRAMES + 7200, N_FRAMES + 7200, N_FRAMES + 7200),
+    ],
+    ids=["as it is", "ten minutes of nobody", "35 hours of nobody", "more than its length", "a long video"],
+)
+def test_frames_that_a_video_cannot_have_are_not_recorded(
+    stated: int, length_s: int | None, n_read: int, root: Path
+) -> None:
+    document = otvision(SHARES, version="1.2", is_share=False)
+    document["metadata"]["video"] |= {"number_of_frames": stated, "expected_duration": length_s}
+    (source,) = read(root, "hall.ottrk", bz2.compress(json.dumps(document).encode())).sources
+    assert source.n_records["frames"] == n_read
+    assert [note[:4] for note in source.notes if note.startswith("W2")] == ["W228"] * (n_read < stated)

@@ -33,6 +33,8 @@ _BEGIN: Final = re.compile(rb',?\s*"data"\s*:\s*\{\s*"detections"\s*:\s*(?=\[)')
 _METADATA_BYTES: Final = 1 << 20
 _CENTRED: Final = (1, 0)
 """Latest version whose x and y are the centre of a box."""
+_SILENT_MAX_S: Final = 3600.0
+"""Longest time behind the last detection that a video of unknown length is believed to show nobody."""
 _EPOCH: Final = datetime(1970, 1, 1)
 
 
@@ -86,6 +88,7 @@ class _Video:
         self.is_share = detection.get("normalized_bbox") is True
         self.size_px = (_whole(video.get("width")), _whole(video.get("height")))
         self._n_frames = _whole(video.get("number_of_frames"))
+        self._length_s = _whole(video.get("expected_duration"))
         self._interval_ms = 1000 / max(1e-3, _rate(video))
         self._start_ms: int | None = None
         with contextlib.suppress(BadRowError):  # without people, it is then not known when the video was
@@ -108,11 +111,13 @@ class _Video:
 
     def frames(self, source: Source, options: IngestOptions) -> Iterator[RawBatch]:
         """Yield the frames from the first to the last one of the video, also those without people."""
-        last = min(max([self._n_frames, *self._seen]), self._frames_max)
+        last, notes = self._last_frame()
         clock = self._clock()
         # where numbers and times do not fit each other, only the frames with detections are known
         frames = sorted(self._seen) if clock is None else list(range(min([1, *self._seen]), last + 1))
         zone = options.clocks.get(options.camera or "", options.frame_zone)
+        if notes:
+            yield RawBatch(notes=notes, done_bytes=source.size_bytes)
         for first in range(0, len(frames), BATCH_ROWS):
             some = frames[first : first + BATCH_ROWS]
             local = [
@@ -127,6 +132,25 @@ class _Video:
                 line=0,
             )
             yield RawBatch({"frames": table}, done_bytes=source.size_bytes)
+
+    def _last_frame(self) -> tuple[int, list[str]]:
+        """Return the last frame that the video can have, with a warning where it says that it has more.
+
+        A number alone would make hours recorded, with nobody there: it must fit the length of the video, or the last
+        detection.
+        """
+        seen = max(self._seen, default=0)
+        stated = min(self._n_frames, self._frames_max)
+        in_length = 1.1 * self._length_s * 1000 / self._interval_ms + 2
+        within = in_length if self._length_s else seen + _SILENT_MAX_S * 1000 / self._interval_ms
+        if stated <= max(seen, within):
+            return max(stated, seen), []
+        why = f"it lasts {self._length_s:,} s" if self._length_s else "nothing is detected in the last hours of them"
+        note = (
+            f"W228: the video is said to have {self._n_frames:,} frames, and {why}; frames behind the last detection "
+            "are not read, and count as not recorded; to have them, correct number_of_frames and expected_duration"
+        )
+        return seen, [note]
 
     def _clock(self) -> tuple[float, float] | None:
         """Return when frame 0 was and the interval, in milliseconds; None where the frames seen are not even."""
