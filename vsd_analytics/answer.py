@@ -62,7 +62,7 @@ class Reason:
         return _restored, (self.code, dict(self.values))
 
 
-ReasonValue: TypeAlias = "str | int | float | datetime | Reason | tuple[Reason, ...]"
+ReasonValue: TypeAlias = "str | int | float | date | datetime | Reason | tuple[Reason, ...]"
 TEXT: Final = "text"
 """Code of a reason that was read from a JSON report, which holds the sentence only."""
 

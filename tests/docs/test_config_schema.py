@@ -52,6 +52,12 @@ for_s = 60
 [[source]]
 id = "tills"
 files = "till-*.csv"
+[calendar]
+country = "IT"
+[[event]]
+name = "Fair"
+from = "2026-11-10"
+to = "2026-11-12"
 """
 )
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from vsd_analytics.config.broker_and_alarms import read_alarms, read_broker, read_delivery
+from vsd_analytics.config.calendar import read_calendar
 from vsd_analytics.config.floors import read_areas, read_cameras, read_fixtures, read_floors
 from vsd_analytics.config.opening import WEEKDAYS, Spans, parse_opening
 from vsd_analytics.config.reader import DATE, Form, Mistakes, TableReader
@@ -149,6 +150,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
     mail = read_mail(root)
     alarms = read_alarms(root, areas=areas, cameras=cameras)
     sources = read_sources(root, cameras=cameras)
+    calendar = read_calendar(root, language)
     root.close()
     if mistakes.all or site_id is None or name is None:
         return None
@@ -159,6 +161,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
         root=root.folder,
         opening=opening,
         closed=closed or frozenset(),
+        calendar=calendar,
         day_starts_min=DAY_STARTS_MIN if day_starts is None else day_starts,
         floors=tuple(floors.values()),
         cameras=cameras,

@@ -86,10 +86,11 @@ def parse_dates(value: Any) -> frozenset[date]:
     """Return the days of a list of ISO texts or TOML dates."""
     if not isinstance(value, list):
         raise ValueError("must be a list of dates")
-    return frozenset(_date(each) for each in value)
+    return frozenset(parse_date(each) for each in value)
 
 
-def _date(value: Any) -> date:
+def parse_date(value: Any) -> date:
+    """Return the day of an ISO text or a TOML date."""
     if isinstance(value, date) and not isinstance(value, datetime):
         return value
     try:

@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 
 from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.slots import Floats, Slots, iso_week, known, load_slots, open_hours
+from vsd_analytics.figures.special_days import notes_of_days, special_days
+from vsd_analytics.site.model import Site
 from vsd_analytics.stats.forecast import (
     Chances,
     ForecastScore,
@@ -91,6 +93,7 @@ class FloorForecast:
         last_week: ISO week it was made after, and whose own forecast is scored.
         floor_id: Floor it is for; None = the whole site.
         closed: Days of the week on which the site is closed though it opens on that weekday.
+        special: What the calendar says of the week: holidays, events, a change of the clock.
         left_out: Cameras without one recorded hour in the weeks used.
         people: Mean number of people in view.
         violations: Violations per open hour.
@@ -102,6 +105,7 @@ class FloorForecast:
     last_week: str
     floor_id: str | None
     closed: tuple[date, ...]
+    special: tuple[Reason, ...]
     left_out: tuple[str, ...]
     people: SeriesForecast
     violations: SeriesForecast
@@ -127,7 +131,8 @@ def forecast(
 ) -> FloorForecast:
     """Forecast the week after the one that starts on `monday`, and score the forecast of that one.
 
-    Closed days are neither trained on nor forecast; hours recorded for less than half are missing, which is not 0; a
+    Closed days are neither trained on nor forecast; public holidays are not trained on, and have the hours of Sundays
+    (`vsd_analytics.figures.special_days.day_rules`); hours recorded for less than half are missing, which is not 0; a
     camera that is down does not lower the count (`vsd_analytics.stats.hour_of_week.recorded_hours`).
 
     Args:
@@ -147,24 +152,24 @@ def forecast(
     next_monday = monday + timedelta(days=7)
     there = next_monday, next_monday + timedelta(days=6)
     slots = load_slots(warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id, there=there)
-    open_h, share = open_hours(warehouse.site, next_monday), warehouse.site.settings.forecast_share
+    site = warehouse.site
+    open_h = open_hours(site, next_monday)
     return FloorForecast(
         week=iso_week(next_monday),
         monday=next_monday,
         last_week=iso_week(monday),
         floor_id=floor_id,
-        closed=tuple(
-            day for day in (next_monday + timedelta(days=i) for i in range(7)) if day in warehouse.site.closed
-        ),
+        closed=tuple(day for day in (next_monday + timedelta(days=i) for i in range(7)) if day in site.closed),
+        special=notes_of_days(site, next_monday),
         left_out=slots.left_out,
-        people=_series(slots, slots.people, open_h, why=slots.why_no_people, is_count=False, share=share),
-        violations=_series(slots, slots.violations, open_h, why=slots.why_no_violations, is_count=True, share=share),
-        gatherings=_gatherings(slots, gatherings, open_h),
+        people=_series(site, slots, slots.people, open_h, why=slots.why_no_people, is_count=False),
+        violations=_series(site, slots, slots.violations, open_h, why=slots.why_no_violations, is_count=True),
+        gatherings=_gatherings(site, slots, gatherings, open_h),
     )
 
 
 def _series(
-    slots: Slots, weeks: Weeks, open_h: Floats, *, why: Reason | None, is_count: bool, share: float
+    site: Site, slots: Slots, weeks: Weeks, open_h: Floats, *, why: Reason | None, is_count: bool
 ) -> SeriesForecast:
     unit = Reason("unit.violations" if is_count else "unit.people_in_view")
     denominator = OPEN_HOUR if is_count else RECORDED_OPEN_HOURS
@@ -172,34 +177,36 @@ def _series(
         return SeriesForecast(unit, denominator, (), None, None, 0, None, "not_measurable", why)
     both = (slots.open_h[-1], open_h)
     return series_forecast(
-        weeks, slots.monday, open_h=both, is_count=is_count, share=share, unit=unit, denominator=denominator
+        site, weeks, slots.monday, open_h=both, is_count=is_count, unit=unit, denominator=denominator
     )
 
 
 def series_forecast(
+    site: Site,
     weeks: Weeks,
     monday: date,
     *,
     open_h: tuple[Floats, Floats],
     is_count: bool,
-    share: float,
     unit: Reason,
     denominator: Reason,
 ) -> SeriesForecast:
     """Forecast a quantity for the week after the last one, and score the forecast of that one.
 
     Args:
+        site: Its calendar, and the share of hours that ranges are to hold.
         weeks: What was counted, oldest week first.
         monday: First day of the last week.
         open_h: Open hours of the slots of the last week and of the next one, each of shape (168,).
         is_count: True for counts of events; False for amounts such as person-hours.
-        share: Share of hours the ranges are to hold.
         unit: Of the values.
         denominator: What it is divided by.
     """
-    n, x_h = weeks.n, weeks.x_h
-    made = forecast_week(n[1:], x_h[1:], is_count=is_count, open_h=open_h[1], share=share)
-    before = forecast_week(n[:-1], x_h[:-1], is_count=is_count, open_h=open_h[0], share=share)
+    n, x_h, share = weeks.n, weeks.x_h, site.settings.forecast_share
+    days = special_days(site, monday, n_weeks=len(n))
+    ordinary_h = days.ordinary_h(x_h)
+    made = forecast_week(n[1:], ordinary_h[1:], is_count=is_count, open_h=open_h[1], share=share, days=days.next)
+    before = forecast_week(n[:-1], ordinary_h[:-1], is_count=is_count, open_h=open_h[0], share=share, days=days.last)
     score = score_forecast(before, n[-1], x_h[-1])
     rows = _rows(monday, open_h[1], made) if made.state == "ok" else ()
     level = made.level if made.state == "ok" else None
@@ -208,12 +215,15 @@ def series_forecast(
     )
 
 
-def _gatherings(slots: Slots, counted: tuple[ArrayLike, ArrayLike] | None, open_h: Floats) -> SeriesForecast:
+def _gatherings(
+    site: Site, slots: Slots, counted: tuple[ArrayLike, ArrayLike] | None, open_h: Floats
+) -> SeriesForecast:
     unit, denominator = Reason("unit.gathering_chance"), OPEN_HOUR
     if counted is None:
         return SeriesForecast(unit, denominator, (), None, None, 0, None, "not_measurable", NO_GATHERINGS)
     n, x_h = (np.asarray(a, dtype=np.float64)[1:] for a in counted)
-    made = chances(n, x_h, open_h=open_h)
+    days = special_days(site, slots.monday, n_weeks=len(n))
+    made = chances(n, days.ordinary_h(x_h), open_h=open_h, days=days.next)
     rows = _rows(slots.monday, open_h, made) if made.state == "ok" else ()
     return SeriesForecast(unit, denominator, rows, None, None, made.n_recorded_weeks, None, made.state, made.reason)
 

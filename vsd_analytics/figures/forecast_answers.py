@@ -9,9 +9,11 @@ from typing import Final
 from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, Value
 from vsd_analytics.figures.forecast import FloorForecast, HourForecast, SeriesForecast
 from vsd_analytics.figures.share.counts import GIVES_AWAY
+from vsd_analytics.figures.special_days import HOLIDAY
 from vsd_analytics.figures.unusual import UnusualWeek
 from vsd_analytics.figures.values import known, lack
 from vsd_analytics.site.model import Site
+from vsd_analytics.stats.forecast import MIN_WEEKS
 from vsd_analytics.stats.unusual import UnusualSlots
 
 FORECAST: Final = (
@@ -79,10 +81,14 @@ def forecast_answers(found: FloorForecast, holds: HoldsFor) -> tuple[Answer, Ans
     series = {"people": found.people, "violation": found.violations, "gathering": found.gatherings}
     by_hour = {name: {(row.day, row.hour): row for row in one.rows} for name, one in series.items()}
     hours = sorted({at for rows in by_hour.values() for at in rows})
-    rows = tuple(_hour(found.floor_id, at, series, {name: of.get(at) for name, of in by_hour.items()}) for at in hours)
+    holidays = {note.values["day"] for note in found.special if note.code == HOLIDAY}
+    rows = tuple(
+        _hour(found.floor_id, at, series, {name: of.get(at) for name, of in by_hour.items()}, holidays) for at in hours
+    )
     notes: list[tuple[int | None, Reason]] = []
     if (note := _score_note(found.people)) is not None:
         notes.append((None, note))
+    notes += [(None, note) for note in found.special]
     if found.left_out:
         notes.append((None, Reason("forecast.left_out", cameras=", ".join(found.left_out))))
     if not found.has_forecast:
@@ -96,14 +102,18 @@ def forecast_answers(found: FloorForecast, holds: HoldsFor) -> tuple[Answer, Ans
 
 
 def _hour(
-    floor_id: str | None, at: Hour, series: dict[str, SeriesForecast], rows: dict[str, HourForecast | None]
+    floor_id: str | None,
+    at: Hour,
+    series: dict[str, SeriesForecast],
+    rows: dict[str, HourForecast | None],
+    holidays: Collection[object],
 ) -> Row:
     def value(name: str) -> Value:
         row, one = rows[name], series[name]
         if row is None:
             return lack(one.state, one.reason)
         if row.value is None:
-            return Value.missing(Reason("forecast.hour", least=4))
+            return Value.missing(Reason("forecast.holiday" if at[0] in holidays else "forecast.hour", least=MIN_WEEKS))
         return Value.of(row)
 
     known_rows = [row for row in rows.values() if row is not None]

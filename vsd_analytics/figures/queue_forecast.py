@@ -96,11 +96,11 @@ def queue_forecast(data: FloorHours, monday: date) -> tuple[Answer, Answer]:
 
 def _series(data: FloorHours, area: Area, monday: date) -> SeriesForecast:
     return series_forecast(
+        data.site,
         _weeks(data, area, monday),
         monday,
         open_h=(open_hours(data.site, monday), open_hours(data.site, monday + timedelta(days=7))),
         is_count=False,
-        share=data.site.settings.forecast_share,
         unit=Reason("unit.people_waiting"),
         denominator=RECORDED_OPEN_HOURS,
     )

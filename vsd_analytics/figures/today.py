@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
 from vsd_analytics.figures.slots import Floats, Slots, known, load_slots, open_hours
+from vsd_analytics.figures.special_days import open_holidays, special_days
 from vsd_analytics.figures.unusual import unusual_in_last_week
 from vsd_analytics.stats.forecast import WeekForecast, forecast_week
 from vsd_analytics.stats.hour_of_week import SLOTS, Weeks
@@ -180,7 +181,7 @@ def today(warehouse: Warehouse, at: datetime, *, floor_id: str | None = None) ->
     Raises:
         UsageError: E101, the site has no such floor.
     """
-    settings = warehouse.site.settings
+    site, settings = warehouse.site, warehouse.site.settings
     yesterday, monday = at.date() - timedelta(days=1), at.date() - timedelta(days=at.weekday())
     there = at.date(), at.date()
     loaded = load_slots(warehouse, monday, n_weeks=LOADED_WEEKS, floor_id=floor_id, there=there)
@@ -188,18 +189,19 @@ def today(warehouse: Warehouse, at: datetime, *, floor_id: str | None = None) ->
     n_over = HOURS + at.hour
     confidence = 1 - (1 - settings.confidence) / 2
     violations, people, why = slots.violations, slots.people, slots.why_no_violations
+    days = special_days(site, yesterday, n_weeks=len(violations.n))
+    rules = {"open_h": slots.open_h[-1], "share": settings.forecast_share, "days": days.last}
     counted, seen = (
-        forecast_week(
-            w.n[:-1], w.x_h[:-1], is_count=w is violations, open_h=slots.open_h[-1], share=settings.forecast_share
-        )
+        forecast_week(w.n[:-1], days.ordinary_h(w.x_h)[:-1], is_count=w is violations, **rules)
         for w in (violations, people)
     )
-    unusual = unusual_in_last_week(slots, settings)
+    unusual = unusual_in_last_week(slots, site)
+    holidays = {note.values["day"]: note for note in open_holidays(site, yesterday)}
     return Today(
         at=at,
         floor_id=floor_id,
-        yesterday=_level(slots, violations, 0, n_over=n_over, why=why, confidence=confidence),
-        so_far=_level(slots, violations, 1, n_over=n_over, why=why, confidence=confidence),
+        yesterday=_level(slots, violations, 0, holidays.get(yesterday), n_over=n_over, why=why, confidence=confidence),
+        so_far=_level(slots, violations, 1, holidays.get(at.date()), n_over=n_over, why=why, confidence=confidence),
         hours=_hours(slots, violations, people, n_over=n_over, counted=counted, seen=seen),
         unusual=replace(unusual, reason=_of_calendar_weeks(unusual.reason, loaded.violations)),
         silent=_silent(slots, n_over=n_over, is_sending=_recorded_in_hour_of(loaded, at)),
@@ -253,9 +255,19 @@ def _weeks_from(slots: Slots, first: date, at: datetime, *, open_h: Floats) -> S
 
 
 def _level(
-    slots: Slots, violations: Weeks, day: int, *, n_over: int, why: Reason | None, confidence: float
+    slots: Slots,
+    violations: Weeks,
+    day: int,
+    holiday: Reason | None,
+    *,
+    n_over: int,
+    why: Reason | None,
+    confidence: float,
 ) -> DayLevel | None:
-    """Return the level of yesterday (0) or today (1); None where the site is closed all day."""
+    """Return the level of yesterday (0) or today (1); None where the site is closed all day.
+
+    A public holiday has no usual range: days like it are rare.
+    """
     open_slots = day * HOURS + np.flatnonzero(slots.open_h[-1, day * HOURS : (day + 1) * HOURS] > 0)
     if not len(open_slots):
         return None
@@ -268,6 +280,8 @@ def _level(
         reason = Reason("today.not_yet")
     elif reason is None and not len(recorded):
         reason = Reason("recorded.nothing")
+    elif reason is None and holiday is not None:
+        reason = holiday
     elif reason is None:
         usual = usual_range(before.tolist(), confidence=confidence)
         if usual is None:

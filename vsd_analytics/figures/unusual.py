@@ -9,7 +9,8 @@ from typing import Final
 from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
 from vsd_analytics.figures.slots import Slots, iso_week, load_slots
-from vsd_analytics.settings import Settings
+from vsd_analytics.figures.special_days import special_days
+from vsd_analytics.site.model import Site
 from vsd_analytics.stats.unusual import Unusual, UnusualSlots, unusual_hours
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -59,16 +60,21 @@ def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) 
     slots = load_slots(
         warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id, there=(monday, monday + timedelta(days=6))
     )
-    found = unusual_in_last_week(slots, warehouse.site.settings)
+    found = unusual_in_last_week(slots, warehouse.site)
     counts = found.n_unusual, found.n_tested
     return UnusualWeek(iso_week(monday), floor_id, UNIT, found.rows, *counts, found.state, found.reason)
 
 
-def unusual_in_last_week(slots: Slots, settings: Settings) -> UnusualSlots:
-    """Return the hours of the last of some weeks that are far from what the weeks before it make usual."""
+def unusual_in_last_week(slots: Slots, site: Site) -> UnusualSlots:
+    """Return the hours of the last of some weeks that are far from what the weeks before it make usual.
+
+    Public holidays are left out of both: that such an hour is unlike others is no news.
+    """
     if (why := slots.why_no_violations) is not None:
         return UnusualSlots((), 0, 0, 0, "not_measurable", why)
-    n, x_h = slots.violations.n, slots.violations.x_h
+    settings = site.settings
+    n = slots.violations.n
+    x_h = special_days(site, slots.monday, n_weeks=len(n)).ordinary_h(slots.violations.x_h)
     return unusual_hours(
         n[-1],
         x_h[-1],

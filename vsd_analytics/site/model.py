@@ -9,6 +9,7 @@ from typing import Final, Literal, get_args
 from zoneinfo import ZoneInfo
 
 from vsd_analytics.settings import Settings, Value
+from vsd_analytics.site.calendar import Calendar
 from vsd_analytics.site.routes import CameraSource, ExchangeRoute, MailRoute
 
 Point = tuple[float, float]
@@ -375,16 +376,14 @@ class Site:
         timezone: IANA zone all local times are in.
         root: The project folder.
         opening: For weekday 0 (Monday) to 6: tuple of (start, end) in minutes after local midnight; None = always open.
-        closed: Local dates on which the site is closed.
+        closed, calendar: Local dates on which the site is closed; `[calendar]`, `[[event]]`.
         day_starts_min: Minutes after local midnight at which a site day starts.
         floors, cameras, areas, fixtures: In the order of the file.
         settings: Values in force.
-        own_settings: Settings of vsd.toml where others are in force; None = `settings`. Facts of other settings lie
-            beside theirs.
+        own_settings: Settings of vsd.toml where others are in force; None = `settings`. Facts of both lie side by side.
         broker: `[mqtt]`; None = no live source.
         exchange: `[exchange]`; None = all records come to this project directly.
-        alarms: `[[alarm]]`, in the order of the file.
-        alarm_delivery: `[alarms]`.
+        alarms, alarm_delivery: `[[alarm]]`, in the order of the file, and `[alarms]`.
         engine: `[engine]`; None = nothing is known of the engine's error.
         mail: `[mail]`; None = mails are written, not sent.
         base_url: `[report] base_url`, where the folder of reports can be read, without a slash at its end; None = none.
@@ -401,6 +400,7 @@ class Site:
     root: Path
     opening: tuple[tuple[tuple[int, int], ...], ...] | None = None
     closed: frozenset[date] = frozenset()
+    calendar: Calendar = field(default_factory=Calendar)
     day_starts_min: int = 240
     floors: tuple[Floor, ...] = ()
     cameras: tuple[Camera, ...] = ()

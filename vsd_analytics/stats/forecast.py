@@ -40,6 +40,30 @@ LEVEL_SHARE: Final = 0.5  # a week tells a level when it recorded the hours of h
 LEVEL_EVENTS: Final = 20.0  # so many usual events are added to a week of counts, so that few say little
 
 
+HOLIDAY_DOUBT: Final = 0.2
+"""How far an hour of a public holiday is from that of a Sunday: standard deviation relative to it, of real streets."""
+EVENT_DOUBT: Final = 0.12  # an hour of an event from the same hour without it
+CLOCK_DOUBT: Final = 0.05  # an hour in the week after the clocks changed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DayRules:
+    """Rules for the seven days that are forecast.
+
+    Attributes:
+        like: Position of the day of the week whose usual hours each day has, shape (7,): itself, or that of Sundays.
+        doubt: How much wider its range is: standard deviation relative to the mean, same shape.
+    """
+
+    like: Ints
+    doubt: Floats
+
+    def by_slot(self) -> tuple[Ints, Floats]:
+        """Return both by hour, shape (168,): the hour whose usual number each hour has, and its doubt."""
+        hours = np.arange(24)
+        return (24 * self.like[:, None] + hours).ravel(), np.repeat(self.doubt, 24)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class WeekForecast:
     """A week that has not happened yet.
@@ -126,14 +150,15 @@ def forecast_week(
     is_count: bool,
     open_h: npt.ArrayLike | None = None,
     share: float = DEFAULTS.forecast_share,
+    days: DayRules | None = None,
 ) -> WeekForecast:
     """Forecast the week after the last row.
 
     level_w = what week w counted / what is usual in the hours it recorded; usual week m_s = median over the last
     `MAX_WEEKS` recorded weeks of rate_ws / level_w; forecast m_s exp(0.7 sum_w 2^-age ln level_w / sum_w 2^-age).
     Range: the outer quantiles of a negative binomial (counts) or a gamma (amounts) with that mean and
-    var = (noise mean / open hours + dispersion mean^2) (1 + pi / (2 k)), noise and dispersion pooled over the hours
-    (see `hour_of_week.spread`), the last factor because the median of k weeks is itself uncertain.
+    var = (noise mean / open hours + dispersion mean^2) (1 + pi / (2 k)) + doubt^2 mean^2, noise and dispersion pooled
+    over the hours (see `hour_of_week.spread`), the factor because the median of k weeks is itself uncertain.
 
     Args:
         n: What was counted, shape (n_weeks, 168), oldest first.
@@ -141,6 +166,7 @@ def forecast_week(
         is_count: True for counts of events; False for amounts such as person-hours.
         open_h: Open hours of each slot of the next week, shape (168,): nothing is forecast where it is 0. None = 1.
         share: Share of hours the range is to hold.
+        days: Days of the next week that are unlike those before; None = none is.
 
     Returns:
         The forecast per open hour, with state "not_enough_data" and its reason below `MIN_WEEKS`.
@@ -150,7 +176,8 @@ def forecast_week(
     """
     weeks = as_weeks(n, x_h)
     hours = np.ones(SLOTS) if open_h is None else np.asarray(open_h, dtype=np.float64)
-    k = np.minimum((weeks.x_h > 0).sum(axis=0), MAX_WEEKS)
+    slot, doubt = (np.arange(SLOTS), np.zeros(SLOTS)) if days is None else days.by_slot()
+    k = np.minimum((weeks.x_h > 0).sum(axis=0), MAX_WEEKS)[slot]
     is_estimated = (k >= MIN_WEEKS) & (hours > 0)
     if (reason := _why_not(weeks, is_estimated)) is not None:
         nothing = np.full(SLOTS, np.nan)
@@ -161,12 +188,14 @@ def forecast_week(
         )  # fmt: skip
     usual_week, levels = _levelled(weeks, is_count=is_count)
     level = _late_level(levels)
-    mean = np.where(is_estimated, usual_week * level, np.nan)
+    mean = np.where(is_estimated, usual_week[slot] * level, np.nan)
     varies = spread(weeks.latest(MAX_WEEKS), is_count=is_count, min_weeks=MIN_WEEKS)
     more = 1 + np.pi / 2 / np.maximum(k, 1)
-    lo, hi = _range(mean, varies, open_h=hours, more=more, share=share, is_count=is_count)
+    naive = _last(weeks.rate)
+    naive = np.where(np.isnan(naive), naive[slot], naive)
+    lo, hi = _range(mean, varies, open_h=hours, more=more, doubt=doubt, share=share, is_count=is_count)
     return WeekForecast(
-        mean=mean, lo=lo, hi=hi, naive=np.where(is_estimated, _last(weeks.rate), np.nan), n_weeks=k, level=level,
+        mean=mean, lo=lo, hi=hi, naive=np.where(is_estimated, naive, np.nan), n_weeks=k, level=level,
         scale=_scale(weeks.rate), spread=varies, share=share, n_recorded_weeks=weeks.n_recorded,
         state="ok", reason=None,
     )  # fmt: skip
@@ -177,6 +206,7 @@ def chances(
     x_h: npt.ArrayLike,
     *,
     open_h: npt.ArrayLike | None = None,
+    days: DayRules | None = None,
 ) -> Chances:
     """Tell how likely at least one event is in each hour of the week after the last row: for what is rare.
 
@@ -187,6 +217,7 @@ def chances(
         n: Events, shape (n_weeks, 168), oldest first.
         x_h: Recorded open hours, same shape; 0 or NaN = not recorded.
         open_h: Open hours of each slot of the next week, shape (168,); None = 1.
+        days: Days of the next week that are unlike those before; None = none is. Their doubt is not used.
 
     Returns:
         Rates and probabilities, with state "not_enough_data" and its reason below `MIN_WEEKS`.
@@ -196,7 +227,9 @@ def chances(
     """
     weeks = as_weeks(n, x_h)
     hours = np.ones(SLOTS) if open_h is None else np.asarray(open_h, dtype=np.float64)
-    late = weeks.latest(MAX_WEEKS)
+    slot = np.arange(SLOTS) if days is None else days.by_slot()[0]
+    latest = weeks.latest(MAX_WEEKS)
+    late = Weeks(latest.n[:, slot], latest.x_h[:, slot])
     k = (late.x_h > 0).sum(axis=0)
     is_estimated = (k >= MIN_WEEKS) & (hours > 0)
     nothing = np.full(SLOTS, np.nan)
@@ -294,7 +327,7 @@ def _late_level(levels: Floats) -> float:
 
 
 def _range(
-    mean: Floats, varies: Spread, *, open_h: Floats, more: Floats, share: float, is_count: bool
+    mean: Floats, varies: Spread, *, open_h: Floats, more: Floats, doubt: Floats, share: float, is_count: bool
 ) -> tuple[Floats, Floats]:
     """Return the outer quantiles of the hours to come, per open hour."""
     tails = (1 - share) / 2, (1 + share) / 2
@@ -302,10 +335,10 @@ def _range(
     counts = mean * hours
     if is_count:
         # the excess of var = (mean + d mean^2) more over Poisson, as a dispersion
-        wider = varies.dispersion * more + (more - 1) / np.maximum(counts, 1e-9)
+        wider = varies.dispersion * more + doubt**2 + (more - 1) / np.maximum(counts, 1e-9)
         low, high = (quantile(t, mean=counts, dispersion=wider) / hours for t in tails)
         return low, high
-    variance = (varies.noise * mean / hours + varies.dispersion * mean**2) * more
+    variance = (varies.noise * mean / hours + varies.dispersion * mean**2) * more + (doubt * mean) ** 2
     is_sure = ~(variance > 0)
     shape = np.where(is_sure, 1.0, mean**2 / np.where(is_sure, 1.0, variance))
     low, high = (

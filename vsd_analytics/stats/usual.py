@@ -13,6 +13,8 @@ from vsd_analytics.stats.quantiles import t_quantile
 
 MIN_WEEKS: Final = 4
 """Fewer weeks do not show how much weeks differ."""
+DECAY: Final = 0.5
+"""Each week counts half of the one after it, as for the level of a forecast."""
 
 
 Position = Literal["below", "within", "above"]
@@ -40,11 +42,13 @@ class UsualRange:
 def usual_range(
     weeks: Sequence[float], *, confidence: float = DEFAULTS.confidence, most: float | None = None
 ) -> UsualRange | None:
-    """Return the prediction interval for one more week: exp(m +- t_{n-1} s sqrt(1 + 1/n)).
+    """Return the prediction interval for one more week by exponential smoothing: exp(m_n +- t_{n-1} s sqrt(1 + w_n)).
 
-    m and s are mean and standard deviation of the logarithms of the weeks before. A week that differs from them as they
-    do from each other lies inside with probability `confidence`. Source: prediction interval of a normal sample (Hahn
-    and Meeker, Statistical Intervals, 1991, section 4.7).
+    m_j is the mean of the logarithms of the first j weeks, where a week counts half of the one after it, w_j the sum of
+    its squared weights, and s^2 the mean over j = 1 .. n - 1 of (log y_{j+1} - m_j)^2 / (1 + w_j): how far each week
+    lay from what those before it said. So the range follows a season, and holds its level where weeks differ by chance
+    alone and where they resemble the week before. Source: simple exponential smoothing (Hyndman and Athanasopoulos,
+    Forecasting: principles and practice, 2021, section 8.1), with errors of one step ahead.
 
     Args:
         weeks: The figure of the weeks before, gaps left out.
@@ -58,6 +62,12 @@ def usual_range(
     if len(values) < MIN_WEEKS or not (values > 0).all():
         return None
     logs = np.log(values)
-    reach = t_quantile(len(values) - 1, confidence=confidence) * float(logs.std(ddof=1)) * (1 + 1 / len(values)) ** 0.5
-    lo, hi = (float(np.exp(logs.mean() + sign * reach)) for sign in (-1, 1))
+    means, spreads = np.empty(len(logs)), np.empty(len(logs))
+    for j in range(1, len(logs) + 1):
+        weights = DECAY ** np.arange(j)[::-1]
+        weights /= weights.sum()
+        means[j - 1], spreads[j - 1] = weights @ logs[:j], 1 + weights @ weights
+    s2 = float(((logs[1:] - means[:-1]) ** 2 / spreads[:-1]).mean())
+    reach = t_quantile(len(logs) - 1, confidence=confidence) * (s2 * spreads[-1]) ** 0.5
+    lo, hi = (float(np.exp(means[-1] + sign * reach)) for sign in (-1, 1))
     return UsualRange(lo, hi if most is None else min(hi, most), len(values))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import date, datetime
 from typing import Any, Final
 
 from vsd_analytics.answer import TEXT, Reason, ReasonValue, Verdict
@@ -121,6 +121,8 @@ def _shown(value: ReasonValue) -> object:
             return _Several(value)
         case datetime():
             return _Instant(value)
+        case date():
+            return fmt.date_short(value)
         case float():
             return _Share(value)
         case int() if not isinstance(value, bool):

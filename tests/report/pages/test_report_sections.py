@@ -25,6 +25,7 @@ from vsd_analytics.report.pages import questions
 from vsd_analytics.report.pages import sections as page_sections
 from vsd_analytics.report.pages.spot_cards import cards
 from vsd_analytics.report.pages.week import make_page, render_html
+from vsd_analytics.site.calendar import Calendar
 from vsd_analytics.site.model import Area, Fixture, Floor
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate
@@ -169,6 +170,8 @@ class _Settings:
 
 class _Site:
     settings = _Settings()
+    calendar = Calendar()
+    closed: frozenset[date] = frozenset()
     zone = weeks.ROME
 
 
@@ -412,7 +415,7 @@ def test_the_three_highest_hours_are_forecast_and_scored_beside_the_naive_foreca
     )
     score = ForecastScore(0.2, 0.8, 0.75, 0.8, 0.3, 1.1, 60, "ok", None)
     series = SeriesForecast("violations", "open hour", rows, 0.8, 1.0, 6, score, "ok", None)
-    found = FoundOutlook("2026-W47", monday, "2026-W46", "ground", (), (), series, series, series)
+    found = FoundOutlook("2026-W47", monday, "2026-W46", "ground", (), (), (), series, series, series)
     made = outlook.outlook(found)
     assert [h.value for h in made.highest] == [8.0, 5.0, 4.0]
     assert made.mean == pytest.approx(5.0)

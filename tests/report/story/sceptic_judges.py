@@ -636,6 +636,8 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "lead.close_other": _DEFINITION,
     "lead.close_not_clear": _ASKS,
     "lead.in_brackets": "brackets",
+    "lead.holiday": "names a day of the calendar",
+    "titles.trend_holiday": "names a week of the calendar",
     "lead.unknown": _ASKS,
     "lead.little_data": _ASKS,
     "lead.close_little": _ASKS,

@@ -158,6 +158,10 @@ class Trend:
     target_violation_rate: Target | None = _o(
         "The target of the floor, `target_per_open_h` of vsd.toml.", "per open hour"
     )
+    holidays: tuple[Reason, ...] = _f(
+        "Public holidays of this week on which the site was open, in words; with one there is no usual range.",
+        default=(),
+    )
     left_out: tuple[str, ...] = _f(
         "Names of cameras that recorded nothing this week, so that no week counts them; free text.", default=()
     )

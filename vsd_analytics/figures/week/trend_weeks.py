@@ -10,6 +10,7 @@ from typing import Final
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures import trend as analysis
 from vsd_analytics.figures.share.counts import Mask
+from vsd_analytics.figures.special_days import open_holidays
 from vsd_analytics.figures.week import estimates, page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate
@@ -52,6 +53,9 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level, same_engi
     confidence = float(data.site.settings.confidence)
     since = same_engine_since or date.min
     alike = [w for w in weeks if not w.missing and w.monday >= since]
+    holidays = open_holidays(data.site, data.monday)
+    if holidays:  # a week with a holiday says nothing beside weeks without
+        alike = []
     return Trend(
         weeks=shown,
         marks=tuple(
@@ -66,6 +70,7 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level, same_engi
         usual_violation_rate=_usual([w.violation_rate for w in alike], level.violation_rate, confidence=confidence),
         usual_close=_usual([w.close for w in alike], level.close_time_share, confidence=confidence, most=1.0),
         target_violation_rate=_target(data.floor.target_per_open_h, level.violation_rate),
+        holidays=holidays,
         left_out=found.left_out,
         state=found.state,
         reason=found.reason,

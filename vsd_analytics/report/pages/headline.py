@@ -300,7 +300,11 @@ def _normal_lead(report: WeekReport) -> list[Span]:
 
 
 def _usual(report: WeekReport) -> list[Span]:
-    usual = report.trend.usual_violation_rate if report.trend is not None else None
+    trend = report.trend
+    if trend is not None and trend.holidays:
+        days = "; ".join(reason_text(day) for day in trend.holidays)
+        return [Span(text=say("lead.holiday", days=terms.capital(days)))]
+    usual = trend.usual_violation_rate if trend is not None else None
     if usual is None:
         return []
     return [Span(text=say("lead.usual", low=fmt.number(usual.lo), high=fmt.number(usual.hi)))]

@@ -163,6 +163,8 @@ def trend_title(report: WeekReport, measure: Measure) -> str:
         return say("titles.trend_gap", week=report.week.number)
     usual = report.trend.usual_violation_rate if measure == "often" else report.trend.usual_close
     if usual is None:
+        if report.trend.holidays:
+            return say("titles.trend_holiday", week=report.week.number)
         n = sum(known(w, measure) is not None for w in weeks)
         return say("titles.trend_few", plural=n, n=fmt.count(n))
     return say(f"titles.trend_{usual.position}", week=report.week.number)

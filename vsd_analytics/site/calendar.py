@@ -1,0 +1,87 @@
+"""The calendar of a site: public holidays of its country, events written by hand, and changes of the clock.
+
+Public holidays come from the library `holidays` (extra `calendar`), by country and region (ISO 3166). What happens only
+at this site, such as school holidays or a fair, is an event of `vsd.toml`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import date, datetime, time, timedelta
+from functools import lru_cache
+from typing import Final
+from zoneinfo import ZoneInfo
+
+WEEK: Final = timedelta(days=7)
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Days that are unlike others at a site, though it is open: `[[event]]`.
+
+    Attributes:
+        name: What it is: School holidays.
+        first, last: Its local days, both included.
+    """
+
+    name: str
+    first: date
+    last: date
+
+
+@dataclass(frozen=True, slots=True)
+class Calendar:
+    """`[calendar]` and `[[event]]` of `vsd.toml`.
+
+    Attributes:
+        country: Code of ISO 3166, such as IT; None = no public holidays are known.
+        region: Its subdivision, such as BZ; None = only those of the whole country.
+        language: Of the names of holidays, where the library has them.
+        events: In the order of the file.
+    """
+
+    country: str | None = None
+    region: str | None = None
+    language: str = "en"
+    events: tuple[Event, ...] = ()
+
+    def holiday(self, day: date) -> str | None:
+        """Return the name of the public holiday on a day; None on any other day."""
+        if self.country is None:
+            return None
+        return public_holidays(self.country, self.region, self.language, day.year).get(day)
+
+    def event(self, day: date) -> Event | None:
+        """Return the first event that includes a day."""
+        return next((e for e in self.events if e.first <= day <= e.last), None)
+
+
+@lru_cache(maxsize=64)
+def public_holidays(country: str, region: str | None, language: str, year: int) -> Mapping[date, str]:
+    """Return the public holidays of a year, names by day.
+
+    Args:
+        country: Code of ISO 3166.
+        region: Its subdivision; None = the whole country.
+        language: Of the names; the country's own where the library lacks it.
+        year: The year.
+
+    Raises:
+        NotImplementedError: The library does not know the country or its region.
+        ImportError: The library is not installed.
+    """
+    import holidays  # only sites with a country need it
+
+    known = holidays.country_holidays(country, subdiv=region)
+    # without a language the library takes that of the machine, and names would differ from one to the next
+    own = known.default_language
+    chosen = next((code for code in known.supported_languages if code.partition("_")[0] == language), own)
+    named = holidays.country_holidays(country, subdiv=region, years=year, language=chosen)
+    return {day: str(name) for day, name in sorted(named.items())}
+
+
+def is_after_clock_change(zone: ZoneInfo, day: date) -> bool:
+    """Tell whether the clocks changed in the seven days before a day: sun and habits come an hour earlier or later."""
+    now, before = (datetime.combine(d, time(12), zone).utcoffset() for d in (day, day - WEEK))
+    return now != before
