@@ -25,6 +25,8 @@
 --   open_right       the pair's next violation record lies within gap_ms, in a later hour
 --   before_ms        how long before started_ms they came closer than distance_m; null when the frame before does not show it
 --   after_ms         how long after ended_ms they parted; null when the frame after does not show it
+--   near_from_ms     since when the pair has not parted (close_records)
+--   near_to_ms       until when
 --   n_owned          violation records that this camera counts, because it owns their midpoint
 --   owned_from_ms    first of these
 --   owned_to_ms      last of these
@@ -65,6 +67,8 @@ with segments as (
         count(*) filter (where distance_mm < 1500) as n_below_1500,
         min_by(follows, ts_ms) as open_left,
         max_by(is_followed, ts_ms) as open_right,
+        min(near_from_ms) as near_from_ms,
+        max(near_to_ms) as near_to_ms,
         count(*) filter (where is_owned) as n_owned,
         min(ts_ms) filter (where is_owned) as owned_from_ms,
         max(ts_ms) filter (where is_owned) as owned_to_ms,
@@ -312,6 +316,8 @@ select
     g.open_right,
     c.before_ms,
     c.after_ms,
+    g.near_from_ms,
+    g.near_to_ms,
     g.n_owned,
     g.owned_from_ms,
     g.owned_to_ms,

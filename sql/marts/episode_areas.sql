@@ -1,7 +1,7 @@
 -- name: marts/episode_areas
 -- One row per episode: the area in which most of its person-time in violation lies.
 -- grain: camera_id, track_a, track_b, started_ms
--- reads: episodes, camera_episodes, shared_episodes, episode_cells, area_cells, cameras
+-- reads: episodes, camera_episodes, joined_segments, shared_episodes, episode_cells, area_cells, cameras
 -- columns:
 --   camera_id     the camera that counts it, as in episodes
 --   track_a       the lesser track id
@@ -13,7 +13,7 @@
 -- steps:
 --   members  as in episodes: the camera that counts an episode gives its key, and members that own no record are left out where another
 --            member owns one
---   stood    both people of all members, each where they stand; a segment belongs to the camera episode whose time holds its start
+--   stood    both people of all members, each where they stand
 --   ranked   of places with equal time the one with the episode's middle, as in a frame in which one person stands on either side of a
 --            border; else the first by id
 -- assumes: where the cells are unknown (hours sealed by older versions) the area of the cell of its mean midpoint
@@ -22,8 +22,6 @@ with numbered as (
         e.camera_id,
         e.track_a,
         e.track_b,
-        e.started_ms,
-        e.ended_ms,
         e.from_ms,
         e.n_records,
         e.number,
@@ -36,11 +34,8 @@ with numbered as (
 
 members as (
     select
+        number,
         camera_id,
-        track_a,
-        track_b,
-        started_ms,
-        ended_ms,
         is_owned,
         first_value(camera_id) over by_rank as counting_camera_id,
         first_value(track_a) over by_rank as counted_track_a,
@@ -62,12 +57,13 @@ stood as (
         sum(case when m.is_owned then c.owned_ms else c.violation_ms end) as violation_ms
     from members as m
     inner join cameras on m.camera_id = cameras.camera_id
+    inner join joined_segments as j on m.number = j.number
     inner join episode_cells as c
         on
-            m.camera_id = c.camera_id
-            and m.track_a = c.track_a
-            and m.track_b = c.track_b
-            and c.started_ms between m.started_ms and m.ended_ms
+            j.camera_id = c.camera_id
+            and j.track_a = c.track_a
+            and j.track_b = c.track_b
+            and j.started_ms = c.started_ms
     left join area_cells
         on
             cameras.floor_id = area_cells.floor_id

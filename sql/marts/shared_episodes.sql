@@ -1,12 +1,12 @@
 -- name: marts/shared_episodes
 -- One row per camera episode that another camera saw as well, with the first of those that are the same episode (components of same_pairs).
 -- grain: number
--- reads: camera_episodes, same_pairs
+-- reads: joined_segments, same_pairs
 -- columns:
 --   number  of a row of camera_episodes
 --   first   the least number of those that are one episode
 -- steps:
---   found    same_pairs names segments of an hour; a segment belongs to the episode whose time holds its start
+--   found    same_pairs names segments of an hour; joined_segments says which episode each is part of
 --   reached  a transitive closure that only walks towards lesser numbers; `union` removes repeats, so it ends
 -- assumes: two pairs that each equal a third are the same pair
 with recursive found as (
@@ -14,18 +14,18 @@ with recursive found as (
         a.number,
         b.number as other
     from same_pairs as s
-    inner join camera_episodes as a
+    inner join joined_segments as a
         on
             s.camera_id = a.camera_id
             and s.track_a = a.track_a
             and s.track_b = a.track_b
-            and s.started_ms between a.started_ms and a.ended_ms
-    inner join camera_episodes as b
+            and s.started_ms = a.started_ms
+    inner join joined_segments as b
         on
             s.other_camera_id = b.camera_id
             and s.other_track_a = b.track_a
             and s.other_track_b = b.track_b
-            and s.other_started_ms between b.started_ms and b.ended_ms
+            and s.other_started_ms = b.started_ms
 ),
 
 edges as materialized (

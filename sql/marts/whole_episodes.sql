@@ -33,6 +33,7 @@ with members as (
         e.to_ms,
         e.before_ms,
         e.after_ms,
+        e.apart_ms,
         e.knows_start,
         e.knows_end,
         e.n_records,
@@ -65,7 +66,7 @@ whole as (
         max(track_b) filter (where rank = 1) as track_b,
         min(from_ms) as started_ms,
         max(to_ms) as ended_ms,
-        max(to_ms + after_ms) - min(from_ms - before_ms) as duration_ms,
+        max(to_ms + after_ms) - min(from_ms - before_ms) - min(apart_ms) as duration_ms,
         case
             when count(knows_start) = count(*)
                 then bool_or((first_rank = 1 and not knows_start) or (last_rank = 1 and not knows_end))
@@ -86,7 +87,7 @@ whole as (
         track_b,
         from_ms as started_ms,
         to_ms as ended_ms,
-        to_ms + after_ms - from_ms + before_ms as duration_ms,
+        to_ms + after_ms - from_ms + before_ms - apart_ms as duration_ms,
         not knows_start or not knows_end as is_cut,
         n_records,
         x2_mm / nullif(2 * n_located, 0) as x_mm,

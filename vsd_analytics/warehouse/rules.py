@@ -20,6 +20,8 @@ RULES: Final[Mapping[str, int]] = {
     "unknown_interval_ms": 1000,
     # More people than this are too many for all pairs: what bounds the time, not a figure.
     "crowd_people": 40,
+    # A pair that was closer than distance_m has parted 0.3 m beyond it: three times a usual error of a place.
+    "parting_mm": 300,
     # How well two cameras agree on a place; proven on real recordings (tests/realdata/prove_cameras.py).
     "same_place_mm": 500,
     # How far a place may be carried on to the next record: after 4 s people may be anywhere.
@@ -33,6 +35,14 @@ RULES: Final[Mapping[str, int]] = {
     # How well a camera knows a place, and how far a walker leaves its straight way in a second.
     "cut_place_mm": 500,
     "cut_mm_per_s": 300,
+    # The speed at either end of a track is that of its last second; over a cut it changes by less than a turn round.
+    "cut_speed_ms": 1000,
+    "cut_turn_mm_per_s": 1000,
+    # An id that stays within 0.35 m of another one in 4 of 5 of its records is a second id of that person: bodies are
+    # as deep. No pair of true ids of nine recordings does (tests/realdata/prove_encounters.py).
+    "double_mm": 350,
+    "double_fifths": 4,
+    "double_records": 3,
     # After 5 minutes of silence over an hour's edge, message_gaps decides whether a lower number is a new count.
     "number_silence_ms": 300_000,
 }

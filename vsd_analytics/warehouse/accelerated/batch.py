@@ -32,6 +32,7 @@ from vsd_analytics.warehouse.accelerated.persons import (
 )
 from vsd_analytics.warehouse.accelerated.runs import close_records, episode_cells, track_pairs
 from vsd_analytics.warehouse.accelerated.same_pairs import same_pairs
+from vsd_analytics.warehouse.accelerated.same_tracks import same_tracks
 from vsd_analytics.warehouse.accelerated.site_tables import DayIntervals, Floors, SiteTables
 from vsd_analytics.warehouse.accelerated.standing import area_tracks, crowding, exposure, track_lives
 from vsd_analytics.warehouse.dimensions import ASKED_TABLES
@@ -49,6 +50,7 @@ COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {
         pairs,
         close_records,
         same_pairs,
+        same_tracks,
         episode_segments,
         episode_cells,
         track_pairs,

@@ -40,6 +40,8 @@ def episode_segments(held: Held, site: SiteTables) -> Columns:
         "open_right": records["is_followed"][ends],
         "before_ms": before,
         "after_ms": after,
+        "near_from_ms": records["near_from_ms"][starts],
+        "near_to_ms": records["near_to_ms"][starts],
         "n_owned": n_owned,
         "owned_from_ms": np.where(n_owned > 0, least(np.where(is_owned, ts, _AFTER_ALL), starts), NULL),
         "owned_to_ms": np.where(n_owned > 0, greatest(np.where(is_owned, ts, NULL), starts), NULL),

@@ -14,6 +14,7 @@ from vsd_analytics.warehouse.accelerated.columns import (
     sums,
     take,
 )
+from vsd_analytics.warehouse.accelerated.located import HOUR_MS
 from vsd_analytics.warehouse.accelerated.site_tables import SiteTables, gap_ms
 from vsd_analytics.warehouse.held import NULL, Bools, Columns, Held, Ints
 
@@ -24,12 +25,9 @@ def close_records(held: Held, site: SiteTables) -> Columns:
     `_run` numbers the runs and `_pair` the pairs of tracks, both in this order; `_frame` is the row of `instants`.
     """
     pairs = held["pairs"]
-    is_close = (pairs["distance_mm"] < site.params["distance_mm"]) & (pairs["track_a"] >= 0) & (pairs["track_b"] >= 0)
-    rows = np.flatnonzero(is_close)
-    a, b, camera = pairs["track_a"][rows], pairs["track_b"][rows], pairs["camera_id"][rows]
-    order = order_by(camera, np.minimum(a, b), np.maximum(a, b))  # those of a camera are in order of instants
+    rows, near_from, near_to = _close_rows(pairs, site)
     named = ("hour", "camera_id", "ts_ms", "track_a", "track_b", "distance_mm", "weight_ms", "is_owned", "_frame")
-    pairs = take(pairs, picked(rows, order), *named, "x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm")
+    pairs = take(pairs, rows, *named, "x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm")
     camera, ts, hour = pairs["camera_id"], pairs["ts_ms"], pairs["hour"]
     is_turned = pairs["track_a"] > pairs["track_b"]
     a, b = (
@@ -70,11 +68,34 @@ def close_records(held: Held, site: SiteTables) -> Columns:
         "is_owned": pairs["is_owned"],
         "follows": follows,
         "is_followed": ~is_last & (step <= gap),
+        "near_from_ms": np.maximum(near_from, HOUR_MS * hour - gap),
+        "near_to_ms": np.minimum(near_to, HOUR_MS * (hour + 1) + gap),
         **{f"next_{name}": _next(values, is_last) for name, values in (("ms", ts), *places.items())},
         "_run": run,
         "_pair": run_of(pair_starts, n),
         "_frame": pairs["_frame"],
     }
+
+
+def _close_rows(pairs: Columns, site: SiteTables) -> tuple[Ints, Ints, Ints]:
+    """Return the violation records in order of camera, pair and instant, and since and until when each pair is near."""
+    distance_mm = int(site.params["distance_mm"])
+    is_near = pairs["distance_mm"] < distance_mm + int(site.params["parting_mm"])
+    rows = np.flatnonzero(is_near & (pairs["track_a"] >= 0) & (pairs["track_b"] >= 0))
+    a, b, camera = (picked(pairs[c], rows) for c in ("track_a", "track_b", "camera_id"))
+    a, b = np.minimum(a, b), np.maximum(a, b)
+    order = order_by(camera, a, b)  # those of a camera are in order of instants
+    rows, a, b, camera = (picked(values, order) for values in (rows, a, b, camera))
+    ts = picked(pairs["ts_ms"], rows)
+    gap = gap_ms(site.days.interval_ms(camera, ts), site.params["episode_gap_ms"], site)
+    is_begun = np.zeros(len(ts), dtype=np.bool_)
+    is_begun[starts_of(camera, a, b)] = True
+    is_begun[1:] |= np.diff(ts) > gap[1:]
+    starts = np.flatnonzero(is_begun)
+    stretch, is_close = run_of(starts, len(ts)), picked(pairs["distance_mm"], rows) < distance_mm
+    near_from, near_to = ts[starts], ts[ends_of(starts, len(ts)) - 1] if len(ts) else ts
+    stretch = stretch[is_close]
+    return rows[is_close], picked(near_from, stretch), picked(near_to, stretch)
 
 
 def _next(values: Ints, is_last: Bools) -> Ints:
