@@ -2,7 +2,7 @@
 -- One row per UTC hour and two track ids of a camera that are one person: the id was switched, or one of the two is a double.
 -- grain: hour, camera_id, track_a, track_b
 -- reads: located, pairs, camera_days
--- params: episode_gap_ms, gap_half_intervals, next_half_intervals, cut_most_ms, cut_place_mm, cut_mm_per_s, cut_speed_ms, cut_turn_mm_per_s, double_mm, double_fifths, double_records
+-- params: episode_gap_ms, gap_half_intervals, next_half_intervals, cut_most_ms, cut_place_mm, cut_mm_per_s, cut_speed_ms, cut_turn_mm_per_s, double_mm, double_thousandths, double_records
 -- columns:
 --   hour       UTC hour number: in which the later id begins, or the double is seen
 --   camera_id
@@ -49,7 +49,7 @@ timed as (
     cross join params as s
 ),
 
--- n_outwards is 1 where time runs out of the track, at its end, and -1 at its start
+-- outwards is 1 where time runs out of the track, at its end, and -1 at its start
 ends as (
     select
         camera_id,
@@ -125,25 +125,25 @@ beside as (
         e.camera_id,
         e.track_id,
         e.ts_ms,
-        s.track_id as next_id,
-        s.ts_ms as next_ms,
-        s.ts_ms - e.ts_ms as away_ms,
-        s.x_mm - e.x_mm as x_mm,
-        s.y_mm - e.y_mm as y_mm,
-        coalesce(e.x_mm_per_ms, s.x_mm_per_ms, 0) as x_mm_per_ms,
-        coalesce(e.y_mm_per_ms, s.y_mm_per_ms, 0) as y_mm_per_ms,
-        coalesce(s.x_mm_per_ms, e.x_mm_per_ms, 0) as next_x_mm_per_ms,
-        coalesce(s.y_mm_per_ms, e.y_mm_per_ms, 0) as next_y_mm_per_ms
+        n.track_id as next_id,
+        n.ts_ms as next_ms,
+        n.ts_ms - e.ts_ms as away_ms,
+        n.x_mm - e.x_mm as x_mm,
+        n.y_mm - e.y_mm as y_mm,
+        coalesce(e.x_mm_per_ms, n.x_mm_per_ms, 0) as x_mm_per_ms,
+        coalesce(e.y_mm_per_ms, n.y_mm_per_ms, 0) as y_mm_per_ms,
+        coalesce(n.x_mm_per_ms, e.x_mm_per_ms, 0) as next_x_mm_per_ms,
+        coalesce(n.y_mm_per_ms, e.y_mm_per_ms, 0) as next_y_mm_per_ms
     from leaving as e
     cross join spans
-    inner join leaving as s
+    inner join leaving as n
         on
-            e.camera_id = s.camera_id
-            and e.span + spans.beside = s.span
-            and e.track_id <> s.track_id
-            and s.ts_ms > e.ts_ms
-            and s.ts_ms <= e.ts_ms + e.reach_ms
-    where e.outwards = 1 and s.outwards = -1
+            e.camera_id = n.camera_id
+            and e.span + spans.beside = n.span
+            and e.track_id <> n.track_id
+            and n.ts_ms > e.ts_ms
+            and n.ts_ms <= e.ts_ms + e.reach_ms
+    where e.outwards = 1 and n.outwards = -1
 ),
 
 near as (
@@ -159,8 +159,8 @@ near as (
     from beside as b
     cross join params as s
     where
-        1000000 * (power(b.x_mm_per_ms - b.next_x_mm_per_ms, 2) + power(b.y_mm_per_ms - b.next_y_mm_per_ms, 2))
-        <= s.cut_turn_mm_per_s * s.cut_turn_mm_per_s
+        power(b.x_mm_per_ms - b.next_x_mm_per_ms, 2) + power(b.y_mm_per_ms - b.next_y_mm_per_ms, 2)
+        <= power(s.cut_turn_mm_per_s / 1000, 2)
 ),
 
 ranked as (
@@ -210,7 +210,7 @@ doubles as (
     cross join params as s
     inner join lives as a on d.hour = a.hour and d.camera_id = a.camera_id and d.track_a = a.track_id
     inner join lives as b on d.hour = b.hour and d.camera_id = b.camera_id and d.track_b = b.track_id
-    where d.n_records >= s.double_records and 5 * d.n_records >= s.double_fifths * least(a.n_records, b.n_records)
+    where d.n_records >= s.double_records and 1000 * d.n_records >= s.double_thousandths * least(a.n_records, b.n_records)
 ),
 
 same as (

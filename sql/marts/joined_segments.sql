@@ -32,7 +32,7 @@ with named as (
         s.started_ms - coalesce(s.before_ms, floor(s.interval_ms / 2)::bigint) as met_ms,
         s.ended_ms + coalesce(s.after_ms, ceil(s.interval_ms / 2)::bigint) as parted_ms
     from episode_segments as s
-    left join site_days on s.hour * 4 = site_days.quarter
+    left join site_days on floor(s.started_ms / 900000) = site_days.quarter
     left join track_persons as a
         on s.camera_id = a.camera_id and site_days.site_day = a.site_day and s.track_a = a.track_id
     left join track_persons as b

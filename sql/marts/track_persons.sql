@@ -17,7 +17,7 @@ with recursive found as materialized (
         same_tracks.track_a,
         same_tracks.track_b
     from same_tracks
-    inner join site_days on same_tracks.hour * 4 = site_days.quarter
+    inner join site_days on floor(same_tracks.hour * 3600000 / 900000) = site_days.quarter
 ),
 
 edges as materialized (

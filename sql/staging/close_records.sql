@@ -58,7 +58,20 @@ with near as (
 
 begun as (
     select
-        near.*,
+        hour,
+        camera_id,
+        track_a,
+        track_b,
+        ts_ms,
+        weight_ms,
+        interval_ms,
+        gap_ms,
+        x_a_mm,
+        y_a_mm,
+        x_b_mm,
+        y_b_mm,
+        distance_mm,
+        is_owned,
         case
             when ts_ms - lag(ts_ms) over (partition by camera_id, track_a, track_b order by ts_ms) <= gap_ms then 0 else 1
         end as is_begun
@@ -67,7 +80,20 @@ begun as (
 
 stretches as (
     select
-        begun.*,
+        hour,
+        camera_id,
+        track_a,
+        track_b,
+        ts_ms,
+        weight_ms,
+        interval_ms,
+        gap_ms,
+        x_a_mm,
+        y_a_mm,
+        x_b_mm,
+        y_b_mm,
+        distance_mm,
+        is_owned,
         sum(is_begun) over (
             partition by camera_id, track_a, track_b order by ts_ms rows between unbounded preceding and current row
         ) as stretch
@@ -94,7 +120,20 @@ close as (
         least(n.to_ms, 3600000 * (n.hour + 1) + n.gap_ms) as near_to_ms
     from (
         select
-            stretches.*,
+            hour,
+            camera_id,
+            track_a,
+            track_b,
+            ts_ms,
+            weight_ms,
+            interval_ms,
+            gap_ms,
+            x_a_mm,
+            y_a_mm,
+            x_b_mm,
+            y_b_mm,
+            distance_mm,
+            is_owned,
             min(ts_ms) over (partition by camera_id, track_a, track_b, stretch) as from_ms,
             max(ts_ms) over (partition by camera_id, track_a, track_b, stretch) as to_ms
         from stretches

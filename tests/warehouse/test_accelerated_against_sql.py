@@ -50,9 +50,10 @@ class Scene:
     sends_pairs: bool = False
     falling_numbers: bool = False
     opens_at_half_past: bool = False
+    switches_ids: bool = False
 
 
-BUSY = Scene(4, n_people=30, share_lost=0.0, sends_pixels=True)
+BUSY = Scene(4, n_people=30, share_lost=0.0, sends_pixels=True, switches_ids=True)
 
 
 def site_of(scene: Scene, root: Path) -> Site:
@@ -103,6 +104,9 @@ def records_of(scene: Scene) -> Iterator[Person | Pair | Frame]:
                 if x0 * 1000 <= places[i][0] <= x1 * 1000 and rng.random() > 0.05
             ]
             has_pairs = scene.sends_pairs and camera != "cam"
+            if scene.switches_ids:  # each id lives for a while, and one person has two
+                seen = [(f"{track}{(number + 7 * k) // 25}" if track else None, x, y) for k, (track, x, y) in enumerate(seen)]
+                seen += [(f"{track}x", x + 90, y) for track, x, y in seen[:1] if track]
             if scene.has_beats:
                 seq = number - (40 if scene.falling_numbers and number > 70 else 0)
                 yield Frame(at, camera, n_persons=len(seen), n_pairs=0 if has_pairs else None, seq=seq)
@@ -167,6 +171,7 @@ def both(scene: Scene) -> tuple[dict[str, pa.Table], dict[str, pa.Table]]:
         sends_pairs=st.booleans(),
         falling_numbers=st.booleans(),
         opens_at_half_past=st.booleans(),
+        switches_ids=st.booleans(),
     ).filter(lambda scene: scene.has_beats or scene.sends_persons)
 )
 @example(BUSY)

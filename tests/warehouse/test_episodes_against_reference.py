@@ -23,20 +23,26 @@ def reference(people: list[Person], *, gap_ms: int = 3000, interval_ms: int = 10
     frames: dict[int, list[Person]] = {}
     for p in people:
         frames.setdefault(p.ts, []).append(p)
-    close: dict[tuple[str, str], list[int]] = {}
+    near: dict[tuple[str, str], dict[int, int]] = {}
     for ts in sorted(frames):
         for p, q in combinations(sorted(frames[ts], key=lambda r: str(r.track)), 2):
-            if (p.x - q.x) ** 2 + (p.y - q.y) ** 2 < 2000**2:
-                close.setdefault((str(p.track), str(q.track)), []).append(ts)
-    runs: list[tuple[str, str, list[int]]] = []
-    for (a, b), instants in close.items():
-        run = [instants[0]]
+            mm = int(np.hypot(p.x - q.x, p.y - q.y))
+            if mm < 2300:
+                near.setdefault((str(p.track), str(q.track)), {})[ts] = mm
+
+    def split(instants: list[int]) -> list[list[int]]:
+        runs = [[instants[0]]]
         for ts in instants[1:]:
-            if ts - run[-1] > gap_ms:
-                runs.append((a, b, run))
-                run = []
-            run.append(ts)
-        runs.append((a, b, run))
+            runs += [[]] if ts - runs[-1][-1] > gap_ms else []
+            runs[-1].append(ts)
+        return runs
+
+    # of people who did not part, the runs closer than 2 m
+    episodes: list[tuple[str, str, list[list[int]]]] = []
+    for (a, b), mm_at in near.items():
+        for stretch in split(list(mm_at)):
+            close = [ts for ts in stretch if mm_at[ts] < 2000]
+            episodes += [(a, b, split(close))] if close else []
 
     every = sorted(frames)
     places = {(p.ts, str(p.track)): (p.x, p.y) for p in people}
@@ -72,16 +78,21 @@ def reference(people: list[Person], *, gap_ms: int = 3000, interval_ms: int = 10
     def lasted_s(a: str, b: str, run: list[int]) -> float:
         return (run[-1] - run[0] + more_ms(a, b, run[0], -1) + more_ms(a, b, run[-1], 1)) / 1000
 
-    return sorted((a, b, run[0], run[-1], len(run), lasted_s(a, b, run)) for a, b, run in runs)
+    return sorted(
+        (a, b, runs[0][0], runs[-1][-1], sum(map(len, runs)), round(sum(lasted_s(a, b, run) for run in runs), 3))
+        for a, b, runs in episodes
+    )
 
 
 def walk(rng: np.random.Generator, *, start: int, seconds: int, n_people: int = 5, step_ms: int = 1000) -> list[Person]:
-    """Return people who wander about a small floor and are missed now and then."""
+    """Return people who wander about a small floor and are missed now and then, two frames in a row at most."""
     people = []
+    was_seen = np.ones((2, n_people), dtype=np.bool_)
     xy = rng.integers(-2_500, 2_500, size=(n_people, 2))
     for k in range(seconds * 1000 // step_ms):
         xy = np.clip(xy + rng.integers(-700, 701, size=xy.shape), -3_000, 3_000)
-        seen = rng.random(n_people) < 0.8
+        seen = (rng.random(n_people) < 0.8) | ~was_seen.any(axis=0)
+        was_seen = np.stack([was_seen[1], seen])
         people += [
             Person(start + k * step_ms, f"t{i}", int(xy[i, 0]), int(xy[i, 1])) for i in range(n_people) if seen[i]
         ]

@@ -41,7 +41,7 @@ RULES: Final[Mapping[str, int]] = {
     # An id that stays within 0.35 m of another one in 4 of 5 of its records is a second id of that person: bodies are
     # as deep. No pair of true ids of nine recordings does (tests/realdata/prove_encounters.py).
     "double_mm": 350,
-    "double_fifths": 4,
+    "double_thousandths": 800,
     "double_records": 3,
     # After 5 minutes of silence over an hour's edge, message_gaps decides whether a lower number is a new count.
     "number_silence_ms": 300_000,

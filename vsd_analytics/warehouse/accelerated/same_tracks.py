@@ -20,6 +20,7 @@ from vsd_analytics.warehouse.accelerated.site_tables import SiteTables, gap_ms
 from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
 Floats = NDArray[np.float64]
+_NONE = 2**50
 
 
 def same_tracks(held: Held, site: SiteTables) -> Columns:
@@ -80,7 +81,7 @@ def _switched(located: Columns, site: SiteTables) -> NDArray[np.int64]:
     off = [of[c][s] - of[c][e] - (v[i] + w[i]) / 2 * away for i, c in enumerate(("x_mm", "y_mm"))]
     square = off[0] * off[0] + off[1] * off[1]
     turn = v - w
-    is_there = 1_000_000 * (turn[0] * turn[0] + turn[1] * turn[1]) <= int(rules["cut_turn_mm_per_s"]) ** 2
+    is_there = turn[0] * turn[0] + turn[1] * turn[1] <= (rules["cut_turn_mm_per_s"] / 1000) ** 2
     within = rules["cut_place_mm"] + rules["cut_mm_per_s"] * away / 1000
     is_there &= square <= within * within
     one, other, square = one[is_there], other[is_there], square[is_there]
@@ -119,19 +120,23 @@ def _doubles(held: Held, site: SiteTables) -> NDArray[np.int64]:
     at, n_near = at[is_often], n_near[is_often]
     hour, camera, a, b = hour[at], camera[at], a[at], b[at]
     lives = _n_records(located, hour, camera, a, b)
-    is_double = 5 * n_near >= rules["double_fifths"] * lives
+    is_double = 1000 * n_near >= rules["double_thousandths"] * lives
     return np.stack([v[is_double].astype(np.int64) for v in (hour, camera, a, b)])
 
 
 def _n_records(located: Columns, hour: Ints, camera: Ints, a: Ints, b: Ints) -> Ints:
-    """Return the records that the rarer of two ids has in an hour."""
+    """Return the records that the rarer of two ids has in an hour; more than there are where one has none."""
     ids = distinct(np.concatenate([a, b]))
     rows = np.flatnonzero(np.isin(located["track_id"], ids))
     keys = (picked(located["ts_ms"], rows) // HOUR_MS, *(picked(located[c], rows) for c in ("camera_id", "track_id")))
     order, starts = grouped_by(*keys)
     n = np.diff(starts, append=len(rows))
     known = {key: k for k, key in enumerate(zip(*(v[order[starts]].tolist() for v in keys), strict=True))}
-    found = [
-        [n[known[key]] for key in zip(hour.tolist(), camera.tolist(), of.tolist(), strict=True)] for of in (a, b)
-    ]
-    return np.min(np.array(found, dtype=np.int64).reshape(2, -1), axis=0)
+    found = np.array(
+        [
+            [n[known[key]] if key in known else _NONE for key in zip(*(v.tolist() for v in (hour, camera, of)), strict=True)]
+            for of in (a, b)
+        ],
+        dtype=np.int64,
+    ).reshape(2, -1)
+    return np.where(found.max(axis=0) == _NONE, _NONE, found.min(axis=0))
