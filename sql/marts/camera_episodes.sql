@@ -13,9 +13,9 @@
 --   from_ms          first record that counts: that this camera owns; where it owns none, started_ms
 --   to_ms            last record that counts
 --   before_ms        how long before from_ms they came closer than distance_m; half a frame interval when the frames do not show it
---   after_ms         how long after to_ms they parted; likewise
+--   after_ms         how long after to_ms they were farther apart; likewise
 --   knows_start      the frames show when they came closer; null in hours sealed by older versions, which did not compute it
---   knows_end        the frames show when they parted; likewise
+--   knows_end        the frames show when that was; likewise
 --   apart_ms         time between from_ms and to_ms in which they were farther apart than distance_m, but did not part
 --   n_records        records that count
 --   n_located        those with floor positions

@@ -1,16 +1,16 @@
 -- name: marts/episodes
--- One row per episode: a pair closer than distance_m with no gap longer than gap_ms (episode_segments), over hours, midnight and cameras.
+-- One row per episode of a pair, from meeting to parting (joined_segments), over hours, midnight, id switches, doubles and cameras.
 -- stored_by: local_date
 -- grain: camera_id, track_a, track_b, started_ms
 -- reads: whole_episodes, calendar, site_days, track_groups
 -- params: cell_mm
 -- columns:
 --   camera_id        the camera that counts it: of those that saw it, the one with most records that count
---   track_a          the lesser track id that this camera gave
---   track_b          the greater track id
+--   track_a          the lesser of the two track ids that this camera gave first
+--   track_b          the greater one
 --   started_ms       first violation record that counts, of any camera, milliseconds since 1970, UTC
 --   ended_ms         last violation record that counts
---   duration_s       from coming closer than distance_m to parting; where frames do not show it, half a frame interval before and after
+--   duration_s       closer than distance_m, with gaps up to gap_ms; where frames do not show its ends, half a frame interval more
 --   is_cut           seen in part: the frames do not show when they came closer or parted; null in hours sealed by older versions
 --   n_records        violation records that count, each with the camera that owns its midpoint
 --   x_m              mean midpoint, floor metres; null without positions
@@ -25,7 +25,7 @@
 --   local_date
 --   local_hour       0 to 23
 --   is_open          it started in opening hours
---   is_together      the two move in one group, by all that was seen of them that site day; null where that cannot be known
+--   is_together      the two move in one group, by all that was seen of these two ids that site day; null where that cannot be known
 -- figure: M8 Violations counted
 --   definition   violations in camera-hours that enter rates, and beside them episodes of any length
 --   unit         violations

@@ -9,7 +9,7 @@
 --   track_a          the lesser track id
 --   track_b          the greater track id
 --   started_ms       milliseconds since 1970, UTC
---   duration_s       from coming closer than distance_m to parting
+--   duration_s       time closer than distance_m, with gaps up to gap_ms
 --   x_m              mean midpoint, floor metres
 --   y_m              mean midpoint, floor metres
 --   cx               floor(x / cell_m)

@@ -1,15 +1,15 @@
 -- name: marts/whole_episodes
--- One row per episode of the facts loaded: a pair closer than distance_m with no gap longer than gap_ms (episode_segments), counted once.
+-- One row per episode of the facts loaded: a pair from meeting to parting (joined_segments), counted once.
 -- grain: camera_id, track_a, track_b, started_ms
 -- reads: camera_episodes, shared_episodes
 -- params: episode_min_ms
 -- columns:
 --   camera_id         the camera that counts it: of those that saw it, the one with most records that count
---   track_a           the lesser track id that this camera gave
---   track_b           the greater track id
+--   track_a           the lesser of the two track ids that this camera gave first
+--   track_b           the greater one
 --   started_ms        first violation record that counts, of any camera, milliseconds since 1970, UTC
 --   ended_ms          last violation record that counts
---   duration_ms       from coming closer than distance_m to parting; where frames do not show it, half a frame interval before and after
+--   duration_ms       closer than distance_m, with gaps up to gap_ms; where frames do not show its ends, half a frame interval more
 --   is_cut            seen in part; null in hours sealed by older versions
 --   n_records         violation records that count, each with the camera that owns its midpoint
 --   x_mm              mean midpoint, floor millimetres; null without positions

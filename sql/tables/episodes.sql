@@ -7,7 +7,7 @@
 --   ended            instant of its last violation record, with the site's zone
 --   local_date
 --   local_hour       0 to 23
---   duration_s       from coming closer than distance_m to parting, seconds
+--   duration_s       time closer than distance_m, seconds, with gaps up to episode_gap_s
 --   is_violation     it lasted at least episode_min_s
 --   is_cut           seen in part: the frames do not show when they came closer or parted; null where unknown
 --   floor_id

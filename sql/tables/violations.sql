@@ -6,7 +6,7 @@
 --   started          instant of its first violation record, with the site's zone
 --   local_date
 --   local_hour       0 to 23
---   duration_s       from coming closer than distance_m to parting, seconds
+--   duration_s       time closer than distance_m, seconds, with gaps up to episode_gap_s
 --   floor_id
 --   camera_id        the camera that counts it
 --   area_id          area in which most of its person-time lies; rest for the rest of the floor; null without a place

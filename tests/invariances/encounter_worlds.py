@@ -44,7 +44,9 @@ def _joined(parts: list[Seen]) -> Seen:
     return every.rows(np.lexsort((every.track, every.ts_ms)))
 
 
-def walkers(rng: np.random.Generator, *, seconds: int, per_hour: float, company: float = 0.3, stays_s: float = 40.0) -> Seen:
+def walkers(
+    rng: np.random.Generator, *, seconds: int, per_hour: float, company: float = 0.3, stays_s: float = 40.0
+) -> Seen:
     """Return people who enter at one of four doors, visit one to three places, stand there, and leave.
 
     Args:
@@ -91,7 +93,9 @@ def walkers(rng: np.random.Generator, *, seconds: int, per_hour: float, company:
     return _joined(parts)
 
 
-def queue(rng: np.random.Generator, *, seconds: int, spacing_m: float = 1.0, serves_s: float = 25.0, n: int = 12) -> Seen:
+def queue(
+    rng: np.random.Generator, *, seconds: int, spacing_m: float = 1.0, serves_s: float = 25.0, n: int = 12
+) -> Seen:
     """Return people who stand in a line of `n` and move up each time that the first is served."""
     parts = []
     moves = np.cumsum(rng.gamma(4, serves_s / 4, size=seconds))
@@ -127,7 +131,7 @@ def noisy(seen: Seen, rng: np.random.Generator, *, sd_m: float, smooth_s: float 
     if smooth_s:
         order = np.lexsort((seen.ts_ms, seen.track))
         track, ts = seen.track[order], seen.ts_ms[order] / 1000
-        keep = np.append(0.0, np.where(np.diff(track) == 0, np.exp(-np.diff(ts) / smooth_s), 0.0))
+        keep = np.append(0.0, np.where(np.diff(track) == 0, np.exp(-np.abs(np.diff(ts)) / smooth_s), 0.0))
         new = error[order] * np.sqrt(1 - keep**2)[:, None]
         for k in range(1, len(new)):
             new[k] += keep[k] * new[k - 1]
@@ -141,7 +145,7 @@ def thinned(seen: Seen, *, every_ms: int) -> Seen:
 
 
 def cut(seen: Seen, rng: np.random.Generator, *, share: float, lost_s: float = 0.0) -> Seen:
-    """Return the records with a share of the tracks cut once, at an instant of equal chance; lost for up to `lost_s`."""
+    """Return the records with a share of the tracks cut once, at an instant drawn evenly; lost for up to `lost_s`."""
     track, first_free = seen.track.copy(), int(seen.track.max()) + 1
     ids = np.unique(track)
     chosen = ids[rng.random(len(ids)) < share]
@@ -156,7 +160,15 @@ def cut(seen: Seen, rng: np.random.Generator, *, share: float, lost_s: float = 0
     return replace(seen, track=track).rows(~is_lost)
 
 
-def doubled(seen: Seen, rng: np.random.Generator, *, share: float, away_m: float = 0.25, lasts_s: float = 1e9, sd_m: float = 0.05) -> Seen:
+def doubled(
+    seen: Seen,
+    rng: np.random.Generator,
+    *,
+    share: float,
+    away_m: float = 0.25,
+    lasts_s: float = 1e9,
+    sd_m: float = 0.05,
+) -> Seen:
     """Return the records with a second id beside a share of the tracks, for a stretch of a mean length, near them."""
     ids = np.unique(seen.track)
     chosen = ids[rng.random(len(ids)) < share]

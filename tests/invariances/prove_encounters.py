@@ -1,8 +1,8 @@
 """Counts violations of people whose track ids switch, double and flicker, and prints how far from those of true ids.
 
 Run `python tests/invariances/prove_encounters.py`; the tables are in docs/statistics.md. Floors and trackers are those
-of `encounter_worlds.py`; all goes the way of real data: store, facts, marts. With VSD_REALDATA real recordings with true
-ids follow, whole and with ids cut.
+of `encounter_worlds.py`; all goes the way of real data: store, facts, marts. Real recordings with true ids:
+`tests/realdata/prove_encounters.py`.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -48,12 +49,9 @@ def counted(seen: Seen, *, every_ms: int, distance_m: float) -> tuple[int, float
     """Return violations, M6, M9 and the median of M36 of what a tracker reports, through store and warehouse."""
     corners = ((6.0, 5.0), (14.0, 5.0), (14.0, 11.0), (6.0, 11.0))
     with TemporaryDirectory() as root:
-        site = small_site(
-            Path(root),
-            cameras=[Camera("cam", "Cam", "ground", hz=1000 / every_ms)],
-            distance_m=distance_m,
-        )
-        site = replace_areas(site, (Area("middle", "Middle", "ground", corners, has_visits=True),))
+        cameras = [Camera("cam", "Cam", "ground", hz=1000 / every_ms)]
+        area = Area("middle", "Middle", "ground", corners, has_visits=True)
+        site = replace(small_site(Path(root), cameras=cameras, distance_m=distance_m), areas=(area,))
         store = Store(site.root / "store", site_id=site.site_id)
         store.append("observations", table_of(seen))
         store.fold()
@@ -66,13 +64,6 @@ def counted(seen: Seen, *, every_ms: int, distance_m: float) -> tuple[int, float
             row = visits(Period(FloorHours(warehouse, floor=site.floors[0]), day, day)).rows[0]
             dwell_s = row["dwell_median_s"].value
     return int(n), float(close_s) / float(seen_s), between, dwell_s
-
-
-def replace_areas(site: object, areas: tuple[Area, ...]) -> object:
-    """Return a site with other areas."""
-    from dataclasses import replace
-
-    return replace(site, areas=areas)  # type: ignore[type-var]
 
 
 def table_of(seen: Seen) -> pa.Table:
@@ -113,7 +104,13 @@ def main() -> None:
             seen = noisy(thinned(people, every_ms=every_ms), rng, sd_m=0.07, smooth_s=0.5)
             print(f"\n{name}, a frame every {every_ms} ms: violations with true ids, then the change; M6, M9, M36")
             whole = {d: counted(seen, every_ms=every_ms, distance_m=d) for d in DISTANCES_M}
-            print("| true ids |", " | ".join(f"{d} m: {whole[d][0]}" for d in whole), "|", _figures(whole[2.0]), flush=True)
+            print(
+                "| true ids |",
+                " | ".join(f"{d} m: {whole[d][0]}" for d in whole),
+                "|",
+                _figures(whole[2.0]),
+                flush=True,
+            )
             for kind, tracker in TRACKERS.items():
                 tracked = tracker(seen, np.random.default_rng(options.seed + 1))
                 found = {d: counted(tracked, every_ms=every_ms, distance_m=d) for d in DISTANCES_M}

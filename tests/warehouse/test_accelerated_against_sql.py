@@ -105,7 +105,10 @@ def records_of(scene: Scene) -> Iterator[Person | Pair | Frame]:
             ]
             has_pairs = scene.sends_pairs and camera != "cam"
             if scene.switches_ids:  # each id lives for a while, and one person has two
-                seen = [(f"{track}{(number + 7 * k) // 25}" if track else None, x, y) for k, (track, x, y) in enumerate(seen)]
+                seen = [
+                    (f"{track}{(number + 7 * k) // 25}" if track else None, x, y)
+                    for k, (track, x, y) in enumerate(seen)
+                ]
                 seen += [(f"{track}x", x + 90, y) for track, x, y in seen[:1] if track]
             if scene.has_beats:
                 seq = number - (40 if scene.falling_numbers and number > 70 else 0)

@@ -36,6 +36,8 @@ class Tracks:
         median_life_s: Median from first to last record; None likewise.
         n_records: Person records, the denominator.
         without_id_share: Share of them without a track id; None without records.
+        cut_share: Share of ids that end inside the view, where another one begins right then, above what chance gives
+            (`stats.groups.track_lives`); None where none ends.
         state, reason: "ok", or why tracks cannot be separated.
     """
 
@@ -43,6 +45,7 @@ class Tracks:
     median_life_s: float | None
     n_records: int
     without_id_share: float | None
+    cut_share: float | None
     state: State
     reason: Reason | None
 
@@ -168,19 +171,20 @@ def _contacts(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any]) 
 
 def _tracks(warehouse: Warehouse, span: dict[str, Any], sums: dict[str, Any]) -> Tracks:
     if not sums["is_recorded"]:
-        return Tracks(None, None, 0, None, "not_enough_data", NOTHING)
+        return Tracks(None, None, 0, None, None, "not_enough_data", NOTHING)
     row = warehouse.rows(_TRACKS, span)[0]
     n_records = int(row["n_records"])
     if not n_records:
         reason = NO_POSITIONS if sums["person_records"] is None else Reason("nobody.seen")
         state: State = "not_measurable" if sums["person_records"] is None else "not_enough_data"
-        return Tracks(None, None, 0, None, state, reason)
+        return Tracks(None, None, 0, None, None, state, reason)
     if not row["n"]:
         reason = PURGED if row["has_tracks"] else Reason("engine.no_track_ids")
         share = None if row["has_tracks"] else 1.0
-        return Tracks(None, None, n_records, share, "not_measurable", reason)
+        return Tracks(None, None, n_records, share, None, "not_measurable", reason)
     without = max(0, n_records - int(row["n_identified"])) / n_records
-    return Tracks(int(row["n"]), float(row["median_life_s"]), n_records, without, "ok", None)
+    cut = None if row["cut_share"] is None else min(1.0, max(0.0, float(row["cut_share"])))
+    return Tracks(int(row["n"]), float(row["median_life_s"]), n_records, without, cut, "ok", None)
 
 
 _SUMS: Final = """
@@ -257,6 +261,7 @@ select
     count(*) as n,
     coalesce(sum(n_records), 0)::bigint as n_identified,
     median(life_s)::double as median_life_s,
+    ((sum(n_goes_on) - sum(n_came_before)) / nullif(sum(n_ends), 0))::double as cut_share,
     (select coalesce(bool_or(has_tracks), false) from camera_days where camera_id in (select unnest($cameras)))
         as has_tracks
 from track_days

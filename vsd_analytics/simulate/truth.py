@@ -14,8 +14,10 @@ from vsd_analytics.simulate.cameras import CAMERAS
 from vsd_analytics.simulate.people import SimulatedDay, people_inside
 from vsd_analytics.simulate.positions import IntArray
 from vsd_analytics.simulate.shop import FloatArray, Rect
+from vsd_analytics.warehouse.rules import RULES
 
 DISTANCE_M = 2.0
+PARTING_M = RULES["parting_mm"] / 1000
 MIN_S = 3.0
 
 
@@ -157,7 +159,7 @@ class Violations:
         person_a: One person.
         person_b: The other, with the higher number.
         frame: First frame.
-        duration_s: From coming closer than the distance to parting; half a frame interval where that is not seen.
+        duration_s: Time closer than the distance; half a frame interval where its ends are not seen.
         x_m: Floor x of the middle of the pair, mean over its records.
         y_m: Floor y of it.
     """
@@ -220,29 +222,34 @@ def close_pairs(day: SimulatedDay, *, distance_m: float = DISTANCE_M) -> tuple[I
 
 
 def violations(day: SimulatedDay, *, distance_m: float = DISTANCE_M, min_s: float = MIN_S) -> Violations:
-    """Return a day's violations: records of a pair at most max(3 s, 2.5 intervals) apart that last `min_s` or more.
+    """Return a day's violations: episodes of pairs that are close for `min_s` or more.
 
-    The same rule as the fact `episode_segments` and the mart `episodes`, on true positions instead of what cameras see:
-    from one frame to the next people walk straight to the middle of a cubic, then on.
+    A pair that was close parts where it is `PARTING_M` farther apart, for longer than max(3 s, 2.5 intervals). The same
+    rule as the fact `episode_segments` and the mart `episodes`, on true positions instead of what cameras see: from one
+    frame to the next people walk straight to the middle of a cubic, then on.
     """
-    first, second = close_pairs(day, distance_m=distance_m)
+    first, second = close_pairs(day, distance_m=distance_m + PARTING_M)
     swap = day.person[first] > day.person[second]
     first, second = np.where(swap, second, first), np.where(swap, first, second)
-    frame = day.frame[first]
-    order = np.lexsort((frame, day.person[second], day.person[first]))
-    first, second, frame = first[order], second[order], frame[order]
-    a, b = day.person[first], day.person[second]
+    order = np.lexsort((day.frame[first], day.person[second], day.person[first]))
+    first, second = first[order], second[order]
     interval_s = day.interval_ms / 1000
-    begins = np.ones(len(frame), dtype=np.bool_)
-    begins[1:] = (np.diff(a) != 0) | (np.diff(b) != 0) | (np.diff(frame) * interval_s > max(3.0, 2.5 * interval_s))
-    start = np.flatnonzero(begins)
-    end = np.append(start[1:], len(frame)) - 1
-    duration = (frame[end] - frame[start]) * interval_s if len(frame) else np.zeros(0)
-    for at, step in ((start, -1), (end, 1)):
-        duration = duration + interval_s * _share_close(day, first[at], second[at], step=step, distance_m=distance_m)
+    gap_frames = max(3.0, 2.5 * interval_s) / interval_s
+    meets = _begins(day, first, second, gap_frames)
+    stretch = np.cumsum(meets) - 1
+    is_close = np.hypot(day.x_m[first] - day.x_m[second], day.y_m[first] - day.y_m[second]) < distance_m
+    first, second, stretch = first[is_close], second[is_close], stretch[is_close]
+    a, b, frame = day.person[first], day.person[second], day.frame[first]
+    run = np.flatnonzero(_begins(day, first, second, gap_frames) | (np.diff(stretch, prepend=-1) != 0))
+    end = np.append(run[1:], len(frame))[: len(run)] - 1
+    close_s = (frame[end] - frame[run]) * interval_s if len(frame) else np.zeros(0)
+    for at, step in ((run, -1), (end, 1)):
+        close_s = close_s + interval_s * _share_close(day, first[at], second[at], step=step, distance_m=distance_m)
+    start = np.flatnonzero(np.diff(stretch, prepend=-1) != 0)
+    duration = np.bincount(np.searchsorted(start, run, side="right") - 1, close_s, minlength=len(start))
     x, y = ((values[first] + values[second]) / 2 for values in (day.x_m, day.y_m))
     if len(frame):
-        n_records = end - start + 1
+        n_records = np.diff(start, append=len(frame))
         x, y = (np.add.reduceat(values, start) / n_records for values in (x, y))
     is_long = duration >= min_s
     start, duration, x, y = start[is_long], duration[is_long], x[is_long], y[is_long]
@@ -254,6 +261,14 @@ def violations(day: SimulatedDay, *, distance_m: float = DISTANCE_M, min_s: floa
         x_m=x,
         y_m=y,
     )
+
+
+def _begins(day: SimulatedDay, first: IntArray, second: IntArray, gap_frames: float) -> NDArray[np.bool_]:
+    """Return which of the rows, in order of pairs and frames, begin a run with no longer gap."""
+    begins = np.ones(len(first), dtype=np.bool_)
+    a, b, frame = day.person[first], day.person[second], day.frame[first]
+    begins[1:] = (np.diff(a) != 0) | (np.diff(b) != 0) | (np.diff(frame) > gap_frames)
+    return begins
 
 
 def _share_close(day: SimulatedDay, first: IntArray, second: IntArray, *, step: int, distance_m: float) -> FloatArray:

@@ -6,6 +6,7 @@ from typing import Final
 
 from vsd_analytics.answer import Answer, Column, Reason, Row, Value
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
+from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.figures.values import known
 
 RECORDING: Final = (
@@ -16,6 +17,7 @@ RECORDING: Final = (
     Column("n_records", "count", "records", "M29"),
     Column("without_id_share", "share", "share_of_records", "M29"),
     Column("track_life_median_s", "seconds", "s", "M29"),
+    Column("cut_share", "share", "share", "M29"),
     Column("seen_twice_share", "share", "share_of_records", "M29"),
     Column("unlocated_share", "share", "share_of_records", "M29"),
     Column("lost_messages", "number", "messages", "M29"),
@@ -56,8 +58,9 @@ def recording(inputs: FigureInputs) -> tuple[Answer, ...]:
 
     Columns of `recording`: recorded share of open camera-hours (M1); track ids, one of a camera and site day each (M4);
     of the records (M29): their number, shares without an id, seen by two cameras and without a place, the median life
-    of a track id, messages lost by the engine's numbers, cameras recalibrated since the week before, and purged
-    hours computed by other rules. Of `outages`: which cameras were silent, from when to when (M2).
+    of a track id, the share of ids that end inside the view and go on under another one, messages lost by the engine's
+    numbers, cameras recalibrated since the week before, and purged hours computed by other rules. Of `outages`: which
+    cameras were silent, from when to when (M2).
     """
     outages: list[Row] = [
         {
@@ -105,6 +108,7 @@ def _quality(inputs: FigureInputs) -> Row:
         "n_records": Value(n_seen),
         "without_id_share": known(tracks.without_id_share, tracks.reason),
         "track_life_median_s": known(tracks.median_life_s, tracks.reason),
+        "cut_share": known(tracks.cut_share, tracks.reason or NO_POSITIONS),
         "seen_twice_share": share(sums["n_doubled"]),
         "unlocated_share": share(sums["n_unlocated"]),
         "lost_messages": known(lost, unnumbered),

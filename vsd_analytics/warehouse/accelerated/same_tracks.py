@@ -132,11 +132,8 @@ def _n_records(located: Columns, hour: Ints, camera: Ints, a: Ints, b: Ints) -> 
     order, starts = grouped_by(*keys)
     n = np.diff(starts, append=len(rows))
     known = {key: k for k, key in enumerate(zip(*(v[order[starts]].tolist() for v in keys), strict=True))}
-    found = np.array(
-        [
-            [n[known[key]] if key in known else _NONE for key in zip(*(v.tolist() for v in (hour, camera, of)), strict=True)]
-            for of in (a, b)
-        ],
-        dtype=np.int64,
-    ).reshape(2, -1)
+    found = np.full((2, len(hour)), _NONE)
+    for side, of in enumerate((a, b)):
+        wanted = zip(hour.tolist(), camera.tolist(), of.tolist(), strict=True)
+        found[side] = [n[known[key]] if key in known else _NONE for key in wanted]
     return np.where(found.max(axis=0) == _NONE, _NONE, found.min(axis=0))
