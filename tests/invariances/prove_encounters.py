@@ -2,7 +2,7 @@
 
 Run `python tests/invariances/prove_encounters.py`; the tables are in docs/statistics.md. Floors and trackers are those
 of `encounter_worlds.py`; all goes the way of real data: store, facts, marts. Real recordings with true ids:
-`tests/realdata/prove_encounters.py`.
+`tests/realdata/prove_recorded_encounters.py`.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from invariances.encounter_worlds import Seen, cut, doubled, noisy, queue, thinn
 from invariances.seen_worlds import small_site
 from warehouse.small_projects import T0, open_days
 
+from vsd_analytics.answer import Value
 from vsd_analytics.figures.groups import groups
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
@@ -62,8 +63,9 @@ def counted(seen: Seen, *, every_ms: int, distance_m: float) -> tuple[int, float
             between = groups(warehouse).between.value
             day = date.fromisoformat(DAY)
             row = visits(Period(FloorHours(warehouse, floor=site.floors[0]), day, day)).rows[0]
-            dwell_s = row["dwell_median_s"].value
-    return int(n), float(close_s) / float(seen_s), between, dwell_s
+            dwell = row["dwell_median_s"]
+            assert isinstance(dwell, Value)
+    return int(n), float(close_s) / float(seen_s), between, dwell.value
 
 
 def table_of(seen: Seen) -> pa.Table:

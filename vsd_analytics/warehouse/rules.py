@@ -39,7 +39,7 @@ RULES: Final[Mapping[str, int]] = {
     "cut_speed_ms": 1000,
     "cut_turn_mm_per_s": 1000,
     # An id that stays within 0.35 m of another one in 4 of 5 of its records is a second id of that person: bodies are
-    # as deep. No pair of true ids of nine recordings does (tests/realdata/prove_encounters.py).
+    # as deep. No pair of true ids of nine recordings does (tests/realdata/prove_recorded_encounters.py).
     "double_mm": 350,
     "double_thousandths": 800,
     "double_records": 3,
