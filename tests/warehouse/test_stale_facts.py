@@ -34,7 +34,7 @@ from vsd_analytics.warehouse.sqlfiles import relations
 HOURS = range(T0 // HOUR - 4, T0 // HOUR + 6)
 CHANGE_MS = T0 + HOUR // 2
 CLUSTERS = {"cluster_times", "gathering_parts", "gathering_joins", "company_times", "neighbour_times", "episode_cells"}
-OF_PAIRS = {*CLUSTERS, "distance_times", "same_pairs"}
+OF_PAIRS = {*CLUSTERS, "distance_times", "same_pairs", "same_tracks"}
 
 
 def scaled(metres_per_px: float, *, since_ms: int | None = None, shift_m: float = 0.0) -> Calibration:
