@@ -2,7 +2,7 @@
 -- One row per UTC hour and two track ids of a camera that are one person: the id was switched, or one of the two is a double.
 -- grain: hour, camera_id, track_a, track_b
 -- reads: located, pairs, camera_days
--- params: episode_gap_ms, gap_half_intervals, next_half_intervals, cut_most_ms, cut_place_mm, cut_mm_per_s, cut_speed_ms, cut_turn_mm_per_s, double_mm, double_thousandths, double_records
+-- params: episode_gap_ms, cut_half_intervals, next_half_intervals, cut_most_ms, cut_place_mm, cut_mm_per_s, cut_speed_ms, cut_turn_mm_per_s, double_mm, double_thousandths, double_records
 -- columns:
 --   hour       UTC hour number: in which the later id begins, or the double is seen
 --   camera_id
@@ -17,7 +17,7 @@
 --              opposite directions, so the speeds differ
 --   ranked     each must be the best fit of the other
 --   doubles    bodies are 0.35 m deep, so two ids nearer than that in 4 of 5 records are one body
--- assumes: reach_ms is that of an episode's gap, at most 10 s; "near" is 0.5 m, plus 0.3 m a second
+-- assumes: reach_ms is episode_gap_s, at least one and a half frame intervals, at most 10 s; "near" is 0.5 m, plus 0.3 m a second
 with placed as (
     select
         l.camera_id,
@@ -40,7 +40,7 @@ timed as (
         p.x_mm,
         p.y_mm,
         least(
-            s.cut_most_ms, greatest(s.episode_gap_ms, cast(floor(s.gap_half_intervals * p.interval_ms / 2) as bigint))
+            s.cut_most_ms, greatest(s.episode_gap_ms, cast(floor(s.cut_half_intervals * p.interval_ms / 2) as bigint))
         ) as reach_ms,
         greatest(s.cut_speed_ms, cast(floor(s.next_half_intervals * p.interval_ms / 2) as bigint)) as speed_ms,
         p.ts_ms - lag(p.ts_ms) over (partition by p.camera_id, p.track_id order by p.ts_ms) as since_ms,

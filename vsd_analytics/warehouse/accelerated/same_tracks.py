@@ -16,7 +16,7 @@ from vsd_analytics.warehouse.accelerated.columns import (
     take,
 )
 from vsd_analytics.warehouse.accelerated.located import HOUR_MS
-from vsd_analytics.warehouse.accelerated.site_tables import SiteTables, gap_ms
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
 from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
 Floats = NDArray[np.float64]
@@ -43,7 +43,8 @@ def _switched(located: Columns, site: SiteTables) -> NDArray[np.int64]:
     n = len(ts)
     interval = site.days.interval_ms(camera, ts)
     rules = site.params
-    reach = np.minimum(rules["cut_most_ms"], gap_ms(interval, rules["episode_gap_ms"], site))
+    reach = np.maximum(rules["episode_gap_ms"], rules["cut_half_intervals"] * interval // 2)
+    reach = np.minimum(rules["cut_most_ms"], reach)
     is_first = np.ones(n, dtype=np.bool_)
     is_first[1:] = (camera[1:] != camera[:-1]) | (track[1:] != track[:-1])
     is_last = np.append(is_first[1:], True)[:n]
