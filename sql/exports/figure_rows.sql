@@ -10,7 +10,7 @@
 --   name          name of the entry, such as violation_rate, violation_rate_lo, state
 --   number        its number; null where it is missing or a text
 --   text          its text; null where it is missing or a number
--- assumes: names and meanings are those of the JSON file of vsd report
+-- assumes: names and meanings are those of the HTTP service
 with listed as (
     select
         floor_id,

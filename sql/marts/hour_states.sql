@@ -39,13 +39,7 @@ select
     summed.local_date,
     summed.recorded_share,
     summed.cameras_down,
-    case
-        when summed.open_s = 0 then 'closed'
-        when summed.recorded_share >= params.full_hour_share then 'full'
-        when summed.recorded_share >= params.partial_hour_share then 'partial'
-        when summed.recorded_share > 0 then 'low_data'
-        else 'no_data'
-    end as state
+    recording_state(summed.open_s, summed.recorded_share, params.full_hour_share, params.partial_hour_share) as state
 from summed
 cross join params
 order by summed.hour_start_ms, summed.floor_id

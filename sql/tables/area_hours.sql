@@ -119,13 +119,12 @@ judged as (
         seen.*,
         places.area_no,
         unplaced.hour_start_ms is null or seen.area_id = 'rest' as knows_places,
-        case
-            when seen.open_s = 0 then 'closed'
-            when seen.recorded_s >= params.full_hour_share * seen.open_s then 'full'
-            when seen.recorded_s >= params.partial_hour_share * seen.open_s and seen.recorded_s > 0 then 'partial'
-            when seen.recorded_s > 0 then 'low_data'
-            else 'no_data'
-        end as state
+        recording_state(
+            seen.open_s,
+            seen.recorded_s / nullif(seen.open_s, 0),
+            params.full_hour_share,
+            params.partial_hour_share
+        ) as state
     from seen
     cross join params
     inner join places on seen.floor_id = places.floor_id and seen.area_id = places.area_id

@@ -25,13 +25,9 @@
 with of_cameras as (
     select
         camera_hours.*,
-        case
-            when open_s = 0 then 'closed'
-            when recorded_open_s >= params.full_hour_share * open_s then 'full'
-            when recorded_open_s >= params.partial_hour_share * open_s and recorded_open_s > 0 then 'partial'
-            when recorded_open_s > 0 then 'low_data'
-            else 'no_data'
-        end as state
+        recording_state(
+            open_s, recorded_open_s / nullif(open_s, 0), params.full_hour_share, params.partial_hour_share
+        ) as state
     from camera_hours
     cross join params
 )

@@ -14,6 +14,7 @@ from vsd_analytics.figures.close_by_crowding import EDGES, close_by_crowding, co
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.share.counts import Mask
+from vsd_analytics.report.pages.figures_by_id import figures_by_id
 from vsd_analytics.warehouse.warehouse import open_warehouse
 from vsd_analytics.wording.reasons import reason_text
 
@@ -47,7 +48,7 @@ def test_a_weeks_time_lies_in_the_class_of_crowding_that_its_frames_have(tmp_pat
 
     close_h = sum(d.close_h for d in seen.days)
     assert sum(c.close_h for c in seen.classes) == pytest.approx(close_h)
-    assert close_h / expected.sum() == pytest.approx(found.figures["M6"].value, rel=0.01)
+    assert close_h / expected.sum() == pytest.approx(figures_by_id(found)["M6"].value, rel=0.01)
 
 
 def test_floor_that_two_cameras_see_counts_once_and_without_a_view_it_is_unknown(tmp_path: Path) -> None:

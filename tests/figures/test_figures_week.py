@@ -17,7 +17,7 @@ from vsd_analytics.figures.catalogue import OF_CAPACITIES, OF_QUEUES, OF_VISITS
 from vsd_analytics.figures.coverage_answers import coverage_answers
 from vsd_analytics.render.json_form import as_json
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.json_and_csv import figures_json
 from vsd_analytics.warehouse.sqlfiles import figure_headers
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
@@ -33,7 +33,7 @@ STATES = ("ok", "not_enough_data", "not_measurable")
 
 def figures_of(report: WeekReport) -> Figures:
     """Return the figures as the JSON file has them."""
-    told: Figures = json.loads(to_json(report))["figures"]
+    told: Figures = figures_json(report)
     return told
 
 

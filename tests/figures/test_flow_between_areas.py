@@ -41,8 +41,8 @@ def test_flow_and_routes_equal_the_planted_ones(tmp_path: Path) -> None:
     assert shares(found, "door") == {("bread",): pytest.approx(0.6), ("wine",): pytest.approx(0.4)}
     assert shares(found, "till") == {("door",): 1.0}
     (door, *_, till) = found.areas
-    assert (door.often.value, till.often.value) == (pytest.approx(40), pytest.approx(36))
-    assert door.to[0].often.value == pytest.approx(24)
+    assert (door.leave_per_open_h.value, till.leave_per_open_h.value) == (pytest.approx(40), pytest.approx(36))
+    assert door.to[0].followed_per_open_h.value == pytest.approx(24)
     assert (door.following.not_followed.n, door.inflow.value) == (0, pytest.approx(1.0))
     assert [tuple(a.area_id for a in r.areas) for r in found.routes.routes] == [
         ("door", "bread", "till", "door"),
@@ -125,7 +125,7 @@ def test_a_week_of_lost_tracks_holds_the_planted_share_and_a_dead_camera_is_unkn
         dead = flow(Period(FloorHours(warehouse, floor=site.floors[0]), monday, monday))
     assert dead is not None
     assert dead.silent_cameras == ("cam",)
-    assert [(a.often.value, a.to) for a in dead.areas] == [(None, ())] * 4
+    assert [(a.leave_per_open_h.value, a.to) for a in dead.areas] == [(None, ())] * 4
 
 
 def test_areas_that_do_not_ask_have_no_flow(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config.project import load_site
 from vsd_analytics.figures.walks import is_directed
-from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.json_and_csv import figures_json
 from vsd_analytics.report.pages.week import render_html
 
 
@@ -37,7 +37,7 @@ def vsd(root: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tupl
 
 def test_the_report_has_the_planted_flow_and_the_page_draws_it(shop: Path) -> None:
     report = w.report(load_site(shop))
-    figures: dict[str, Any] = json.loads(to_json(report))["figures"]
+    figures: dict[str, Any] = figures_json(report)
     of_door = {r["to_area_ids"]: r for r in figures["M37"]["rows"] if r["area_id"] == "door"}
     assert of_door["bread"]["lo"] < 0.6 < of_door["bread"]["hi"]
     assert of_door.keys() == {"bread", "wine till"}, "two people are no line of their own"

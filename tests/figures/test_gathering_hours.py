@@ -14,7 +14,7 @@ from planted_floors import site_of
 from planted_marts import plant
 
 from vsd_analytics.figures.forecast import HISTORY_WEEKS, forecast
-from vsd_analytics.figures.gathering_hours import gathering_hours
+from vsd_analytics.figures.gatherings import gathering_hours
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 

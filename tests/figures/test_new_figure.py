@@ -26,14 +26,14 @@ from pathlib import Path
 from vsd_analytics.config.project import load_site
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.figure_list import further_figures
-from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.json_and_csv import figures_json, to_json
 from vsd_analytics.warehouse.sqlfiles import figure_headers
 from datetime import date
 
 report = week_report(load_site(Path(sys.argv[1])), date(2026, 11, 9))
 rows = [[r.name, r.value, r.likely, r.unit, r.reason] for r in further_figures(report)]
 print(json.dumps({
-    "figure": json.loads(to_json(report))["figures"]["M99"],
+    "figure": figures_json(report)["M99"],
     "answer": json.loads(to_json(report))["answers"]["long_violations"]["rows"],
     "last line": rows[-1],
     "documented": [f.name for f in figure_headers()][-1],

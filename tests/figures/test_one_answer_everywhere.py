@@ -19,7 +19,7 @@ from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config.project import load_site
 from vsd_analytics.planner.planner_data import planner_pages
 from vsd_analytics.render.significant import significant
-from vsd_analytics.report.pages.json_and_csv import from_json, to_json
+from vsd_analytics.report.pages.json_and_csv import figures_json, from_json, to_json
 
 COMMANDS = {
     "visits": ("visits", "--json"),
@@ -90,7 +90,7 @@ def test_csv_has_the_values_of_the_report(shop: Path, twin: dict[str, Any], caps
 
 
 def test_figures_by_catalogue_id_are_a_view_of_the_answers(shop: Path, twin: dict[str, Any]) -> None:
-    figures = json.loads(to_json(w.report(load_site(shop))))["figures"]
+    figures = figures_json(w.report(load_site(shop)))
     for metric in ("M35", "M36", "M37", "M39", "M40", "M41"):
         rows = figures[metric]["rows"] or []
         for column in {row["column"] for row in rows}:

@@ -14,7 +14,7 @@ from report import ingested_worlds as w
 import vsd_analytics
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.json_and_csv import figures_json
 from vsd_analytics.report.pages.week import render_html
 
 WAITING = {"M39", "M40", "M41"}
@@ -44,7 +44,7 @@ def test_report_page_and_commands_have_the_planted_people(tmp_path: Path, capsys
     """A pair of people for 40 s every 180 s: two people for two ninths of the time, so one more than the capacity."""
     site = w.world(tmp_path, asking(name="<b>Q</b>{{ 7*7 }}"), w.messages(w.steady(PAIRS)))
     report = w.report(site)
-    found = json.loads(to_json(report))["figures"]
+    found = figures_json(report)
     assert values(found["M39"])["people_waiting"] == pytest.approx(4 / 9, rel=1e-3)
     assert values(found["M39"], 10)["people_waiting"] == pytest.approx(4 / 9, rel=1e-3)
     assert values(found["M39"])["people_waiting_p90"] == 2
@@ -71,7 +71,7 @@ def test_a_report_that_nobody_asked_has_neither_figures_nor_section(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     report = w.report(w.world(tmp_path, w.toml(), w.messages(w.steady(PAIRS), days=(0,))))
-    assert not WAITING & set(json.loads(to_json(report))["figures"])
+    assert not WAITING & set(figures_json(report))
     assert 'id="waiting"' not in render_html(report)
     for command, fix in (("queue", "queue = true"), ("capacity", "capacity = 40")):
         code, _, err = vsd(tmp_path, capsys, command)
@@ -82,7 +82,7 @@ def test_a_report_that_nobody_asked_has_neither_figures_nor_section(
 def test_few_people_are_held_back_and_the_page_in_italian_says_so(tmp_path: Path) -> None:
     few = lambda day, hour: {w.QUEUE: 1} if day < 2 and hour == 10 else {w.DOOR: 20}  # noqa: E731
     report = w.report(w.world(tmp_path, asking(language="it"), w.messages(few, days=(0, 1, 2))))
-    found = json.loads(to_json(report))["figures"]
+    found = figures_json(report)
     for metric in ("M39", "M40"):
         assert found[metric]["state"] == "not_enough_data"
         assert found[metric]["reason"] == "fewer than 5 were counted"
@@ -95,7 +95,7 @@ def test_few_people_are_held_back_and_the_page_in_italian_says_so(tmp_path: Path
 
 def test_the_table_of_queues_has_the_hours_of_the_report_and_holds_back_the_same_ones(tmp_path: Path) -> None:
     some = lambda day, hour: {w.QUEUE: 1} if day == 0 and hour == 10 else PAIRS if hour == 11 else {w.DOOR: 20}  # noqa: E731
-    found = json.loads(to_json(w.report(w.world(tmp_path, asking(), w.messages(some, days=(0, 1))))))["figures"]["M39"]
+    found = figures_json(w.report(w.world(tmp_path, asking(), w.messages(some, days=(0, 1)))))["M39"]
     printed = {r.get("local_hour"): r["value"] for r in found["rows"] if r["column"] == "people_waiting"}
     week = vsd_analytics.open(tmp_path).week("2026-W46")
     hours, (whole,) = week.queue_hours.df(), week.queues.df()["people_waiting"].tolist()

@@ -16,7 +16,7 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.figures.share.answers import share
 from vsd_analytics.figures.visits import COLUMNS, SUMS
-from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.json_and_csv import figures_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.wording.reasons import reason_text
 
@@ -25,13 +25,13 @@ HOURLY = {w.QUEUE: 20, w.DOOR: 12}
 
 
 def figures(site: Any) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(to_json(w.report(site)))["figures"]
+    found: dict[str, Any] = figures_json(w.report(site))
     return found
 
 
 def test_the_report_has_the_planted_visits_and_the_page_names_their_area(tmp_path: Path) -> None:
     report = w.report(w.world(tmp_path, ASKING, w.messages(w.steady(HOURLY))))
-    found = json.loads(to_json(report))["figures"]
+    found = figures_json(report)
     (row,) = found["M35"]["rows"]
     assert (row["area_id"], row["name"], row["column"]) == ("queue", "Queue", "visits_per_open_h")
     assert row["value"] == pytest.approx(40, rel=1e-3)  # twenty pairs an hour
@@ -43,7 +43,7 @@ def test_the_report_has_the_planted_visits_and_the_page_names_their_area(tmp_pat
 
 def test_a_report_that_nobody_asked_for_visits_has_none(tmp_path: Path) -> None:
     report = w.report(w.world(tmp_path, w.toml(), w.messages(w.steady(HOURLY))))
-    assert not {"M35", "M36"} & set(json.loads(to_json(report))["figures"])
+    assert not {"M35", "M36"} & set(figures_json(report))
     assert "Visits of" not in render_html(report)
 
 

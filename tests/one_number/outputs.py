@@ -140,10 +140,10 @@ def _page(page: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
         )
         close = area["close_time_share"]
         yield ("M6", area["area_id"] or "rest"), close["value"] if close else None
-    figures = page["figures"]
-    if figures["M9"]["value"] is not None:
-        yield ("M9",), figures["M9"]["value"]
-        yield ("M9 of",), figures["M9"]["denominator"]
+    [between] = page["answers"]["between_groups"]["rows"]
+    if between["between_share"]["value"] is not None:
+        yield ("M9",), between["between_share"]["value"]
+        yield ("M9 of",), between["n_violations"]["value"]
 
 
 def _area(area: str, counted: Any, often: Any, risky: Any) -> Iterator[tuple[Key, Any]]:
@@ -258,12 +258,12 @@ def _hotspots_csv(rows: list[dict[str, str]]) -> Iterator[tuple[Key, Any]]:
 
 
 def _compare(told: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
-    for place in told["places"]:
+    for place in told["answers"]["compared_places"]["rows"]:
         name = "floor" if place["kind"] == "floor" else place["area_id"] or "rest"
-        yield ("counted", name), round(place["violation_rate_b"]["n_events"])
-        for metric, kind in (("M0", "violation_rate"), ("M7", "encounter_rate"), ("M6", "close_time_share")):
-            if place[f"{kind}_b"] is not None:
-                yield (metric, name), place[f"{kind}_b"]["value"]
+        yield ("counted", name), round(place["n_violations_after"]["value"])
+        rates = {"M0": "violations_per_open_h", "M7": "violations_per_person_h", "M6": "close_time_share"}
+        for metric, rate in rates.items():
+            yield (metric, name), place[f"{rate}_after"]["value"]
 
 
 def _hours_by_area(told: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:

@@ -65,7 +65,7 @@ def test_a_reason_stands_where_a_figure_is_missing(walked: PlannerData) -> None:
     data = replace(walked, space=Answers(without_values(a, why[a.name]) if a.name in why else a for a in walked.space))
     found = space_use_view(data.space)
     assert found is not None
-    assert {r.often.note for r in found.visits} == {"needs 5 days"}
+    assert {r.visits_per_open_h.note for r in found.visits} == {"needs 5 days"}
     assert {(r.reason, r.cells) for r in found.leaving} == {("all were lost", ())}
     assert render_planner(data).count("all were lost") == len(found.leaving)
 

@@ -283,7 +283,6 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
         of = (date.fromisoformat(row["monday"]) - FIRST).days // 7
         if row["violation_rate"] is not None:
             _rate(known, world, of, True, {"value": row["violation_rate"]["value"]}, f"{source} trend {of}")
-    figures = told["figures"]
     tables = {name: answer["rows"] for name, answer in told["answers"].items()}
     for row in tables["trend"]:
         of = (date.fromisocalendar(int(row["week"][:4]), int(row["week"][-2:]), 1) - FIRST).days // 7
@@ -292,8 +291,8 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
     for name, n in (("M8", violations["n_violations"]["value"]), ("M10", durations["n_measured"]["value"])):
         if n is not None:
             known.exact(every, n, f"{source} {name}")
-    if figures["M6"]["value"] is not None:
-        _time_close(known, every, figures["M6"], figures["M6"]["denominator"], f"{source} M6")
+    [close] = tables["close_time"]
+    _time_close(known, every, close["close_time_share"], close["exposure_h"], f"{source} M6")
     for row in tables["areas"]:
         _rate(known, world, week, row["area_id"], row["violation_rate"], f"{source} M15")
     for row in tables["readings"]:

@@ -49,9 +49,9 @@ def test_the_time_of_a_single_person_in_a_room_is_not_printed(site: Site) -> Non
     for name in ("exposure_h", "encounter_rate", "close_time_share"):
         value = shared["prayer"][name]
         assert (value["value"] if isinstance(value, dict) else value) is None, name
-    rows = [r for r in report["figures"]["M15"]["rows"] if r["area_id"] == "prayer"]
-    columns = ("exposure_h", "close_time_share", "encounter_rate")
-    assert {r["value"] for r in rows if r["column"] in columns} == {None}
+    [row] = [r for r in report["answers"]["areas"]["rows"] if r["area_id"] == "prayer"]
+    assert {row[name]["value"] for name in ("close_time_share", "encounter_rate")} == {None}
+    assert row["exposure_h"] is None
 
 
 def test_nor_is_it_what_all_other_places_leave_of_the_floor(site: Site) -> None:

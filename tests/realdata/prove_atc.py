@@ -18,7 +18,7 @@ from typing import Any
 from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.intake.pipeline import ingest
 from vsd_analytics.ingest.reading.adapter import IngestOptions
-from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.json_and_csv import figures_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.warehouse.sqlfiles import figure_headers
 
@@ -60,8 +60,8 @@ polygon = [[0, -40], [80, -40], [80, 40], [0, 40]]
 """
 
 
-def report(root: Path, folder: Path) -> Mapping[str, Any]:
-    """Return the JSON file of the week of the recording.
+def figures_of_week(root: Path, folder: Path) -> Mapping[str, Any]:
+    """Return the figures of the week of the recording by catalogue id.
 
     Args:
         root: An empty folder for the project.
@@ -72,8 +72,7 @@ def report(root: Path, folder: Path) -> Mapping[str, Any]:
     done = ingest(site, [folder / name for name in FILES], OPTIONS, now=NOW)
     if any(s.error for s in done.sources):
         raise ValueError(done)
-    told: Mapping[str, Any] = json.loads(to_json(week_report(site, MONDAY, now=NOW)))
-    return told
+    return figures_json(week_report(site, MONDAY, now=NOW))
 
 
 def said(metric: str, figure: Mapping[str, Any]) -> str:
@@ -198,7 +197,7 @@ def main() -> None:
         print("skipped: VSD_REALDATA names no folder with the recording atc")
         return
     with tempfile.TemporaryDirectory() as root:
-        print(table(report(Path(root), folder)["figures"], counted(folder)))
+        print(table(figures_of_week(Path(root), folder), counted(folder)))
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from prove_atc import FILES, counted, report, table
+from prove_atc import FILES, counted, figures_of_week, table
 
 pytestmark = pytest.mark.realdata
 
@@ -18,7 +18,7 @@ def test_three_hours_of_a_shopping_centre_tell_what_they_can_and_refuse_the_rest
         realdata(f"atc/{name}")
     folder = realdata("atc")
     realdata("truth_dev.json")
-    figures = report(tmp_path, folder)["figures"]
+    figures = figures_of_week(tmp_path, folder)
     refused = {metric for metric, figure in figures.items() if figure["state"] != "ok"}
     assert refused == {"M12", "M13", "M14", "M20", "M24", "M25", "M27", "M28", "M34"}
     assert all(figures[metric]["reason"] for metric in refused)

@@ -23,7 +23,7 @@ from simulate.small_scenes import make_week
 from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.intake.pipeline import ingest
 from vsd_analytics.ingest.reading.adapter import IngestOptions
-from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.json_and_csv import figures_json, to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.version import VERSION
 
@@ -76,9 +76,10 @@ mask_below = 1
 
 def printed(root: Path) -> dict[str, Any]:
     """Return what a report prints of a project: value, ends, state of each figure, and the counts of its hours."""
-    told = json.loads(to_json(week_report(load_site(root), MONDAY, now=NOW)))
+    report = week_report(load_site(root), MONDAY, now=NOW)
+    told = json.loads(to_json(report))
     return {
-        "figures": {m: {k: f[k] for k in ("value", "lo", "hi", "state")} for m, f in told["figures"].items()},
+        "figures": {m: {k: f[k] for k in ("value", "lo", "hi", "state")} for m, f in figures_json(report).items()},
         "hours": [[cell["start"], cell["violations"], cell["state"]] for cell in told["when"]["cells"]],
         "log": [[line["at"], line["text"]] for line in told["log"]],
     }

@@ -21,7 +21,7 @@ from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import DiskError, UsageError
 from vsd_analytics.report.pages.duckdb_file import OPERATOR_TABLES, export_duckdb, exported_tables
-from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.json_and_csv import figures_json, to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.store import durable
 
@@ -56,8 +56,8 @@ def export(masked_project: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 @pytest.fixture(scope="module")
 def report(masked_project: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(to_json(week_report(load_site(masked_project), MONDAY)))
-    return found
+    found = week_report(load_site(masked_project), MONDAY)
+    return {**json.loads(to_json(found)), "figures": figures_json(found)}
 
 
 def test_every_table_and_column_has_a_comment_and_the_columns_of_its_header(export: Path) -> None:

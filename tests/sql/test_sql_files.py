@@ -167,3 +167,9 @@ def test_a_relation_comes_after_what_it_reads() -> None:
     for relation in relations("staging", "facts").values():
         for read in relation.reads:
             assert read not in order or order.index(read) < order.index(relation.name)
+
+
+@by_name
+def test_the_state_of_a_recording_is_decided_by_one_rule(relation: Relation) -> None:
+    """`recording_state`: four files once had it, two by seconds and two by shares."""
+    assert not re.search(r"then\s+'(low_data|no_data)'", re.sub(r"--.*", "", relation.sql))

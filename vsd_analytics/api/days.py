@@ -207,7 +207,7 @@ class Days:
             >>> week.changes.columns
             ['number', 'at', 'text', 'area_id']
         """
-        from vsd_analytics.api.change_table import change_table
+        from vsd_analytics.api.figure_tables import change_table
 
         return change_table(self.site, self.first, self.last)
 

@@ -48,7 +48,7 @@ PLACES: Final = (
         )
     ),
     Column("people_change_share", "share", "share"),
-    *(Column(f"n_compared_{when}", "count", "violations") for when in _BEFORE_AFTER),
+    *(Column(f"n_{of}_{when}", "count", "violations") for of in ("violations", "compared") for when in _BEFORE_AFTER),
     *(
         Column(f"{hours}_{when}", "fact", "h")
         for hours in ("recorded_h", "person_h", "compared_h")
@@ -164,6 +164,8 @@ def _place(place: PlaceChange, rest: str) -> Row:
     return {
         **row,
         "people_change_share": known(split.people_share, Reason("change.no_people_share")),
+        "n_violations_before": _count(place.violation_rate_a),
+        "n_violations_after": _count(place.violation_rate_b),
         "n_compared_before": known(rate.n_a, rate.reason or few, rate.state),
         "n_compared_after": known(rate.n_b, rate.reason or few, rate.state),
         "recorded_h_before": place.violation_rate_a.exposure_h,
@@ -173,6 +175,10 @@ def _place(place: PlaceChange, rest: str) -> Row:
         "compared_h_before": rate.exposure_a_h,
         "compared_h_after": rate.exposure_b_h,
     }
+
+
+def _count(rate: RateEstimate) -> Value:
+    return known(rate.n_events, rate.reason or Reason("change.few"), rate.state)
 
 
 def _causes(found: MixingChange | None, holds: HoldsFor, *, why: Value | None) -> Answer:

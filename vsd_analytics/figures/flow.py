@@ -65,12 +65,12 @@ class Destination:
     Attributes:
         areas: The area; several where each was entered by too few people for a line of its own.
         share: Share of those who leave.
-        often: People followed there per open hour. Those lost on the way are missing in it.
+        followed_per_open_h: People followed there per open hour. Those lost on the way are missing in it.
     """
 
     areas: tuple[Area, ...]
     share: ShareEstimate
-    often: RateEstimate
+    followed_per_open_h: RateEstimate
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,14 +79,14 @@ class AreaFlow:
 
     Attributes:
         area: The area.
-        often: People who leave it per open hour, with the interval of M0, whatever is known of where they go.
+        leave_per_open_h: People who leave it per open hour, with the interval of M0, wherever they go.
         to: Where they go next, most first, others last; empty where nothing is known.
         following: How well they were followed.
         inflow: Those who come into it, beside those that the flows from all areas bring.
     """
 
     area: Area
-    often: RateEstimate
+    leave_per_open_h: RateEstimate
     to: tuple[Destination, ...]
     following: NextAreas
     inflow: InflowCheck
@@ -268,11 +268,11 @@ def _areas(period: Period, moves: _Moves, asked: Sequence[Area]) -> tuple[AreaFl
             Destination(
                 tuple(asked[j] for j in members),
                 share,
-                _often(period, moves, at & np.isin(moves.next_area, members), place, able),
+                _people_per_open_h(period, moves, at & np.isin(moves.next_area, members), place, able),
             )
             for members, share in zip(kinds, following.shares, strict=True)
         )
-        found.append(AreaFlow(area, _often(period, moves, at, place, able), to, following, checks[k]))
+        found.append(AreaFlow(area, _people_per_open_h(period, moves, at, place, able), to, following, checks[k]))
     return tuple(found)
 
 
@@ -281,7 +281,7 @@ def _leaving(moves: _Moves, area: int) -> Leaving:
     return Leaving(moves.until_next_s[at], moves.next_area[at], moves.left_day[at])
 
 
-def _often(period: Period, moves: _Moves, at: Flags, place: Place, able: Flags) -> RateEstimate:
+def _people_per_open_h(period: Period, moves: _Moves, at: Flags, place: Place, able: Flags) -> RateEstimate:
     counted, why_none = people_counted(place, moves.camera[at], moves.left_hour[at], able)
     return per_open_hour(period, counted, what="flow", why_none=why_none)
 
@@ -335,8 +335,8 @@ def _routes(period: Period, moves: _Moves, asked: Sequence[Area]) -> DoorRoutes:
         way = [int(k) for k in moves.area[a : b + 1]]
         short = tuple(k for i, k in enumerate(way) if i == 0 or k != way[i - 1] or (i == 1 and len(way) == 2))  # noqa: PLR2004
         ways.append(short if len(short) <= MAX_ROUTE else ())
-    often = Counter(way for way in ways if way is not None)
-    names = sorted(often, key=lambda way: (-often[way] if way else 1, way))
+    n_by_way = Counter(way for way in ways if way is not None)
+    names = sorted(n_by_way, key=lambda way: (-n_by_way[way] if way else 1, way))
     number = {way: k for k, way in enumerate(names)}
     kind = np.array([-1 if way is None else number[way] for way in ways], dtype=np.int64)
     pooled = pooled_kinds(kind, n_kinds=len(names), mask=Mask(int(settings.mask_below)), most=MAX_ROUTES)

@@ -138,7 +138,7 @@ def direction_answer(period: Period) -> Answer:
 
 def _destinations(area: AreaFlow) -> list[Row]:
     """Return the rows of one area; one without a destination where nobody is known to go anywhere."""
-    why = area.often.reason if area.often.value is None else area.following.reason
+    why = area.leave_per_open_h.reason if area.leave_per_open_h.value is None else area.following.reason
     is_in_view_only = area.following.reason is not None and area.following.reason.code == LEFT_VIEW
     about: Row = {
         "area_id": area.area.area_id,
@@ -157,7 +157,7 @@ def _destinations(area: AreaFlow) -> list[Row]:
             "to_name": ", ".join(a.name for a in to.areas),
             "next_area_share": Value.of(to.share, reason=to.share.reason or (why if to.share.value is None else None)),
             "per_open_h": _per_open_h(area, to, is_in_view_only=is_in_view_only),
-            "followed_per_open_h": Value.of(to.often),
+            "followed_per_open_h": Value.of(to.followed_per_open_h),
             "n_followed": Value(to.share.n),
         }
         for to in area.to
@@ -167,26 +167,26 @@ def _destinations(area: AreaFlow) -> list[Row]:
 def _per_open_h(area: AreaFlow, to: Destination, *, is_in_view_only: bool) -> Value:
     """Return how many go there in an open hour; only those followed, where others are known to go on unseen."""
     if is_in_view_only:
-        return Value.of(to.often)
-    if area.often.value is None or to.share.value is None:
+        return Value.of(to.followed_per_open_h)
+    if area.leave_per_open_h.value is None or to.share.value is None:
         return Value.missing(to.share.reason or area.following.reason)
-    return Value(area.often.value * to.share.value)
+    return Value(area.leave_per_open_h.value * to.share.value)
 
 
 def _unknown(area: AreaFlow) -> Value | None:
     """Return why nothing is known of an area whose hours were not recorded; None where something is."""
-    return unknown_count(area.often, area.following.n + area.inflow.n_arrived)
+    return unknown_count(area.leave_per_open_h, area.following.n + area.inflow.n_arrived)
 
 
 def _area(area: AreaFlow) -> Row:
     return {
         "area_id": area.area.area_id,
         "name": area.area.name,
-        "leave_per_open_h": Value.of(area.often),
+        "leave_per_open_h": Value.of(area.leave_per_open_h),
         **(_followed(area) if (none := _unknown(area)) is None else dict.fromkeys(_FOLLOWED, none)),
         "fits_arrivals": area.inflow.agrees,
         "n_days": area.following.n_days,
-        "recorded_open_h": area.often.exposure_h,
+        "recorded_open_h": area.leave_per_open_h.exposure_h,
     }
 
 

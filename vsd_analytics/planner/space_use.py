@@ -35,7 +35,7 @@ class VisitsRow:
     """Visits of an area; where `reason` is not empty, it says why there are no stays."""
 
     name: str
-    often: UseCell
+    visits_per_open_h: UseCell
     median: UseCell
     p90: UseCell
     long: UseCell
@@ -124,12 +124,12 @@ def _limit(value_s: float) -> str:
 
 def _visits(row: Row, *, says_limit: bool) -> VisitsRow:
     """Return an area's row; the share of long visits has a limit, and the means may disagree."""
-    often, median, p90, long = (
+    visits_per_open_h, median, p90, long = (
         value_of(row, name) for name in ("visits_per_open_h", "dwell_median_s", "dwell_p90_s", "long_share")
     )
     tracks, little = value_of(row, "dwell_mean_s").value, value_of(row, "dwell_mean_little_s").value
     reason = ""
-    if often.value is not None and median.value is None:
+    if visits_per_open_h.value is not None and median.value is None:
         reason = reason_text(median.reason)
     elif row["means_agree"] is False and tracks is not None and little is not None:
         reason = say("waiting.disagree", tracks=time_text(tracks), little=time_text(little))
@@ -139,7 +139,7 @@ def _visits(row: Row, *, says_limit: bool) -> VisitsRow:
     is_unreached = median.value is not None and p90.value is None
     return VisitsRow(
         name=str(row["name"]),
-        often=_cell(often, fmt.number, why=reason_text(often.reason)),
+        visits_per_open_h=_cell(visits_per_open_h, fmt.number, why=reason_text(visits_per_open_h.reason)),
         median=_cell(median, time_text),
         p90=_cell(p90, time_text, why=say("planner.use.unreached") if is_unreached else ""),
         long=share,

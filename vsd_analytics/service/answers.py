@@ -17,7 +17,7 @@ from typing import Any, Final
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ReportError, StoreError, UsageError, VsdError
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.report.pages.json_and_csv import figures_json, to_csv, to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.site.instants import parse_week
@@ -95,16 +95,16 @@ class ReportAnswers:
         return self._one("json", week, floor_id, to_json)
 
     def figures(self, week: str, floor_id: str) -> bytes:
-        """Return all figures of a week by catalogue id, as in its JSON file."""
-        return _json({"figures": json.loads(self.report(week, floor_id))["figures"]})
+        """Return all figures of a week by catalogue id."""
+        return self._one("figures", week, floor_id, lambda report: _json({"figures": figures_json(report)}))
 
     def figure(self, week: str, floor_id: str, metric: str) -> bytes:
-        """Return one figure of a week, as in its JSON file.
+        """Return one figure of a week.
 
         Raises:
             NotFoundError: There is no such week, floor or figure.
         """
-        figures = json.loads(self.report(week, floor_id))["figures"]
+        figures = json.loads(self.figures(week, floor_id))["figures"]
         if metric not in figures:
             known = sorted(figures, key=lambda m: int(m[1:]))
             raise NotFoundError(f"there is no figure {metric!r}", why=f"this week has {', '.join(known)}")

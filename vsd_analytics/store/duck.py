@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from vsd_analytics.store.spill import new_folder
 
@@ -14,6 +14,17 @@ if TYPE_CHECKING:
 
 CAREFUL = "join_order"
 """The optimizer that a careful connection disables: joins then run in the order they are written."""
+
+RECORDING_STATE: Final = """
+create macro recording_state(open_s, recorded_share, full_hour_share, partial_hour_share) as case
+    when open_s = 0 then 'closed'
+    when recorded_share >= full_hour_share then 'full'
+    when recorded_share >= partial_hour_share and recorded_share > 0 then 'partial'
+    when recorded_share > 0 then 'low_data'
+    else 'no_data'
+end
+"""
+"""The state of an hour or a day by the share of its opening time that was recorded: the only place of this rule."""
 
 
 def connect(
@@ -27,7 +38,8 @@ def connect(
         is_careful: Run joins in the order they are written: slower, for a query that failed with an internal error.
 
     Returns:
-        The connection. It has the macros `unix_millis` and `array_join`, so that SQL files run on other engines too.
+        The connection. It has the macros `unix_millis` and `array_join`, so that SQL files run on other engines too,
+        and `recording_state` (`RECORDING_STATE`).
         Names in queries are relations, never Python variables. What does not fit into memory spills to a private
         folder (`spill`).
     """
@@ -50,6 +62,7 @@ def connect(
     if connection.execute("select current_setting('enable_progress_bar')").fetchall()[0][0]:
         connection.execute("set enable_progress_bar = false")  # setting it fails in notebooks without ipywidgets
     connection.execute("create macro unix_millis(t) as epoch_ms(t)")
+    connection.execute(RECORDING_STATE)
     connection.execute("create macro array_join(texts, between) as array_to_string(texts, between)")
     return connection
 

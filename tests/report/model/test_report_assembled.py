@@ -17,6 +17,7 @@ from report import ingested_worlds as w
 from vsd_analytics.config.project import load_site
 from vsd_analytics.planner.planner_data import PlannerData, PlannerWeek, planner_pages
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.figures_by_id import figures_by_id
 from vsd_analytics.report.pages.json_and_csv import from_json, to_csv, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.site.model import Site
@@ -328,8 +329,8 @@ def test_pairs_only_makes_how_risky_not_measurable_and_never_zero(tmp_path: Path
     assert report.level.exposure_h is None
     assert report.coverage.seen_h is None
     for key in ("M3", "M6", "M7", "M15"):
-        assert report.figures[key].state == "not_measurable", key
-        assert report.figures[key].value is None
+        assert figures_by_id(report)[key].state == "not_measurable", key
+        assert figures_by_id(report)[key].value is None
     assert report.areas == ()
     assert report.maps == ()
     page = text_of(render_html(report))
@@ -350,7 +351,7 @@ def test_no_ids_makes_how_often_not_measurable_but_hours_show_the_records(
     assert report.level.people.value is not None
     assert report.level.violations is None
     assert {c.violations for c in report.when.cells} == {None}
-    assert report.figures["M8"].state == "not_measurable"
+    assert figures_by_id(report)["M8"].state == "not_measurable"
     page = text_of(render_html(report))
     assert "Violations cannot be counted on this floor" in page
     assert "How often Not measurable" in page

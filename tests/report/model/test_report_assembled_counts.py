@@ -19,7 +19,8 @@ from report.pages.test_report_numbers import strangers
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
+from vsd_analytics.report.pages.figures_by_id import figures_by_id
+from vsd_analytics.report.pages.json_and_csv import figures_json, to_csv, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.site.model import Site
 from vsd_analytics.wording.reasons import reason_text
@@ -63,7 +64,7 @@ def test_rates_of_areas_add_up_to_the_floors(of_two: WeekReport) -> None:
     for attribute in ("value", "previous"):
         parts = [getattr(a.violation_rate, attribute) for a in report.areas]
         assert sum(parts) == pytest.approx(getattr(report.level.violation_rate, attribute), rel=1e-12)
-    assert sum(a.counted or 0 for a in report.areas) == report.level.violations == report.figures["M8"].value
+    assert sum(a.counted or 0 for a in report.areas) == report.level.violations == figures_by_id(report)["M8"].value
     assert sum(a.exposure_h or 0 for a in report.areas) == pytest.approx(report.level.exposure_h)
     assert sum(a.share or 0 for a in report.areas) == pytest.approx(1)
 
@@ -74,7 +75,7 @@ def test_one_rate_on_page_in_json_by_command_and_in_python(
     report = of_two
     by_hand = total(busy) / 21 + 12
     assert report.level.violation_rate.value == pytest.approx(by_hand)
-    assert json.loads(to_json(report))["figures"]["M0"]["value"] == pytest.approx(by_hand, rel=1e-6)
+    assert figures_json(report)["M0"]["value"] == pytest.approx(by_hand, rel=1e-6)
     page = render_html(report)
     assert f'<span>{by_hand:.0f}</span> <span class="unit">violations per open hour' in page
     arguments = ["-C", str(two_cameras.root), "hours", "--week", "2026-W46", "--by", "camera", "--json"]
@@ -297,7 +298,7 @@ def test_no_small_count_is_printed_anywhere(small: WeekReport) -> None:
     areas_csv = list(csv.DictReader(io.StringIO(to_csv(small)["areas.csv"])))
     assert [(r["area"], r["state"]) for r in areas_csv if r["counted"] == ""] == [("door", "masked"), ("", "held_back")]
     twin = json.loads(to_json(small))
-    for part in (twin["areas"], twin["figures"]["M15"], twin["when"]["cells"], twin["log"]):
+    for part in (twin["areas"], figures_json(small)["M15"], twin["when"]["cells"], twin["log"]):
         for row in part if isinstance(part, list) else part["rows"]:
             row.pop("hour", None), row.pop("fold", None), row.pop("cameras_down", None), row.pop("rank", None)
             assert set(leaves(row)) & {n / k for n in (1.0, 2.0, 3.0, 4.0) for k in (1, 21)} <= {1.0}  # shares of 1
@@ -315,15 +316,16 @@ def test_a_week_of_few_violations_tells_only_that(tmp_path: Path) -> None:
     level = report.level
     assert (level.violation_rate.value, level.encounter_rate.value, level.violations) == (None, None, None)
     assert reason_text(level.violation_rate.reason) == "fewer than 5 violations were counted"
-    assert report.figures["M0"].value is report.figures["M8"].value is None
-    assert report.figures["M0"].state == "not_enough_data"
+    assert figures_by_id(report)["M0"].value is figures_by_id(report)["M8"].value is None
+    assert figures_by_id(report)["M0"].state == "not_enough_data"
     assert report.busiest_hour is None
     assert {c.violations for c in report.when.cells} == {0, None}
     assert [m.bands for m in report.maps] == [()]
     page = render_html(report)
     assert "Very few violations in week 46" in page
     twin = json.loads(to_json(report))
-    assert 3 / 21 not in {round(v, 6) for v in leaves(twin["level"])} | {round(v, 6) for v in leaves(twin["figures"])}
+    for part in (twin["level"], twin["answers"], figures_json(report)):
+        assert 3 / 21 not in {round(v, 6) for v in leaves(part)}
 
 
 def test_an_area_whose_only_camera_was_down_has_no_count_rather_than_zero(tmp_path: Path) -> None:

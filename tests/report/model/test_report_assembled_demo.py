@@ -17,6 +17,7 @@ from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.intake.pipeline import ingest
 from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.figures_by_id import figures_by_id
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.simulate.demo_project import write_demo_project
@@ -73,8 +74,8 @@ def test_missing_hours_are_in_no_rate(report: WeekReport) -> None:
     full = {c.camera_id: c.recorded_h for c in report.coverage.cameras}
     # 86 open hours: one missing, one low-data hour of 25 minutes, and ten of camera 3
     assert full["cam-1"] == pytest.approx(85 - 35 / 60, abs=0.01)
-    assert report.figures["M0"].denominator == pytest.approx(4 * 84 - 10, abs=0.01)
-    assert report.figures["M8"].value == report.level.violations
+    assert figures_by_id(report)["M0"].denominator == pytest.approx(4 * 84 - 10, abs=0.01)
+    assert figures_by_id(report)["M8"].value == report.level.violations
 
 
 def test_page_of_the_demo_is_small_and_marked_as_made_up(report: WeekReport) -> None:

@@ -10,6 +10,7 @@ from report import ingested_worlds as w
 
 from vsd_analytics.answer import Reason, value_of
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.figures_by_id import figures_by_id
 from vsd_analytics.report.pages.week import render_html
 
 MORE = {w.QUEUE: 20, w.DOOR: 6, w.AISLE: 5}
@@ -69,7 +70,7 @@ def test_time_too_close_of_areas_and_hours_is_that_of_the_people_who_stand_there
     assert shares == {"queue": 1.0, "door": 1.0, None: pytest.approx(hour_h[None] / (1 + hour_h[None]))}
     whole = sum(hour_h.values()) / (1 + sum(hour_h.values()))
     assert week.level.close_time_share is not None
-    assert week.level.close_time_share.value == pytest.approx(whole) == pytest.approx(week.figures["M6"].value)
+    assert week.level.close_time_share.value == pytest.approx(whole) == pytest.approx(figures_by_id(week)["M6"].value)
     of_hours = [c.close_time_share for c in week.when.cells if c.state == "full"]
     assert of_hours == pytest.approx([whole] * len(of_hours))
     rest = next(a.close_time_share for a in week.areas if a.area_id is None)

@@ -16,6 +16,7 @@ from report import sample_weeks as weeks
 from vsd_analytics.answer import Answers, Reason
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.report.model.week import Story, WeekReport
+from vsd_analytics.report.pages.figures_by_id import figures_by_id
 from vsd_analytics.report.pages.json_and_csv import from_json, to_json
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.wording import format as fmt
@@ -113,8 +114,9 @@ def allowed(report: WeekReport) -> set[str]:
 
 
 def strangers(report: WeekReport, page: str) -> set[str]:
-    """Return the numbers on the page that no value of the JSON file explains."""
-    twin = from_json(to_json(report))
+    """Return the numbers on the page that no value of the JSON file explains, nor the heading of its column."""
+    read = from_json(to_json(report))
+    twin = replace(read, figures=figures_by_id(read))
     named = {v for v, _ in leaves(twin) if isinstance(v, str) and NUMBER.search(v)}
     texts = sorted((v for v in named if re.search(r"[^\W\d]", v)), key=len, reverse=True)
     seen = " \n".join(Text(page).texts)

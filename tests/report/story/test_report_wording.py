@@ -16,6 +16,7 @@ from report import sample_sections as sections
 from report import sample_weeks as weeks
 
 from vsd_analytics.report.pages import week
+from vsd_analytics.report.pages.figures_by_id import figures_by_id
 from vsd_analytics.resources import shipped
 from vsd_analytics.wording import catalogue, terms
 from vsd_analytics.wording import format as fmt
@@ -238,8 +239,8 @@ def names(report: Any) -> set[str]:
     found |= {
         reason_text(e.reason) for a in report.areas for e in (a.violation_rate, a.encounter_rate) if e is not None
     }
-    found |= {reason_text(f.reason) for f in report.figures.values()} | {
-        reason_text(f.unit) for f in report.figures.values()
+    found |= {reason_text(f.reason) for f in figures_by_id(report).values()} | {
+        reason_text(f.unit) for f in figures_by_id(report).values()
     }
     found |= more_names(report)
     found |= {

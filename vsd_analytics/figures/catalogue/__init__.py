@@ -14,11 +14,11 @@ import importlib
 import pkgutil
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
-from typing import Final
+from typing import Final, Protocol
 
 from vsd_analytics.answer import Answers, Reason
 from vsd_analytics.figures.catalogue.form import ANSWER_MAKERS, FigureInputs
-from vsd_analytics.figures.catalogue.view import MAPS, figure_of, map_figure
+from vsd_analytics.figures.catalogue.view import MAPS, map_figure
 from vsd_analytics.figures.share.answers import audience_answers
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.results import Figure
@@ -38,6 +38,22 @@ OF_SPACE: Final = OF_VISITS | OF_QUEUES | OF_CAPACITIES
 """Figures of how a space is used, which places of the floor ask for."""
 FILES_OF_SPACE: Final = frozenset({"space_answers"})
 """The files of this folder that make these."""
+
+
+class UnitRules(Protocol):
+    """Settings that units of figures name."""
+
+    @property
+    def distance_m(self) -> float:
+        """Return the legal distance."""
+
+    @property
+    def outage_min_s(self) -> float:
+        """Return the shortest outage."""
+
+    @property
+    def contact_s(self) -> float:
+        """Return the length of a close contact."""
 
 
 def _import(names: AbstractSet[str]) -> None:
@@ -67,17 +83,10 @@ def shared_answers(inputs: FigureInputs, *, metrics: AbstractSet[str] | None = N
     return audience_answers((answer for maker in makers for answer in maker(inputs)), inputs.data.site)
 
 
-def figures(inputs: FigureInputs, shared: Answers) -> Mapping[str, Figure]:
-    """Return all figures of a week by catalogue id, in its order: a view of its answers, and its maps.
-
-    Args:
-        inputs: The week.
-        shared: What `shared_answers` returned for it.
-    """
-    held = {column.figure for answer in shared for column in answer.columns} - {""}
-    found = {metric: figure_of(metric, shared, unit=_unit(inputs, metric)) for metric in held}
-    maps = {metric: map_figure(inputs.found.maps, metric, unit=_unit(inputs, metric)) for metric in MAPS}
-    return dict(sorted({**found, **maps}.items(), key=lambda entry: int(entry[0][1:])))
+def map_figures(inputs: FigureInputs) -> Mapping[str, Figure]:
+    """Return the figures that are maps, which no rows of an answer hold, by catalogue id."""
+    rules = inputs.data.site.settings
+    return {metric: map_figure(inputs.found.maps, metric, unit=figure_unit(metric, rules)) for metric in MAPS}
 
 
 def asks_for(data: WeekData) -> frozenset[str]:
@@ -93,12 +102,16 @@ def asks_for(data: WeekData) -> frozenset[str]:
     return found
 
 
-def _unit(inputs: FigureInputs, metric: str) -> Reason:
-    """Return the unit of a figure, as the wording catalogue names it."""
-    settings = inputs.data.site.settings
+def figure_unit(metric: str, rules: UnitRules) -> Reason:
+    """Return the unit of a figure, as the wording catalogue names it.
+
+    Args:
+        metric: Id in the catalogue.
+        rules: The settings that units name.
+    """
     return Reason(
         f"unit.{metric}",
-        distance_m=settings.distance_m,
-        outage_min=settings.outage_min_s / 60,
-        contact_min=settings.contact_s / 60,
+        distance_m=rules.distance_m,
+        outage_min=rules.outage_min_s / 60,
+        contact_min=rules.contact_s / 60,
     )

@@ -1,4 +1,4 @@
-"""Figures by catalogue id, as the JSON file has them under `figures`: a view of answers and maps, computing nothing."""
+"""Figures by catalogue id, as HTTP gives them: a view of answers and maps, computing nothing."""
 
 from __future__ import annotations
 

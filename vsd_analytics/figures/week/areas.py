@@ -15,7 +15,7 @@ from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Place
 from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, in_week_before
 from vsd_analytics.figures.share.weeks import by_camera, hidden_times
 from vsd_analytics.figures.week import estimates, recording
-from vsd_analytics.figures.week.contributions import difference
+from vsd_analytics.figures.week.changes import difference
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.results import AreaRow, BusiestSpot
 from vsd_analytics.site.model import Area

@@ -11,7 +11,6 @@ from vsd_analytics.figures import (
     borders,
     episodes,
     forecast,
-    gathering_hours,
     gatherings,
     groups,
     hotspots,
@@ -85,7 +84,7 @@ class LazyAnswers:
         found = forecast.forecast(*asked, floor_id=self._floor_id)
         if found.people.state != "ok" or self.gatherings.state != "ok":
             return found
-        counted = gathering_hours.gathering_hours(*asked, floor_id=self._floor_id)
+        counted = gatherings.gathering_hours(*asked, floor_id=self._floor_id)
         return forecast.forecast(*asked, floor_id=self._floor_id, gatherings=counted)
 
     @cached_property

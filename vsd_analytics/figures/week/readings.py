@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from vsd_analytics.figures.group_areas import between_groups_by_area
 from vsd_analytics.figures.groups import GroupReadings as Found
-from vsd_analytics.figures.groups import Groups
+from vsd_analytics.figures.groups import Groups, between_groups_by_area
 from vsd_analytics.figures.rates import violation_rate_level
 from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.week import page_estimates

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
 from datetime import date, datetime, timedelta
-from typing import Any
 
-from vsd_analytics.answer import Reason
 from vsd_analytics.errors import ReportError
-from vsd_analytics.figures.catalogue import SO_FAR, figures, shared_answers
+from vsd_analytics.figures.catalogue import SO_FAR, map_figures, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
 from vsd_analytics.figures.panels import WEEK, FloorHours
@@ -25,7 +22,6 @@ from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.figures.week.model_estimate import same_fields
 from vsd_analytics.figures.week.model_recording import Coverage
 from vsd_analytics.figures.week.results import (
-    Figure,
     Level,
     Provenance,
     Rules,
@@ -43,9 +39,8 @@ from vsd_analytics.version import VERSION
 from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
-from vsd_analytics.wording.catalogue import has, say
+from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import chosen, language, speaking
-from vsd_analytics.wording.reasons import reason_text
 
 DAY = timedelta(days=1)
 THREADS = 1
@@ -60,36 +55,7 @@ MADE_UP_ENGINE = "vsd-demo "
 """What the simulator of `vsd demo` calls itself: its reports say that the data are made up."""
 
 
-def measured_week(
-    site: Site,
-    monday: date,
-    *,
-    floor_id: str | None = None,
-    now: datetime | None = None,
-    clock: datetime | None = None,
-    on_plan: Callable[[int], None] | None = None,
-    on_hours: Callable[[int], None] | None = None,
-) -> WeekReport:
-    """Return the figures of one floor and ISO week, without a story; see `report.pages.story.week_report`."""
-    return _of_days(site, monday, None, floor_id=floor_id, now=now, clock=clock, on_plan=on_plan, on_hours=on_hours)
-
-
-def measured_days(
-    site: Site,
-    first: date,
-    last: date,
-    *,
-    floor_id: str | None = None,
-    now: datetime | None = None,
-    clock: datetime | None = None,
-    on_plan: Callable[[int], None] | None = None,
-    on_hours: Callable[[int], None] | None = None,
-) -> WeekReport:
-    """Return the figures of one floor and days in a row, without a story; see `report.pages.story.days_report`."""
-    return _of_days(site, first, last, floor_id=floor_id, now=now, clock=clock, on_plan=on_plan, on_hours=on_hours)
-
-
-def _of_days(
+def measured(
     site: Site,
     first: date,
     last: date | None,
@@ -100,7 +66,10 @@ def _of_days(
     on_plan: Callable[[int], None] | None,
     on_hours: Callable[[int], None] | None,
 ) -> WeekReport:
-    """Return the report of the week from `first`, or of other days up to `last`."""
+    """Return the figures of the ISO week from `first`, or of other days up to `last`, without a story.
+
+    Arguments and errors are those of `report.pages.story.week_report` and `days_report`.
+    """
     floor = next((f for f in site.floors if floor_id in (None, f.floor_id)), None)
     if floor is None:
         raise KeyError(floor_id)
@@ -227,7 +196,7 @@ def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | No
         if data.is_released
         else close_by_crowding(data.this, why_hidden=data.hidden.why_floor, is_by_day=not data.hidden.hides_hours),
         answers=shared,
-        figures=with_row_texts(figures(inputs, shared)),
+        figures=map_figures(inputs),
     )
 
 
@@ -236,25 +205,6 @@ def _ref(data: WeekData, first: date) -> WeekRef:
     if data.is_week:
         return WeekRef.of(first, zone=zone)
     return WeekRef.of_days(first, first + data.span - timedelta(days=1), zone=zone)
-
-
-def with_row_texts(found: Mapping[str, Figure]) -> Mapping[str, Figure]:
-    """Return figures whose rows hold sentences instead of reasons: rows are plain values, as JSON has them."""
-
-    def text(row: Mapping[str, Any]) -> Mapping[str, Any]:
-        return {name: _plain_text(value) if isinstance(value, Reason) else value for name, value in row.items()}
-
-    return {
-        key: figure if figure.rows is None else replace(figure, rows=tuple(text(row) for row in figure.rows))
-        for key, figure in found.items()
-    }
-
-
-def _plain_text(reason: Reason) -> str:
-    """Return a reason as its sentence; the name of a column that has no heading in words."""
-    if has(f"reason.{reason.code}"):
-        return reason_text(reason)
-    return reason.code.rpartition(".")[2].replace("_", " ")
 
 
 def _state(data: WeekData, coverage: Coverage, change: SettingsChange | None, has_before: bool) -> WeekState:

@@ -9,8 +9,7 @@ from typing import Final
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures import comparable
 from vsd_analytics.figures.week import estimates
-from vsd_analytics.figures.week.changes import recorded_cameras, since_instant
-from vsd_analytics.figures.week.contributions import share_of_change, verdict_without
+from vsd_analytics.figures.week.changes import recorded_cameras, share_of_change, since_instant, verdict_without
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.figures.week.model_recording import Coverage, Outage

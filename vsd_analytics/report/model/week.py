@@ -135,7 +135,7 @@ class WeekReport:
         metadata={"help": "Tables of figures by name, as they may leave the operator's hands; none in files of 1.x."},
     )
     figures: Mapping[str, Figure] = _f(
-        "Keyed by the catalogue, as M7; absent: not in this version, nobody asks for it, or it needs weeks."
+        "What no rows of an answer hold, by catalogue id: maps, as M17. In files of 1.x, all figures."
     )
     agenda: Agenda | None = _o("What may be asked, and what earlier weeks asked.")
     story: Story | None = _o("Filled by `headline.story_of`; None until then.")

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ import pyarrow as pa
 from vsd_analytics.errors import ReportError
 from vsd_analytics.figures import operator_counts
 from vsd_analytics.figures.share.periods import check_days, hides, is_over
-from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.json_and_csv import figures_json, to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import durable, spill
@@ -99,7 +100,8 @@ def export_duckdb(
             except ReportError as error:  # shared before, and changed by too little since
                 refused = error
                 continue
-            reports.append({"floor_id": floor.floor_id, "report": to_json(report).decode()})
+            told = {**json.loads(to_json(report)), "figures": figures_json(report)}
+            reports.append({"floor_id": floor.floor_id, "report": json.dumps(told)})
     if refused is not None and not reports:
         raise refused
     with open_warehouse(site, monday, sunday) as warehouse:

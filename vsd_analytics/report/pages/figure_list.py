@@ -6,7 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.figures_by_id import figures_by_id
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import has, say
@@ -28,12 +30,12 @@ class FigureRow:
 
 def further_figures(report: WeekReport) -> tuple[FigureRow, ...]:
     """Return figures of the catalogue that are nowhere else on the page, in its order; absent ones are left out."""
-    named = [key for key in report.figures if has(f"more.{key}.name")]
-    return tuple(row for key in sorted(named, key=lambda key: int(key[1:])) for row in _lines(report, key))
+    named = [(key, figure) for key, figure in figures_by_id(report).items() if has(f"more.{key}.name")]
+    return tuple(row for key, figure in named for row in _lines(report, key, figure))
 
 
-def _lines(report: WeekReport, key: str) -> Iterator[FigureRow]:
-    figure, unit = report.figures[key], report.rules.distance_unit
+def _lines(report: WeekReport, key: str, figure: Figure) -> Iterator[FigureRow]:
+    unit = report.rules.distance_unit
     name = say(f"more.{key}.name", distance=fmt.distance(report.rules.distance_m, unit))
     if figure.state != "ok":
         reason = terms.sentence(reason_text(figure.reason) or say("words.too_little_data"))

@@ -22,6 +22,7 @@ from vsd_analytics.render.significant import rounded as rounded_json
 from vsd_analytics.report.model import week, week_agenda
 from vsd_analytics.report.model.older_files import brought_up_to_date
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.figures_by_id import figures_by_id
 from vsd_analytics.report.pages.story import finish
 from vsd_analytics.store.spreadsheet import safe_cell
 from vsd_analytics.wording.reasons import decode_reason, reason_schema, reason_text
@@ -86,6 +87,12 @@ def to_json(report: WeekReport) -> bytes:
     """
     data = rounded_json(_builtins(finish(rounded(report))))
     return (json.dumps(data, sort_keys=True, ensure_ascii=False, allow_nan=False, indent=1) + "\n").encode()
+
+
+def figures_json(report: WeekReport) -> dict[str, Any]:
+    """Return all figures of a report by catalogue id as JSON can hold them: what HTTP and the DuckDB file give."""
+    plain: dict[str, Any] = rounded_json(msgspec.to_builtins(figures_by_id(rounded(report)), enc_hook=_plain))
+    return plain
 
 
 def from_json(data: bytes) -> WeekReport:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import date, datetime
 
-from vsd_analytics.report.model.assemble import measured_days, measured_week
+from vsd_analytics.report.model.assemble import measured
 from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages.headline import headline, lead
 from vsd_analytics.report.pages.questions import choose, may_ask
@@ -50,7 +50,7 @@ def week_report(
         ('first_week', '<!doctype html>')
     """
     return finish(
-        measured_week(site, monday, floor_id=floor_id, now=now, clock=clock, on_plan=on_plan, on_hours=on_hours)
+        measured(site, monday, None, floor_id=floor_id, now=now, clock=clock, on_plan=on_plan, on_hours=on_hours)
     )
 
 
@@ -86,7 +86,7 @@ def days_report(
         KeyError: The site has no floor of this id.
     """
     return finish(
-        measured_days(site, first, last, floor_id=floor_id, now=now, clock=clock, on_plan=on_plan, on_hours=on_hours)
+        measured(site, first, last, floor_id=floor_id, now=now, clock=clock, on_plan=on_plan, on_hours=on_hours)
     )
 
 
