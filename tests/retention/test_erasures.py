@@ -130,6 +130,30 @@ def test_the_quarantine_does_not_bring_erased_records_back(project: Path, tmp_pa
     assert rows_of(project) == erased
 
 
+def test_what_cannot_be_read_among_erased_records_goes_to_quarantine_without_its_text(
+    project: Path, tmp_path: Path
+) -> None:
+    """Nobody knows of what time such a line is, and a replay or a reader of the quarantine would bring it back."""
+    good = messages(camera="cam-1", day=DAYS[0], hours=(9, 10))
+    cut = json.dumps({**good[0], "persons": [{"id": "walker-77", "x_m": 1.0, "y_m": 1.0}]})[:-2]
+    timeless = json.dumps({**good[1], "ts": None, "persons": [{"id": "walker-78", "x_m": 1.0, "y_m": 1.0}]})
+    lines = [*map(json.dumps, good[:40]), cut, timeless, *map(json.dumps, good[40:])]
+    file = tmp_path / "again.jsonl"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+    def quarantined() -> str:
+        vsd(project, "ingest", str(file), code=1)
+        return "".join(path.read_text(encoding="utf-8") for path in (project / "quarantine").glob("*.jsonl"))
+
+    assert "walker-77" in quarantined()
+    vsd(project, *ERASE)
+    for path in (project / "quarantine").glob("*.jsonl"):
+        path.unlink()
+    after = quarantined()
+    assert "walker-7" not in after
+    assert "its text is not stored" in after
+
+
 def test_sealed_hours_lose_the_camera_and_late_records_of_them_are_erased_not_quarantined(
     purged: Path, tmp_path: Path
 ) -> None:

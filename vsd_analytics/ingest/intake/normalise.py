@@ -21,7 +21,7 @@ from vsd_analytics.ingest.intake.pseudonyms import Pseudonyms
 from vsd_analytics.ingest.intake.sealed_hours import FORGOTTEN, ClosedTimes
 from vsd_analytics.ingest.reading.adapter import RawBatch, Rejected
 from vsd_analytics.ingest.reading.raw import Check, rejected, row_json
-from vsd_analytics.ingest.reading.reasons import TOO_MANY
+from vsd_analytics.ingest.reading.reasons import NO_TIME, TOO_MANY
 from vsd_analytics.schema import QUALITIES, SCHEMAS, TABLES, TRACKS, TS, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.erasures import ERASED, KnownErasures, are_erased
@@ -134,6 +134,8 @@ class Normaliser:
                 rows = self._pairs(rows, dropped)
             rows = _with(rows, {"ts": rows["ts_ms"].cast(TS)})
             tables[name] = pa.table([rows[c] for c in SCHEMAS[name].names], schema=NORMALISED[name])
+        if dropped[ERASED] > batch.n_dropped.get(ERASED, 0):
+            bad = [_without_text(r) if i < len(batch.rejected) or r.reason == NO_TIME else r for i, r in enumerate(bad)]
         return Normalised(tables, bad, +dropped)
 
     def faults(self, name: TableName, raw: pa.Table) -> list[Fault]:
@@ -172,7 +174,7 @@ class Normaliser:
         first, last = (datetime.fromtimestamp(ms / 1000, tz=UTC).isoformat() for ms in (self._first_ms, self._last_ms))
         shown = ", ".join(list(self._cameras)[:12]) + (", …" if len(self._cameras) > 12 else "")
         return [
-            ("no-time", "the record has no usable time", lambda r: pc.is_null(r["ts_ms"])),
+            (NO_TIME, "the record has no usable time", lambda r: pc.is_null(r["ts_ms"])),
             (
                 "time-out-of-range",
                 f"the time is outside {first} to {last}: wrong unit, wrong clock or a camera set to a wrong year",
@@ -341,6 +343,12 @@ def _good(
             is_whole = fault.reason != TOO_MANY
             bad.append(replace(record, table=name, row=as_json, n=n) if is_whole else replace(record, n=n))
     return rows
+
+
+def _without_text(record: Rejected) -> Rejected:
+    """Return a rejected record of unknown time as its line and reason: it lies among records that were erased."""
+    detail = f"{record.detail}; its text is not stored, because records beside it were {ERASED}"
+    return replace(record, detail=detail, text="", whole=None, row=None)
 
 
 def _readable(ts_ms: int | None) -> str | None:

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from vsd_analytics.site.model import ReadingRule
 
+NO_TIME: Final = "no-time"
 TOO_MANY: Final = "too-many"
 """A frame with more persons or pairs than `persons_max` or `pairs_max`."""
 
@@ -42,7 +43,7 @@ FIXES: Final[Mapping[str, str]] = {
     "no-distance": "export distance_m, or both positions",
     "no-position": "export x_m y_m, or u_px v_px",
     "no-size": "--size WIDTHxHEIGHT, or picture of the camera in vsd.toml",
-    "no-time": "export an ISO time with offset, or unix seconds",
+    NO_TIME: "export an ISO time with offset, or unix seconds",
     "not-a-number": "correct the export: a point before decimals (or semicolons between cells), nothing between "
     "thousands; an empty cell is missing, a text or NaN is not",
     "not-a-time": "export ISO times such as 2026-11-09T08:00:00+01:00, or unix seconds; other texts: --time-format "
