@@ -107,6 +107,7 @@ def test_doctor_verify_and_coverage_name_the_camera(root: Path) -> None:
     assert found["state"] == "needs you"
     verified = json.loads(vsd(root, "verify", "--json", code=1))
     assert [f["code"] for f in verified["findings"] if not f["is_note"]] == ["E321"]
+    assert "damaged" not in vsd(root, "verify", code=1)  # no file of the store is
 
 
 def test_the_printed_block_pasted_brings_the_figures_back(root: Path) -> None:

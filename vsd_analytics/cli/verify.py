@@ -9,6 +9,7 @@ import click
 from vsd_analytics.cli.options import json_option
 from vsd_analytics.cli.output import emit_json, progress, render_error
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.config.project import FILE as CONFIG
 from vsd_analytics.errors import VsdError, Where
 from vsd_analytics.site.instants import parse_range
 
@@ -64,7 +65,8 @@ def _hours(project: Project, days: str) -> tuple[int, int]:
 
 def _print(project: Project, found: Verification) -> None:
     for check in found.checks:
-        state = f"{len(check.damages):,} damaged" if check.damages else "ok"
+        word = "wrong" if check.name == CONFIG else "damaged"
+        state = f"{len(check.damages):,} {word}" if check.damages else "ok"
         click.echo(f"{state:12} {check.name:10} {check.n:>12,} {check.things}: {check.promise}")
     if found.n_fresh is not None:
         stale = (
@@ -79,7 +81,8 @@ def _print(project: Project, found: Verification) -> None:
         if others:
             click.echo(f"  and {len(others):,} more files like it: vsd verify --json names each", err=True)
     for finding in found.damages:
-        click.echo(render_error(_error(project, finding), word="damaged"), err=True)
+        word = "damaged" if finding.path.name != CONFIG else "error"  # the store is whole, and vsd.toml does not fit
+        click.echo(render_error(_error(project, finding), word=word), err=True)
     n = len(found.damages)
     click.echo("the store is whole" if not n else f"{n:,} {'thing needs' if n == 1 else 'things need'} you")
 

@@ -141,7 +141,11 @@ def stored_tables(
     n_rows = 0
     for store in stores:
         with reading(store.root), contextlib.suppress(pa.ArrowException, ValueError, OSError):  # a fold names damage
-            tables += _of_spool(store, table, first_ms, last_ms, but)
+            for rows in _of_spool(store, table, first_ms, last_ms, but):
+                if n_rows > ROWS_MAX:
+                    break
+                n_rows += rows.num_rows
+                tables.append(rows)
             parts = store.parts(table, first_hour=first_ms // HOUR_MS, last_hour=last_ms // HOUR_MS)
             rank = dict(zip(hours[np.argsort(-n_of_hour, kind="stable")].tolist(), range(len(hours)), strict=True))
             near = [p for p in parts if rank.keys() & {p.hour - 1, p.hour, p.hour + 1}]
