@@ -17,6 +17,10 @@ Verdict = Literal["clear_fall", "clear_rise", "about_same", "cannot_tell", "too_
 """What an interval of a change allows to say; "too_little_data" where there is none."""
 Design = Literal["beside", "alone"]
 """How a change of the log is judged: beside areas that were left alone, or the area by itself."""
+Outcome = Literal[
+    "works", "moved", "fell", "doubtful", "rose", "about_same", "cannot_tell", "too_early", "alone", "site_wide"
+]
+"""What may be said of a change of the log (`vsd_analytics.figures.change_outcome`)."""
 
 
 class Reason:

@@ -154,3 +154,33 @@ def test_a_week_that_recorded_little_is_left_out_of_the_weeks_read(tmp_path: Pat
     figure = found(tmp_path, recorded=lambda camera, d: 0.0 if CHANGE + 38 <= d < CHANGE + 43 else 1.0)
     assert figure.running is not None
     assert figure.running.n_weeks in (6, 7)
+
+
+def test_the_area_that_took_people_up_is_named_with_a_range(tmp_path: Path) -> None:
+    def people(area_id: str, day: int) -> float:
+        return 40.0 if day < CHANGE else {"queue": 15.0, "fruit": 65.0}.get(area_id, 40.0)
+
+    figure = found(tmp_path, people=people)
+    assert [r.area_id for r in figure.receivers] == ["fruit"]
+    (fruit,) = figure.receivers
+    assert fruit.lo is not None
+    assert fruit.hi is not None
+    assert 0 < fruit.lo < 0.625 < fruit.hi
+    assert figure.taken_up is not None
+    assert figure.taken_up.share == pytest.approx(1.0, abs=0.3)
+    assert [r.area_id for r in figure.risers] == ["fruit"]
+    assert figure.outcome == "moved"
+    assert found(tmp_path / "still").receivers == ()
+
+
+def test_an_area_cleared_to_none_is_a_clear_fall_in_every_rate(tmp_path: Path) -> None:
+    figure = found(tmp_path, rate=from_change(0.0))
+    assert figure.running is not None
+    assert figure.burden is not None
+    assert figure.violation_rate is not None
+    for effect in (figure.running, figure.burden, figure.violation_rate):
+        assert (effect.value, effect.lo, effect.verdict) == (0.0, 0.0, "clear_fall")
+        assert effect.hi is not None
+        assert 0 < effect.hi < 0.5
+    assert figure.outcome == "works"
+    assert "inf" not in json.dumps(asdict(figure), default=str).lower().replace("info", "")

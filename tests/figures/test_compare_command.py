@@ -120,10 +120,9 @@ def test_the_planted_redesign_is_found(project: Path, capsys: pytest.CaptureFixt
     effects = {row["effect"]: row for row in found["answers"]["change_effects"]["rows"]}
     per_open_h, per_person_h = (effects[f"violations_per_{unit}"] for unit in ("open_h", "person_h"))
     assert per_open_h["effect_change"]["value"] == pytest.approx(-0.5, rel=0.02)
-    assert per_open_h["effect_verdict"] == "clear_fall"
+    assert "effect_verdict" not in per_open_h, "a change has one verdict, the running one"
     ratio = 0.5 * (3600 + 40 * 40) / (3600 + 20 * 40)
     assert 1 + per_person_h["effect_change"]["value"] == pytest.approx(ratio, rel=0.01)
-    assert per_person_h["effect_verdict"] is None, "people who stand about less raise it"
     assert per_person_h["n_comparison_areas"] == 5
     assert per_person_h["by_placebo"]["value"] == per_person_h["effect_change"]["value"]
     code, out = vsd(project, capsys, "compare", "--change", "1")
@@ -131,7 +130,7 @@ def test_the_planted_redesign_is_found(project: Path, capsys: pytest.CaptureFixt
     assert "Logged change, 2026-11-02 to 2026-11-15" in out
     assert "moved the queue" in out
     assert re.search(r"violations per open hour +-50%", out)
-    assert "clear fall" in out
+    assert "cannot tell yet" in out, "one week before is too little for a verdict"
     assert "1 of the requested 4 weeks are stored on both sides" in out
 
 

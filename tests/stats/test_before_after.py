@@ -197,3 +197,27 @@ def test_too_few_person_hours_are_refused_with_the_rule() -> None:
     assert (found.value, found.state) == (None, "not_enough_data")
     assert found.reason is not None
     assert reason_text(found.reason).startswith("needs at least 5000 person-hours in the area before, has ")
+
+
+def test_no_violation_after_is_a_clear_fall_with_a_finite_upper_limit() -> None:
+    rng = np.random.default_rng(21)
+    found = before_after(period(rng, weeks=4), period(rng, weeks=4, rate=0.0, first=4))
+    assert (found.value, found.lo, found.verdict, found.reason) == (0.0, 0.0, "clear_fall", None)
+    assert found.hi is not None
+    assert 0 < found.hi < 0.1
+    assert found.n_after == 0
+    few = before_after(period(rng, weeks=4), period(rng, weeks=4, rate=0.01, first=4))
+    assert few.verdict == "clear_fall"
+    assert few.n_after < 30
+    assert few.hi is not None
+    assert few.value is not None
+    assert few.value < few.hi < 0.2
+
+
+def test_violations_are_needed_before_and_in_the_areas_compared_with() -> None:
+    rng = np.random.default_rng(22)
+    codes = [
+        before_after(period(rng, weeks=4, rate=0.0), period(rng, weeks=4, first=4)),
+        before_after(period(rng, weeks=4), period(rng, weeks=4, season=0.0, first=4)),
+    ]
+    assert [f.reason and f.reason.code for f in codes] == ["redesign.events_before", "redesign.comparison_events_after"]

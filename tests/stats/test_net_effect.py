@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from vsd_analytics.stats.net_effect import net_effect
+from vsd_analytics.stats.running_verdict import running_verdict
 
 BEFORE = [[30.0, 26.0, 33.0, 29.0], [12.0, 15.0, 11.0, 13.0], [40.0, 44.0, 39.0, 47.0]]
 HOURS_BEFORE = [70.0, 70.0, 66.0, 70.0]
@@ -16,28 +16,37 @@ AFTER = [[15.0, 18.0, 16.0], [14.0, 12.0, 15.0], [45.0, 40.0, 41.0]]
 HOURS_AFTER = [70.0, 68.0, 70.0]
 
 
-def test_the_net_effect_and_its_interval_equal_the_computation_by_hand() -> None:
+def test_the_net_effect_and_its_range_equal_the_computation_by_hand() -> None:
+    """With fewer than eight weeks before it is the weekly test, with the variance of weeks that resemble each other."""
     found = net_effect(BEFORE, HOURS_BEFORE, AFTER, HOURS_AFTER)
-    squares, rates = 0.0, []
+    logs, rates = [], []
     for n, x in ((BEFORE, HOURS_BEFORE), (AFTER, HOURS_AFTER)):
         weeks = [sum(column) for column in zip(*n, strict=True)]
-        rate = sum(weeks) / sum(x)
-        rates.append(rate)
-        squares += sum(((w - rate * h) / (sum(weeks) / len(weeks))) ** 2 for w, h in zip(weeks, x, strict=True))
-    theta = rates[1] / rates[0]
-    se = math.sqrt(squares / 5 * (1 / 4 + 1 / 3))
-    assert found.value == pytest.approx(theta, rel=1e-12)
-    assert (found.log_se, found.df) == (pytest.approx(se, rel=1e-12), 5)
-    half = stats.t.ppf(0.975, 5) * se
-    assert (found.lo, found.hi) == pytest.approx((theta * math.exp(-half), theta * math.exp(half)), rel=1e-9)
+        rates.append(sum(weeks) / sum(x))
+        logs.append(np.log(np.array(weeks) / np.array(x)))
+    (b, a), dev = logs, [y - y.mean() for y in logs]
+    lag = sum(float(d[1:] @ d[:-1]) for d in dev) / sum(float(d @ d) for d in dev) + 2 / 7
+    r = (7 * lag + 8) / 27
+    assert found.value == pytest.approx(rates[1] / rates[0], rel=1e-12)
+    assert found.correlation == pytest.approx(r, rel=1e-12)
+    more = math.sqrt((1 + r) / (1 - r))
+    plain = running_verdict(dev[0] * more, a.mean() - b.mean() + dev[1] * more)
+    assert (found.lo, found.hi) == pytest.approx((plain.lo, plain.hi), rel=1e-9)
 
 
-def test_with_equal_hours_it_is_the_t_test_of_two_samples_of_relative_weeks() -> None:
-    n_b, n_a = np.array([[50.0, 60, 55, 65]]), np.array([[40.0, 44, 48]])
-    found = net_effect(n_b, [70] * 4, n_a, [70] * 3)
-    x, y = n_b[0] / n_b.mean(), n_a[0] / n_a.mean()
-    pooled = (3 * x.var(ddof=1) + 2 * y.var(ddof=1)) / 5
-    assert found.log_se == pytest.approx(math.sqrt(pooled * (1 / 4 + 1 / 3)), rel=1e-12)
+def test_from_eight_weeks_on_a_line_continued_is_no_change_of_the_floor() -> None:
+    wave = np.array([0.02, -0.02, 0.01, -0.01, 0.02, -0.02, 0.01, -0.01])
+    falling = 100 * np.exp(-0.04 * np.arange(16) + np.tile(wave, 2))
+    assert net_effect(falling[None, :8], [70.0] * 8, falling[None, 8:], [70.0] * 8).verdict == "cannot_tell"
+    step = np.where(np.arange(16) < 8, 100.0, 50.0) * np.exp(np.tile(wave, 2))
+    assert net_effect(step[None, :8], [70.0] * 8, step[None, 8:], [70.0] * 8).verdict == "clear_fall"
+
+
+def test_a_floor_that_falls_to_none_has_a_range_with_an_end() -> None:
+    found = net_effect(BEFORE, HOURS_BEFORE, np.zeros((3, 3)), HOURS_AFTER)
+    assert (found.value, found.lo, found.verdict) == (0.0, 0.0, "clear_fall")
+    assert found.hi is not None
+    assert 0 < found.hi < 1
 
 
 def test_contributions_of_areas_add_up_to_the_change_of_the_floor_exactly() -> None:

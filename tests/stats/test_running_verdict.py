@@ -88,13 +88,25 @@ def test_the_range_reaches_as_far_as_without_any_one_comparison_area_and_the_ver
     assert found.unclear_without is None
 
 
-def test_a_clear_fall_that_one_comparison_area_makes_stays_one_and_its_range_ends_at_no_change() -> None:
+def test_a_fall_that_one_comparison_area_makes_is_not_clear_and_says_so() -> None:
     found = running_verdict(REFERENCE, [-0.5, -0.45, -0.52, -0.5], without=[(REFERENCE, [-0.1, 0.1, -0.05, 0.0])])
-    assert (found.verdict, found.hi, found.unclear_without) == ("clear_fall", 1.0, 0)
-    assert found.lo is not None
-    assert found.lo < found.hi
+    assert found.e_value is not None
+    assert found.e_value > 20
+    assert (found.verdict, found.unclear_without) == ("cannot_tell", 0)
+    assert found.hi is not None
+    assert found.hi > 1, "its range is not cut off at no change"
     too_short = running_verdict(REFERENCE, WEEKS, without=[(REFERENCE[:3], WEEKS)])
     assert (too_short.lo, too_short.hi, too_short.without) == (too_short.all_lo, too_short.all_hi, (None,))
+
+
+def test_a_clear_fall_stands_out_from_the_comparison_areas_own_shifts() -> None:
+    fell = [-0.5, -0.45, -0.52, -0.5]
+    beside = [running_verdict(REFERENCE, fell, spread=[half] * 4) for half in (0.0, 0.3, 0.6)]
+    assert [found.verdict for found in beside] == ["clear_fall", "clear_fall", "cannot_tell"]
+    assert len({found.e_value for found in beside}) == 1
+    assert [found.clear_since is None for found in beside] == [False, False, True]
+    assert beside[2].hi == pytest.approx(math.exp(np.mean(fell) - np.mean(REFERENCE) + 0.6))
+    assert beside[2].spread_hi == beside[2].hi
 
 
 def test_a_clear_fall_is_dated_by_the_first_week_that_shows_it() -> None:

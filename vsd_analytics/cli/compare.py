@@ -29,14 +29,14 @@ LAYOUTS: Final[dict[str, Layout]] = {
     ),
     "change_causes": (TableLayout(("cause", "cause_change", "cause_verdict", "cause_share")),),
     "logged_change": (
-        TableLayout(("entry", "at", "name", "text", "comparison_area_ids")),
+        TableLayout(("entry", "at", "name", "text", "outcome", "comparison_area_ids")),
         TableLayout(
             ("n_weeks_each_side", "before_first", "before_last", "after_first", "after_last"), only="before_first"
         ),
         TableLayout(("left_out_first", "left_out_last"), only="left_out_first"),
     ),
     "change_effects": (
-        TableLayout(("effect", "effect_change", "effect_verdict", "n_comparison_areas")),
+        TableLayout(("effect", "effect_change", "n_comparison_areas")),
         TableLayout(("effect", "by_day", "by_week"), only="by_day"),
         TableLayout(("effect", "by_without"), only="by_without"),
         TableLayout(("effect", "placebo_least", "placebo_most", "by_placebo"), only="by_placebo"),
@@ -47,11 +47,13 @@ LAYOUTS: Final[dict[str, Layout]] = {
     "change_so_far": (
         TableLayout(("effect", "so_far_change", "so_far_verdict", "e_value", "clear_since_week", "n_weeks_after")),
         TableLayout(("effect", "beside_all_change", "without_least", "without_most"), only="without_least"),
+        TableLayout(("effect", "taken_up_share"), only="taken_up_share"),
     ),
-    "change_parts": (TableLayout(("whole", "part", "part_change", "part_verdict")),),
+    "change_parts": (TableLayout(("whole", "part", "part_change")),),
+    "change_receivers": (TableLayout(("name", "received_people_change")),),
     "change_places": (
         TableLayout(("place", "place_rate_change", "relative_change")),
-        TableLayout(("place", "place_people_change", "place_people_verdict"), only="place_people_verdict"),
+        TableLayout(("place", "place_people_change")),
     ),
     "plan_score": (TableLayout(("made", "planned_change", "measured_change", "is_inside", "is_clear", "is_due")),),
 }

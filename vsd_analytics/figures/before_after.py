@@ -17,14 +17,19 @@ from typing import Final, Literal
 import numpy as np
 import shapely
 
-from vsd_analytics.answer import Design, Reason, State
+from vsd_analytics.answer import Design, Outcome, Reason, State
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import rates
+from vsd_analytics.figures.change_outcome import outcome
 from vsd_analytics.figures.change_verdicts import (
     FloorEffect,
+    Receiver,
     by_day,
     floor_effect,
     left_alone,
+    moved,
+    peopled,
+    receivers,
     rests_on,
     running,
     timed,
@@ -47,6 +52,7 @@ from vsd_analytics.site.places import known_area, known_floor
 from vsd_analytics.stats import before_after as test
 from vsd_analytics.stats.decomposition import additive_parts
 from vsd_analytics.stats.estimates import ChangeEstimate
+from vsd_analytics.stats.logged_change import TakenUp
 from vsd_analytics.stats.running_verdict import RunningVerdict
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -114,6 +120,10 @@ class BeforeAfterFigure:
         routes: How people and their closeness made up the effect on the burden; None without both.
         running: The verdict that may be read every week; None without comparison areas.
         floor: What became of the whole floor; None where violation time is unknown.
+        taken_up: What the other areas of the floor, in its order, and its rest took up of the area's time too close.
+        risers: Areas that clearly have more time too close since, beside those left alone.
+        receivers: Areas that clearly have more people since, likewise.
+        outcome: What may be said of the change: the one verdict on it.
         effect: The effect on violations per person-hour relative to the comparison areas; None without them.
         violation_rate: The effect on violations per open hour, likewise: what moved people away lowers this alone.
         alone: Violations per person-hour in the area, after / before.
@@ -143,6 +153,10 @@ class BeforeAfterFigure:
     routes: EffectRoutes | None = None
     running: RunningVerdict | None = None
     floor: FloorEffect | None = None
+    taken_up: TakenUp | None = None
+    risers: tuple[Receiver, ...] = ()
+    receivers: tuple[Receiver, ...] = ()
+    outcome: Outcome = "too_early"
     effect: test.BeforeAfter | None = None
     violation_rate: test.BeforeAfter | None = None
     alone: ChangeEstimate | None = None
@@ -204,7 +218,7 @@ def before_after(
         if (why := _too_few(alone, site.settings)) is not None:
             return replace(made, reason=why)
         return replace(
-            made, state="ok", reason=None, design="alone", doubts=(Reason("redesign.weak"), *doubts),
+            made, state="ok", reason=None, design="alone", outcome="alone", doubts=(Reason("redesign.weak"), *doubts),
             cautions=tuple(changes_elsewhere(site, entry, area, windows)),
             floor=floor_effect(data, area, windows), alone=alone, people=people,
             neighbours=_neighbours(pair, area, []),
@@ -228,7 +242,7 @@ def before_after(
         notes = (*notes, Reason("redesign.no_trend"))
     doubt, unsteady = rests_on(so_far, left_alone(data, chosen, windows))
     doubts = [*doubts, doubt] if doubt is not None else doubts
-    return replace(
+    found = replace(
         made, state="ok", reason=None, is_credible=not doubts, doubts=tuple(doubts),
         cautions=_cautions(
             burden or effect, whole, windows, [*unsteady, *changes_elsewhere(site, entry, area, windows)]
@@ -238,7 +252,10 @@ def before_after(
         comparison=rates.encounter_rate_change(pair, _together(others)), people=people,
         neighbours=_neighbours(pair, area, others), comparison_areas=tuple(a.area_id for a in chosen),
         areas_left_out=tuple(left_out.items()), assumptions=ASSUMPTIONS, notes=notes,
+        taken_up=moved(data, area, chosen, windows), risers=receivers(data, area, chosen, windows, of=timed),
+        receivers=receivers(data, area, chosen, windows, of=peopled),
     )  # fmt: skip
+    return replace(found, outcome=outcome(found))
 
 
 def _guard(pair: TwoPeriods, area: Area) -> tuple[State, Reason | None]:
@@ -349,7 +366,7 @@ def _effect(
 
 def _routes(burden: test.BeforeAfter | None, close: test.BeforeAfter | None) -> EffectRoutes | None:
     """Return the parts of people and of closeness in the effect on the burden: its ratio is the product of theirs."""
-    if burden is None or close is None or burden.value is None or close.value is None:
+    if burden is None or close is None or not burden.value or not close.value:
         return None
     return EffectRoutes(*additive_parts((burden.value / close.value, close.value)))
 
@@ -360,7 +377,7 @@ def _cautions(
     """Return what the data could not rule out."""
     found = list(elsewhere)
     trend = effect.trend
-    if trend is not None and trend.detectable_per_week is not None and effect.value is not None:
+    if trend is not None and trend.detectable_per_week is not None and effect.value:
         apart_weeks = (windows.after[0] - windows.before[0]).days / 7
         if abs(np.log(effect.value)) < apart_weeks * np.log1p(trend.detectable_per_week):
             slope = trend.detectable_per_week
@@ -424,9 +441,9 @@ def _at(pair: TwoPeriods, cameras: set[str]) -> Ints:
 
 def _too_few(alone: ChangeEstimate, settings: Settings) -> Reason | None:
     """Return why an area by itself has too little for before and after, or None."""
-    if alone.n_days < settings.change_min_days:
+    if alone.n_b and alone.n_days < settings.change_min_days:
         return Reason("redesign.pairs", least=settings.change_min_days, has=alone.n_days)
-    for name, n in (("before", alone.n_a or 0.0), ("after", alone.n_b or 0.0)):
-        if n < settings.change_min_violations:
-            return Reason(f"redesign.events_{name}", least=settings.change_min_violations, has=n)
-    return None if alone.state == "ok" else alone.reason
+    least, has = settings.change_min_violations, alone.n_a or 0.0
+    if has < least:  # after the change none at all is a result
+        return Reason("redesign.events_before", least=least, has=has)
+    return None if alone.state == "ok" or alone.n_b == 0 else alone.reason

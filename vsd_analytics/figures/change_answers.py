@@ -21,6 +21,8 @@ from vsd_analytics.stats.running_verdict import RunningVerdict
 
 _NO_TREND: Final = Reason("redesign.no_trend")
 _FEW: Final = Reason("change.few")
+_NO_FALL: Final = Reason("redesign.no_fall")
+NO_RECEIVER: Final = Reason("redesign.no_receiver")
 _RANGES: Final = ("day", "week", "placebo", "line", "without")
 CHANGE: Final = (
     Column("entry", "key"),
@@ -29,6 +31,7 @@ CHANGE: Final = (
     Column("area_id", "fact"),
     Column("name", "fact"),
     Column("design", "fact", "design"),
+    Column("outcome", "fact", "outcome"),
     Column("is_credible", "fact"),
     *(Column(f"{when}_{end}", "fact") for when in ("before", "after", "left_out") for end in ("first", "last")),
     Column("n_weeks_each_side", "fact"),
@@ -38,7 +41,6 @@ CHANGE: Final = (
 EFFECTS: Final = (
     Column("effect", "key", "effect"),
     Column("effect_change", "rate", "change", "M27"),
-    Column("effect_verdict", "fact", "verdict"),
     Column("shrunken_change", "rate", "change", "M27"),
     *(Column(f"by_{name}", "rate", "change", "M27") for name in _RANGES),
     Column("placebo_least", "rate", "change"),
@@ -60,21 +62,26 @@ SO_FAR: Final = (
     Column("without_most", "rate", "change"),
     Column("n_weeks_after", "fact"),
     Column("n_reference_weeks", "fact"),
+    Column("taken_up_share", "rate", "share"),
 )
-"""Columns of `change_so_far`: the verdict that may be read every week."""
+"""Columns of `change_so_far`: the one verdict on a change, that may be read every week."""
 PLACES: Final = (
     Column("place", "key", "place"),
     Column("place_rate_change", "rate", "change", "M7"),
     Column("relative_change", "rate", "change", "M27"),
     Column("place_people_change", "rate", "change", "M5"),
-    Column("place_people_verdict", "fact", "verdict"),
 )
 """Columns of `change_places`."""
+RECEIVERS: Final = (
+    Column("area_id", "key"),
+    Column("name", "fact"),
+    Column("received_people_change", "rate", "change", "M27"),
+)
+"""Columns of `change_receivers`: areas that clearly have more people since."""
 PARTS: Final = (
     Column("whole", "key", "whole"),
     Column("part", "key", "part"),
     Column("part_change", "rate", "change"),
-    Column("part_verdict", "fact", "verdict"),
 )
 """Columns of `change_parts`: the change of a whole, and the parts that add up to it."""
 PLANNED: Final = (
@@ -96,11 +103,13 @@ def change_answers(
 ) -> tuple[Answer, ...]:
     """Return what a logged change did as tables (M27), exact: for the operator.
 
-    `logged_change`: the entry, the days and areas compared; its notes say what speaks against the comparison, what the
-    data could not rule out, and what must hold. `change_effects`: the effect on each rate relative to the comparison
-    areas, the ranges its own is made of, and the trend before the change. `change_so_far`: the verdict that may be read
-    every week. `change_parts`: how the effect on the time too close is made up, and the change of the whole floor.
-    `change_places`: the area, the comparison areas, and 2 to 5 m around it. `plan_score`: how a plan came out.
+    `logged_change`: the entry, what may be said of it, the days and areas compared; its notes say what speaks against
+    the comparison, what the data could not rule out, and what must hold. `change_effects`: the effect on each rate
+    relative to the comparison areas, the ranges its own is made of, and the trend before the change. `change_so_far`:
+    the one verdict, which may be read every week, and how much of a fall two other places took up. `change_parts`: how
+    the effect on the time too close is made up, and the change of the whole floor. `change_receivers`: areas that
+    clearly have more people since. `change_places`: the area, the comparison areas, and 2 to 5 m around it.
+    `plan_score`: how a plan came out.
 
     Args:
         found: The change.
@@ -119,6 +128,7 @@ def change_answers(
         _answer("change_effects", EFFECTS, _effects(found), holds, why or _why_alone(found)),
         _answer("change_so_far", SO_FAR, _so_far(found), holds, why or _why_alone(found)),
         _answer("change_parts", PARTS, _parts(found), holds, why),
+        _answer("change_receivers", RECEIVERS, _receivers(found), holds, why or Value.missing(NO_RECEIVER)),
         _answer("change_places", PLACES, _places(found), holds, why),
     ]
     if scored is not None:
@@ -149,6 +159,7 @@ def _entry(found: BeforeAfterFigure, site: Site) -> Row:
         "area_id": found.area_id,
         "name": found.area_name,
         "design": found.design,
+        "outcome": found.outcome,
         "is_credible": found.is_credible if found.state == "ok" else None,
         **{f"{when}_first": None if days is None else days[0] for when, days in spans.items()},
         **{f"{when}_last": None if days is None else days[1] for when, days in spans.items()},
@@ -178,15 +189,12 @@ def _effects(found: BeforeAfterFigure) -> Iterable[Row]:
     for name, effect in effects:
         if effect is None:
             continue
-        # encounters per person-hour rise when people stand about less, so they get no verdict of their own
-        has_verdict = found.is_credible and name != "violations_per_person_h" and effect.value is not None
         trend, change = effect.trend, relative(effect, reason=_FEW)
         placebo = [theta - 1 for theta in effect.placebo]
         few = Reason("redesign.no_placebo")
         yield {
             "effect": name,
             "effect_change": change,
-            "effect_verdict": effect.verdict if has_verdict else None,
             "shrunken_change": relative(effect.shrunken, reason=Reason("redesign.not_shrunken")),
             **{f"by_{part}": _range(change, effect, part) for part in _RANGES},
             "placebo_least": known(min(placebo, default=None), few),
@@ -220,7 +228,7 @@ def _so_far(found: BeforeAfterFigure) -> Iterable[Row]:
     yield {
         "effect": "close_min_per_open_h",
         "so_far_change": relative(so_far, reason=reason),
-        "so_far_verdict": so_far.verdict if found.is_credible and so_far.value is not None else None,
+        "so_far_verdict": so_far.verdict if so_far.value is not None else None,
         "e_value": known(so_far.e_value, so_far.reason or _FEW, so_far.state),
         "clear_since_week": so_far.clear_since,
         "beside_all_change": beside_all,
@@ -228,19 +236,20 @@ def _so_far(found: BeforeAfterFigure) -> Iterable[Row]:
         "without_most": known(max(without, default=None), reason),
         "n_weeks_after": so_far.n_weeks,
         "n_reference_weeks": so_far.n_reference,
+        "taken_up_share": known(None if found.taken_up is None else found.taken_up.share, so_far.reason or _NO_FALL),
     }
 
 
 def _parts(found: BeforeAfterFigure) -> Iterable[Row]:
-    def row(whole: str, part: str, change: Value, verdict: str | None = None) -> Row:
-        return {"whole": whole, "part": part, "part_change": change, "part_verdict": verdict}
+    def row(whole: str, part: str, change: Value) -> Row:
+        return {"whole": whole, "part": part, "part_change": change}
 
     if found.routes is not None and found.burden is not None and found.burden.value is not None:
         yield row("area", "people", Value(found.routes.people))
         yield row("area", "closeness", Value(found.routes.closeness))
     if found.floor is not None:
         net = found.floor.net
-        yield row("floor", "floor", relative(net, reason=_FEW), net.verdict)
+        yield row("floor", "floor", relative(net, reason=_FEW))
         own = net.contributions[found.floor.places.index(found.area_id)] if net.value is not None else None
         yield row("floor", "area", known(own, net.reason or _FEW, net.state))
         rest = None if own is None or net.value is None else net.value - 1 - own
@@ -265,8 +274,13 @@ def _places(found: BeforeAfterFigure) -> Iterable[Row]:
             "place_rate_change": relative(rate, reason=_FEW),
             "relative_change": relative(beside, reason=why_none),
             "place_people_change": relative(people, reason=itself),
-            "place_people_verdict": None if people is None else people.verdict,
         }
+
+
+def _receivers(found: BeforeAfterFigure) -> Iterable[Row]:
+    for area in found.receivers:
+        more = Value(area.more, area.lo, area.hi)
+        yield {"area_id": area.area_id, "name": area.name, "received_people_change": more}
 
 
 def _score(scored: PlanScore) -> Row:

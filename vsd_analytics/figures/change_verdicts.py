@@ -1,14 +1,14 @@
 """What is known of a logged change over many weeks: its running verdict, and what became of the whole floor.
 
-The arithmetic is `vsd_analytics.stats.running_verdict` and `vsd_analytics.stats.net_effect`. Both count person-time in
+The arithmetic is `vsd_analytics.stats.logged_change` and `vsd_analytics.stats.net_effect`. Both count person-time in
 violation per recorded open hour, by whole weeks from the windows of `change_weeks`. Comparison areas are taken together
 as one here: weights fitted to the weeks before would make those weeks look steadier than the weeks to come.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from datetime import date
 
 import numpy as np
@@ -18,11 +18,13 @@ from vsd_analytics.figures.change_weeks import Windows, changed_areas
 from vsd_analytics.figures.comparable import recalibrations
 from vsd_analytics.figures.panels import WEEK, Array, FloorHours, Panel, Place
 from vsd_analytics.site.model import Area
+from vsd_analytics.stats.logged_change import AreaWeeks, TakenUp, taken_up, verdict_of_weeks
 from vsd_analytics.stats.net_effect import NetEffect, net_effect
 from vsd_analytics.stats.period_days import PeriodDays
-from vsd_analytics.stats.running_verdict import RunningVerdict, running_verdict
+from vsd_analytics.stats.running_verdict import RunningVerdict, no_verdict
 
 Days = tuple[date, date]
+Summed = Callable[[FloorHours, str | None], Place]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,23 @@ class FloorEffect:
     moved_elsewhere: float | None
     area_min: float | None = None
     floor_min: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Receiver:
+    """An area that took people up since a change.
+
+    Attributes:
+        area_id, name: The area.
+        more: Relative change of people there, beside the areas left alone: 0.3 = 30 % more.
+        lo, hi: Its range; None where it has no end.
+    """
+
+    area_id: str
+    name: str
+    more: float
+    lo: float | None
+    hi: float | None
 
 
 def floor_effect(data: FloorHours, area: Area, windows: Windows) -> FloorEffect | None:
@@ -76,28 +95,63 @@ def running(data: FloorHours, area: Area, others: Sequence[Area], windows: Windo
     if not np.isfinite(data.violation_h).all():
         return None
     left = left_alone(data, others, windows)
-    reason = None if left else Reason("redesign.no_comparison")
+    if not left:
+        return no_verdict(Reason("redesign.no_comparison"))
     if _is_recalibrated(data, (area, *left), windows.trend[0], windows.watched[1]):
-        reason = Reason("redesign.not_alike")
-    if reason is not None:
-        return RunningVerdict(None, None, None, None, (), None, 0, 0, "too_little_data", "not_enough_data", reason)
-    spans = (windows.trend, windows.watched)
-    own = [log_rates(data, [area], span) for span in spans]
-    weeks = [_weeks_of(data, left, span) for span in spans]
+        return no_verdict(Reason("redesign.not_alike"))
+    places = [a.area_id for a in (area, *left)]
+    before, after = (area_weeks(data, places, span) for span in (windows.trend, windows.watched))
+    return verdict_of_weeks(before, after, confidence=data.site.settings.confidence)
 
-    def beside(kept: Sequence[int]) -> tuple[Array, Array]:
-        before, after = (
-            y - (_log_rate(data, n[kept].sum(axis=0), x_h[kept].sum(axis=0)) if kept else 0.0)
-            for y, (n, x_h) in zip(own, weeks, strict=True)
-        )
-        return before, after
 
-    each = range(len(left))
-    return running_verdict(
-        *beside(list(each)),
-        without=[beside([j for j in each if j != k]) for k in each],
-        confidence=data.site.settings.confidence,
-    )
+def moved(data: FloorHours, area: Area, others: Sequence[Area], windows: Windows) -> TakenUp | None:
+    """Return what the places of the floor took up of an area's time too close, areas in the floor's order.
+
+    None where violation time is unknown or no area is left to compare with.
+    """
+    left = left_alone(data, others, windows)
+    if not left or not np.isfinite(data.violation_h).all():
+        return None
+    rest = [a for a in data.areas if a.area_id != area.area_id]
+    places = [area.area_id, *(a.area_id for a in rest), None]
+    before, after = (area_weeks(data, places, span) for span in (windows.trend, windows.watched))
+    return taken_up(before, after, [1 + rest.index(a) for a in left])
+
+
+def receivers(
+    data: FloorHours, area: Area, others: Sequence[Area], windows: Windows, *, of: Summed
+) -> tuple[Receiver, ...]:
+    """Return the areas that clearly have more since a change, beside those left alone, most first.
+
+    Their ranges hold together: the error is shared by all areas of the floor. An area with an entry of its own in these
+    weeks is none: what it has more may be that entry's.
+
+    Args:
+        data: The floor.
+        area: The changed area.
+        others: The areas it is compared with.
+        windows: The weeks.
+        of: More of what: `peopled` or `timed`.
+    """
+    left = left_alone(data, others, windows)
+    changed = changed_areas(data.site, windows.trend[0], windows.watched[1])
+    rest = [a for a in data.areas if a.area_id != area.area_id]
+    confidence = 1 - (1 - data.site.settings.confidence) / max(1, len(rest))
+    found = []
+    for place in rest:
+        beside = [a for a in left if a is not place]
+        if not beside or place.area_id in changed:
+            continue
+        ids = [a.area_id for a in (place, *beside)]
+        before, after = (area_weeks(data, ids, span, of=of) for span in (windows.trend, windows.watched))
+        more = verdict_of_weeks(before, after, confidence=confidence)
+        if more.verdict == "clear_rise" and more.value is not None:
+            found.append(Receiver(place.area_id, place.name, more.value - 1, _less_one(more.lo), _less_one(more.hi)))
+    return tuple(sorted(found, key=lambda r: -r.more))
+
+
+def _less_one(ratio: float | None) -> float | None:
+    return None if ratio is None else ratio - 1
 
 
 def left_alone(data: FloorHours, others: Sequence[Area], windows: Windows) -> list[Area]:
@@ -131,20 +185,33 @@ def log_rates(data: FloorHours, areas: Sequence[Area], span: Days) -> Array:
     Returns:
         Shape (n_weeks,); NaN in a week that recorded too little of the open hours, or in which nothing was counted.
     """
-    n, x_h = _weeks_of(data, areas, span)
-    return _log_rate(data, n.sum(axis=0), x_h.sum(axis=0))
+    weeks = area_weeks(data, [a.area_id for a in areas], span)
+    n, x_h = weeks.time_h.sum(axis=0), weeks.open_h.sum(axis=0)
+    known = (n > 0) & (x_h > 0)
+    return np.asarray(np.log(np.divide(n, x_h, out=np.full_like(n, np.nan), where=known)), dtype=np.float64)
 
 
-def _weeks_of(data: FloorHours, areas: Sequence[Area], span: Days) -> tuple[Array, Array]:
-    """Return violation time and recorded open hours of areas by week, shape (n_areas, n_weeks) each."""
-    panels = [data.panel(timed(data, a.area_id), days_of(span)) for a in areas]
-    n, x_h = (by_week(np.array([getattr(p, name).sum(axis=0) for p in panels])) for name in ("n", "x_h"))
-    return n, x_h
+def area_weeks(data: FloorHours, places: Sequence[str | None], span: Days, *, of: Summed | None = None) -> AreaWeeks:
+    """Return violation time, recorded open hours and violations of places by week.
 
+    A week in which a place was recorded in less than `min_coverage` of its fullest week has 0 hours: it says nothing.
 
-def _log_rate(data: FloorHours, n: Array, x_h: Array) -> Array:
-    known = (n > 0) & (x_h > 0) & (x_h >= data.site.settings.min_coverage * x_h.max(initial=0.0))
-    return np.log(np.divide(n, x_h, out=np.full_like(n, np.nan), where=known))
+    Args:
+        data: The floor.
+        places: Ids of areas; None = the rest of the floor.
+        span: Whole weeks.
+        of: What is summed: violation time, or people, whose minutes are then what is counted.
+    """
+    days, summed = days_of(span), of or timed
+    made = [summed(data, place) for place in places]
+    panels = [data.panel(place, days) for place in made]
+    time_h, x_h = (by_week(np.array([getattr(p, name).sum(axis=0) for p in panels])) for name in ("n", "x_h"))
+    n = 60 * time_h
+    if summed is timed:
+        counted = [replace(m, n=data.counted_in(place)[0]) for m, place in zip(made, places, strict=True)]
+        n = by_week(np.array([data.panel(place, days).n.sum(axis=0) for place in counted]))
+    is_enough = (x_h > 0) & (x_h >= data.site.settings.min_coverage * x_h.max(axis=1, keepdims=True, initial=0.0))
+    return AreaWeeks(*(np.where(is_enough, values, 0.0) for values in (time_h, x_h, n)))
 
 
 def history_of(data: FloorHours, area: Area, others: Sequence[Area], span: Days) -> PeriodDays:
@@ -186,6 +253,12 @@ def timed(data: FloorHours, area_id: str | None) -> Place:
     violation_h = data.violation_in(area_id)
     cameras = np.asarray((n + exposure_h + violation_h).any(axis=1))
     return Place(violation_h, exposure_h, cameras, data.is_there(area_id))
+
+
+def peopled(data: FloorHours, area_id: str | None) -> Place:
+    """Return an area with person-hours in the place of violations; None is the rest of the floor."""
+    n, exposure_h = data.counted_in(area_id)
+    return Place(exposure_h, exposure_h, np.asarray((n + exposure_h).any(axis=1)), data.is_there(area_id))
 
 
 def days_of(span: Days) -> list[date]:

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
 from vsd_analytics.planner.logged_changes import ChangeSide, PlannerChange
-from vsd_analytics.report.pages.logged_changes import amount
+from vsd_analytics.report.pages.logged_changes import amount, received
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
@@ -84,11 +83,11 @@ def _verdict(change: PlannerChange) -> str:
         return say("planner.log.whole_site")
     if result.state != "ok":
         return say("planner.log.refused", reason=reason_text(result.reason).rstrip("."))
-    running, said = result.running, outcome(result)
+    running, said = result.running, result.outcome
     size = "" if running is None else fmt.percent(abs(running.change or 0.0))
     if said != "too_early" and not (said == "cannot_tell" and (running is None or running.change_lo is None)):
         low, high = ("", "") if running is None else (amount(e) for e in (running.change_lo, running.change_hi))
-        return say(f"planner.log.{said}", area=area, change=size, low=low, high=high)
+        return say(f"planner.log.{said}", area=area, change=size, low=low, high=high, receivers=received(result))
     reason = reason_text(result.reason if running is None else running.reason).rstrip(".")
     return say("planner.log.untold", area=area, reason=reason) if reason else say("came_of.nothing")
 
@@ -101,13 +100,14 @@ def _rows(result: LoggedChangeEffect) -> tuple[ChangeEffectRow, ...]:
         (say("planner.log.people", area=result.area_name), result.people),
         (say("planner.log.net"), result.net),
     )
-    return tuple(_row(name, e) for name, e in figures if e is not None)
+    return tuple(_row(name, e, is_judged=e is result.running) for name, e in figures if e is not None)
 
 
-def _row(name: str, e: Estimate) -> ChangeEffectRow:
+def _row(name: str, e: Estimate, *, is_judged: bool) -> ChangeEffectRow:
+    """Return a figure; only the running one has a verdict: a change has one."""
     return ChangeEffectRow(
         name=name,
-        verdict=terms.verdict_words(e),
+        verdict=terms.verdict_words(e) if is_judged else "",
         change=fmt.signed(e.change),
         likely=fmt.likely_signed(e) or reason_text(e.reason),
     )
@@ -117,7 +117,7 @@ def _notes(result: LoggedChangeEffect) -> tuple[str, ...]:
     n, notes = result.n_weeks or 0, []
     if result.design == "beside":
         notes.append(say("planner.log.beside", plural=n, n=n, areas=terms.joined(result.compared_with)))
-    if result.moved_elsewhere and outcome(result) == "moved":  # else nobody can tell whether it moved
+    if result.moved_elsewhere and result.outcome == "moved":  # else nobody can tell whether it moved
         share = fmt.percent(min(1.0, result.moved_elsewhere))
         notes.append(say("planner.log.elsewhere", share=share, area=result.area_name))
     return tuple(notes)

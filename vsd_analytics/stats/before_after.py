@@ -19,7 +19,9 @@ intervals know different things, and the one reported is the widest reach of all
   weeks, tau^2 the variance of an area's own weeks beyond what days explain (`vsd_analytics.stats.own_weeks`).
 * **without one.** A comparison area that takes the people who left makes a fall look larger. So the range reaches as
   far as days and own weeks do with each comparison area left out in turn; of a single one, the area by itself remains.
-  Where the others show a clear change, it ends at "no change": without an effect nobody left, so the verdict is theirs.
+* **few.** Events are needed before the change only: none after it is a result, not a gap. With fewer after than are
+  needed before, the range also reaches as far as the exact conditional binomial (`vsd_analytics.stats.few_events`);
+  after none theta is 0, and the upper limit is that of the binomial, or of half a violation beside the placebos.
 * **line.** From eight weeks before the change: the area beside its own trend, continued
   (`vsd_analytics.stats.prior_trend`), because a slow trend looks like an effect.
 
@@ -39,6 +41,7 @@ from vsd_analytics.answer import Reason, State, Verdict
 from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.stats.comparison_weights import day_influence, influence_on_log, log_ratio, weights_of
 from vsd_analytics.stats.estimates import verdict_of
+from vsd_analytics.stats.few_events import dispersion, exact_limits
 from vsd_analytics.stats.own_weeks import own_weeks_variance
 from vsd_analytics.stats.period_days import (
     Floats,
@@ -91,7 +94,8 @@ class BeforeAfter:
         placebo_lo, placebo_hi: From the spread of the placebos; None with fewer than four comparison areas.
         week_lo, week_hi: From days and the areas' own weeks; None with four comparison areas or more.
         line_lo, line_hi: Beside the area's own trend before the change, continued; None with fewer than eight weeks.
-        without_lo, without_hi: As far as days and own weeks reach with any one comparison area left out.
+        without_lo, without_hi: As far as days and own weeks reach with any one comparison area left out; after no
+            violation None and the upper limit.
         log_se, df: Standard error of ln theta from days, and its degrees of freedom.
         alone: Ratio after / before of the changed area by itself.
         comparison: Ratio after / before of the comparison areas taken together as one.
@@ -104,8 +108,7 @@ class BeforeAfter:
         placebo: theta of each comparison area, as if it were the changed one beside the others.
         trend: Before the change; None with fewer than three weeks or a week without violations.
         shrunken: None with fewer than four comparison areas.
-        verdict, state, reason: As for every change; the verdict is that of `lo` and `hi`, and a clear one does not
-            need `without_lo` and `without_hi`.
+        verdict, state, reason: As for every change; the verdict is that of `lo` and `hi`.
     """
 
     value: float | None
@@ -163,7 +166,8 @@ def before_after(
         weeks_left_out: Weeks between the end of `before` and the start of `after`.
         confidence: Confidence level.
         min_days: Days each period needs, on which the changed and a comparison area were recorded.
-        min_events: Violations the changed area, and the comparison areas together, need in each period.
+        min_events: Violations the changed area, and the comparison areas together, need before. After, none of the
+            changed area is a result; the comparison areas need one, as nothing is compared with none.
         min_exposure_h: Denominator the changed area needs in each period.
 
     Returns:
@@ -186,6 +190,8 @@ def before_after(
         reason = _refusal(b, a, min_days=min_days, min_events=min_events, min_exposure_h=min_exposure_h)
         if reason is not None:
             return _counted(b, a, reason)
+    if not a.n.any():
+        return _fell_to_none(b, a, h, confidence=confidence)
     weights = _weights(b, a, h)
     log_theta, log_se, df = _effect(b, a, weights, is_paired=pairs is not None)
     counts = [v for p in (b, a) for v in (p.n_events, p.n_comparison_events)]
@@ -198,19 +204,14 @@ def before_after(
     line = beside_the_line(h, a, weights, apart_weeks=middle, confidence=confidence)
     days = _limits(log_theta, max(t_quantile(df, confidence=confidence) * log_se, least))
     others = [_limits(log_theta, half) for half in (placebo_half, week_half)] + [_limits(*(line or (0.0, None)))]
+    if a.n_events < min_events:
+        others.append(_exact(b, a, confidence=confidence))
     lo, hi = min(v for v, _ in (days, *others) if v is not None), max(v for _, v in (days, *others) if v is not None)
-    verdict = verdict_of(lo, hi)
     without = _without_one(
         b, a, h, is_paired=pairs is not None, has_own_weeks=week_half is not None, confidence=confidence
     )
     if without is not None:
         lo, hi = min(lo, without[0]), max(hi, without[1])
-    if verdict == "clear_fall":
-        hi = min(hi, 1.0)
-    elif verdict == "clear_rise":
-        lo = max(lo, 1.0)
-    else:
-        verdict = verdict_of(lo, hi)
     return replace(
         _counted(b, a, None),
         value=math.exp(log_theta), lo=lo, hi=hi, log_se=log_se, df=df, is_paired=pairs is not None,
@@ -219,7 +220,8 @@ def before_after(
         weights=None if weights is None else tuple(weights.tolist()),
         trend=prior_trend(h, weights, confidence=confidence),
         shrunken=_shrunken(b, a, weights, confidence=confidence),
-        without_lo=without and without[0], without_hi=without and without[1], verdict=verdict, state="ok",
+        without_lo=without and without[0], without_hi=without and without[1], verdict=verdict_of(lo, hi),
+        state="ok",
     )  # fmt: skip
 
 
@@ -235,10 +237,11 @@ def _refusal(b: PeriodDays, a: PeriodDays, *, min_days: int, min_events: int, mi
             return Reason(f"redesign.days_{name}", least=min_days, has=len(period.n))
         if period.x_h.sum() < min_exposure_h:
             return Reason(f"redesign.person_hours_{name}", least=min_exposure_h, has=float(period.x_h.sum()))
-        if period.n_events < min_events or not period.n.any():
-            return Reason(f"redesign.events_{name}", least=min_events, has=period.n_events)
-        if period.n_comparison_events < min_events or not period.comparison_n.any():
-            return Reason(f"redesign.comparison_events_{name}", least=min_events, has=period.n_comparison_events)
+        is_before, least = period is b, min_events if period is b else 1
+        if is_before and (period.n_events < least or not period.n.any()):
+            return Reason("redesign.events_before", least=least, has=period.n_events)
+        if period.n_comparison_events < least or not period.comparison_n.any():
+            return Reason(f"redesign.comparison_events_{name}", least=least, has=period.n_comparison_events)
     return None
 
 
@@ -334,6 +337,40 @@ def _without_one(
             half = max(half, more)
         ends.append((math.exp(log_theta - half), math.exp(log_theta + half)))
     return (min(lo for lo, _ in ends), max(hi for _, hi in ends)) if ends else None
+
+
+def _exact(b: PeriodDays, a: PeriodDays, *, confidence: float) -> tuple[float, float]:
+    """Return the limits of theta by counts: those of the conditional binomial, days counted in their dispersion."""
+    phi = dispersion(b.n if b.events is None else b.events, b.x_h)
+    ratio = _exposure_ratio(b, a)
+    return exact_limits(b.n_events, a.n_events, exposure_ratio=ratio, phi=phi, confidence=confidence)
+
+
+def _exposure_ratio(b: PeriodDays, a: PeriodDays) -> float:
+    """Return what should move with the changed area, after over before: hours, and the comparison areas' rate."""
+    beside = 1.0
+    if b.n_areas:
+        before, after = (p.comparison_n.sum() / p.comparison_x_h.sum() for p in (b, a))
+        beside = after / before
+    return float(a.x_h.sum() / b.x_h.sum() * beside)
+
+
+def _fell_to_none(b: PeriodDays, a: PeriodDays, h: PeriodDays, *, confidence: float) -> BeforeAfter:
+    """Return the effect where the changed area has nothing after: theta 0, and an upper limit."""
+    placebo, half = _placebo(b, a, h, confidence=confidence)
+    upper = _exact(b, a, confidence=confidence)[1]
+    left = [np.arange(b.n_areas) != area for area in range(b.n_areas)]
+    parts = [(of_areas(b, k), of_areas(a, k)) for k in left]
+    parts = [p for p in parts if not p[0].n_areas or all(side.comparison_n.any() for side in p)]
+    without = max((_exact(*p, confidence=confidence)[1] for p in parts), default=upper)
+    # none has no log: half a violation stands for it beside the placebos
+    spread = None if half is None else 0.5 / b.n_events / _exposure_ratio(b, a) * math.exp(half)
+    hi = max(upper, spread or 0.0, without)
+    return replace(
+        _counted(b, a, None), value=0.0, lo=0.0, hi=hi, placebo=placebo, day_lo=0.0, day_hi=upper, without_hi=without,
+        placebo_lo=None if half is None else 0.0, placebo_hi=spread,
+        trend=prior_trend(h, _weights(b, a, h), confidence=confidence), verdict=verdict_of(0.0, hi), state="ok",
+    )  # fmt: skip
 
 
 def _shrunken(b: PeriodDays, a: PeriodDays, weights: Floats | None, *, confidence: float) -> Shrunken | None:

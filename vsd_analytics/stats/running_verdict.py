@@ -11,6 +11,11 @@ and sigma (Gonen et al., The American Statistician 59, 2005),
 The e_n of n = 1, 2, ... form a test martingale (Perez-Ortiz, Lardy, de Heide & Grunwald, Annals of Statistics, 2024):
 without an effect the chance that any of them ever reaches 20 is at most 1/20, however often they are read. The running
 interval holds the effects that e < 20 does not reject; it holds the truth in all weeks at once with 95 %.
+
+That holds if the area would have gone on like the comparison areas. Areas do not: a fall of the whole site reaches each
+of them in another measure. So the range also reaches as far as the comparison areas' own shifts spread
+(`vsd_analytics.stats.placebos`), and as far as it does with any one of them left out. A verdict is clear where the
+whole range lies on one side of "no change": there is one range, and the verdict is read off it.
 """
 
 from __future__ import annotations
@@ -30,6 +35,7 @@ from vsd_analytics.stats.period_days import Floats
 MIN_REFERENCE_WEEKS: Final = 4
 MAX_REFERENCE_WEEKS: Final = 12
 """Older weeks tell of another site."""
+LEAST: Final = 1e-9
 EFFECT_VARIANCE: Final = 4.0
 """g: effects of about two standard deviations of a week are looked for."""
 
@@ -41,19 +47,24 @@ class RunningVerdict:
     Attributes:
         value: Ratio of the weeks since the change over the reference weeks, beside the comparison areas; None without.
             Without the area of `rests_on` where that claims less.
-        lo, hi: Range of the effect: the running interval, as far as it reaches with any one comparison area left out;
-            None where nothing is excluded on that side yet.
-        e_value: Evidence against "no change" now; from 20 on (at 95 %) the verdict is clear.
+        lo, hi: Range of the effect: the running interval and the spread of the comparison areas' own shifts, as far as
+            they reach with any one comparison area left out; None where nothing is excluded on that side yet.
+        e_value: Evidence against "no change" now; a clear verdict needs 20 (at 95 %), and a range beside no change.
         e_by_week: The same after each week read.
-        clear_since: The first week read, from 1, after which the e-value reached 20; None = it never did.
+        clear_since: The first week read, from 1, after which the e-value reached 20 and the shift stood out from
+            those of the comparison areas; None = it never did.
         n_reference: Reference weeks.
         n_weeks: Weeks read since the change.
-        verdict, state, reason: As for every change.
+        verdict, state, reason: As for every change; the verdict is that of `lo` and `hi`.
         all_value, all_lo, all_hi: The same ratio and its running interval beside all comparison areas.
+        spread_lo, spread_hi: That ratio as far as the comparison areas' own shifts spread; None without any.
         without: theta without each comparison area, in their order; None where too few weeks are known without it.
         rests_on: Which comparison area the size of the effect rests on: without it theta lies outside the running
             interval. None = on no single one.
-        unclear_without: Without which one a clear change would not be clear; None = it would be without any.
+        unclear_without: Without which one the running interval would not exclude "no change", where it does beside
+            all; None = it would without any.
+        is_counted: By counts (`vsd_analytics.stats.few_events`), as logs of weeks cannot be taken: ratio, range and
+            evidence are those of violations.
     """
 
     value: float | None
@@ -70,9 +81,12 @@ class RunningVerdict:
     all_value: float | None = None
     all_lo: float | None = None
     all_hi: float | None = None
+    spread_lo: float | None = None
+    spread_hi: float | None = None
     without: tuple[float | None, ...] = ()
     rests_on: int | None = None
     unclear_without: int | None = None
+    is_counted: bool = False
 
 
 def running_verdict(
@@ -80,6 +94,7 @@ def running_verdict(
     weeks: npt.ArrayLike,
     *,
     without: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]] = (),
+    spread: npt.ArrayLike | None = None,
     confidence: float = 0.95,
     min_reference_weeks: int = MIN_REFERENCE_WEEKS,
 ) -> RunningVerdict:
@@ -90,25 +105,26 @@ def running_verdict(
             last twelve count.
         weeks: Log ratios of the weeks since, shape (n,), likewise.
         without: Both again, with each comparison area left out in turn.
+        spread: How far a shift must lie from "no change" to stand out from those of the comparison areas, after each
+            of `weeks`, shape (n,), on the log scale; None = nothing to stand out from.
         confidence: 1 - 1/e at which the verdict is clear.
         min_reference_weeks: Reference weeks needed.
     """
     y, after = (np.asarray(v, dtype=np.float64).ravel() for v in (reference, weeks))
-    y, after = y[np.isfinite(y)][-MAX_REFERENCE_WEEKS:], after[np.isfinite(after)]
+    half_spread = np.zeros(len(after)) if spread is None else np.asarray(spread, dtype=np.float64)
+    is_read = np.isfinite(after)
+    y, after, half_spread = y[np.isfinite(y)][-MAX_REFERENCE_WEEKS:], after[is_read], half_spread[is_read]
     m, n = len(y), len(after)
-    reason = None
-    if m < min_reference_weeks:
-        reason = Reason("redesign.reference_weeks", least=min_reference_weeks, has=m)
-    elif n == 0:
-        reason = Reason("redesign.week_after", days=0)
+    reason = too_few_weeks(m, n, min_reference_weeks=min_reference_weeks)
     if reason is not None:
-        return RunningVerdict(None, None, None, None, (), None, m, n, "too_little_data", "not_enough_data", reason)
+        return no_verdict(reason, m, n)
     squares = float(((y - y.mean()) ** 2).sum())
     e = np.exp(np.minimum(log_e_values(m, float(y.mean()), squares, after), 700.0))
     log_theta = float(after.mean() - y.mean())
     half = running_half_width(m, squares, after, confidence=confidence)
     lo, hi = (None, None) if half is None else (math.exp(log_theta - half), math.exp(log_theta + half))
-    reached = np.flatnonzero(e >= 1 / (1 - confidence))
+    by_week = np.abs(np.cumsum(after) / np.arange(1, n + 1) - y.mean())
+    reached = np.flatnonzero((e >= 1 / (1 - confidence)) & (by_week > half_spread))
     found = RunningVerdict(
         value=math.exp(log_theta), lo=lo, hi=hi, e_value=float(e[-1]), e_by_week=tuple(e.tolist()),
         clear_since=int(reached[0]) + 1 if len(reached) else None, n_reference=m, n_weeks=n,
@@ -116,35 +132,61 @@ def running_verdict(
         all_value=math.exp(log_theta), all_lo=lo, all_hi=hi,
     )  # fmt: skip
     parts = [running_verdict(*y, confidence=confidence, min_reference_weeks=min_reference_weeks) for y in without]
-    return _as_far_as(found, parts) if parts else found
+    return as_far_as(found, parts, None if spread is None else float(half_spread[-1]))
 
 
-def _as_far_as(found: RunningVerdict, parts: Sequence[RunningVerdict]) -> RunningVerdict:
-    """Return a verdict whose range reaches as far as those that leave one comparison area out."""
+def too_few_weeks(m: int, n: int, *, min_reference_weeks: int = MIN_REFERENCE_WEEKS) -> Reason | None:
+    """Return why m reference weeks and n weeks since a change give no verdict, or None."""
+    if m < min_reference_weeks:
+        return Reason("redesign.reference_weeks", least=min_reference_weeks, has=m)
+    return None if n else Reason("redesign.week_after", days=0)
+
+
+def no_verdict(reason: Reason, n_reference: int = 0, n_weeks: int = 0) -> RunningVerdict:
+    """Return a verdict that cannot be given, with why."""
+    nothing = (None, None, None, None, (), None)
+    return RunningVerdict(*nothing, n_reference, n_weeks, "too_little_data", "not_enough_data", reason)
+
+
+def as_far_as(
+    found: RunningVerdict, parts: Sequence[RunningVerdict], half_spread: float | None, *, least: float = 0.0
+) -> RunningVerdict:
+    """Return a verdict whose range reaches as far as those that leave one comparison area out, and as the spread.
+
+    Args:
+        found: The verdict beside all comparison areas.
+        parts: Those with each left out.
+        half_spread: How far a shift must lie from "no change" to stand out; None without comparison areas.
+        least: The ratio that stands for a fall to none, which has no log: that of half a violation.
+    """
     each = [found, *(p for p in parts if p.value is not None)]
     lo = None if any(p.lo is None for p in each) else min(p.lo for p in each if p.lo is not None)
     hi = None if any(p.hi is None for p in each) else max(p.hi for p in each if p.hi is not None)
-    verdict = found.verdict
-    if verdict == "clear_fall":
-        hi = 1.0 if hi is None else min(hi, 1.0)
-    elif verdict == "clear_rise":
-        lo = 1.0 if lo is None else max(lo, 1.0)
-    else:
-        verdict = verdict_of(0.0 if lo is None else lo, hi)
-    log_theta = math.log(found.value or 1.0)
-    logs = {k: math.log(p.value) for k, p in enumerate(parts) if p.value is not None}
+    beside = found.value or 0.0
+    spread_lo = spread_hi = None
+    if half_spread is not None:
+        spread_lo, spread_hi = beside * math.exp(-half_spread), max(beside, least) * math.exp(half_spread)
+        lo = None if lo is None else min(lo, spread_lo)
+        hi = None if hi is None else max(hi, spread_hi)
+    logs = {k: _log(p.value) for k, p in enumerate(parts) if p.value is not None}
+    log_theta = _log(beside)
     is_clear = found.verdict in ("clear_fall", "clear_rise")
-    least, most = (-math.inf if found.lo is None else math.log(found.lo)), math.log(found.hi or math.inf)
-    rests_on = _farthest(logs, [k for k, log in logs.items() if not least <= log <= most], log_theta)
+    low, high = (-math.inf if found.lo is None else _log(found.lo)), math.log(found.hi or math.inf)
+    rests_on = _farthest(logs, [k for k, log in logs.items() if not low <= log <= high], log_theta)
     theta = found.value
     if rests_on is not None and len(parts) > 1 and 0 < logs[rests_on] * log_theta < log_theta**2:
         theta = math.exp(logs[rests_on])
+    unclear = [k for k in logs if is_clear and parts[k].verdict != found.verdict]
     return replace(
-        found, value=theta, lo=lo, hi=hi, verdict=verdict, without=tuple(p.value for p in parts), rests_on=rests_on,
-        unclear_without=_farthest(
-            logs, [k for k in logs if is_clear and parts[k].verdict != found.verdict], log_theta
-        ),
+        found, value=theta, lo=lo, hi=hi, verdict=verdict_of(0.0 if lo is None else lo, hi),
+        spread_lo=spread_lo, spread_hi=spread_hi, without=tuple(p.value for p in parts), rests_on=rests_on,
+        unclear_without=_farthest(logs, unclear, log_theta),
     )  # fmt: skip
+
+
+def _log(theta: float | None) -> float:
+    """Return ln of a ratio; of none at all that of the smallest that is looked for."""
+    return math.log(max(theta or 0.0, LEAST))
 
 
 def _farthest(logs: Mapping[int, float], among: Sequence[int], log_theta: float) -> int | None:

@@ -157,14 +157,21 @@ def likely_signed(estimate: Estimate) -> str:
     """Write the interval of a change shortly: likely −49% to −37%; empty when there is none."""
     if estimate.change_lo is None or estimate.change_hi is None:
         return ""
-    return say("format.likely_signed", low=signed(estimate.change_lo), high=signed(estimate.change_hi))
+    return say("format.likely_signed", low=_end(estimate.change_lo), high=_end(estimate.change_hi))
+
+
+def _end(change: float) -> str:
+    """Write an end of a range with its sign, and with decimals where it is near 0 and is not 0: −0.4%."""
+    if round(change * 100) or not change:
+        return signed(change)
+    return f"{'+' if change > 0 else MINUS}{separated(f'{abs(change) * 100:.1g}')}%"
 
 
 def range_signed(estimate: Estimate) -> str:
     """Write the interval of a change for a table whose heading says what it is: −49% to −37%; empty without one."""
     if estimate.change_lo is None or estimate.change_hi is None:
         return ""
-    return say("format.range_signed", low=signed(estimate.change_lo), high=signed(estimate.change_hi))
+    return say("format.range_signed", low=_end(estimate.change_lo), high=_end(estimate.change_hi))
 
 
 def likely_level(estimate: Estimate, *, written: Callable[[float | None], str] | None = None) -> str:

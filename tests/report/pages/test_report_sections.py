@@ -357,9 +357,27 @@ def test_the_largest_part_that_moved_the_same_way_is_named(parts: tuple[float, f
     close = 0.31 if "more time" in said else -0.31
     people, layout, behaviour = parts
     causes = m.Causes(close=close, people=people, layout=layout, behaviour=behaviour)
-    table = page_sections.causes(replace(weeks.normal(), causes=causes))
+    report = weeks.normal()
+    way = "clear_rise" if close > 0 else "clear_fall"
+    level = replace(report.level, violation_rate=replace(report.level.violation_rate, verdict=way))
+    table = page_sections.causes(replace(report, causes=causes, level=level))
     assert table is not None
     assert table.sentence == said
+
+
+def test_no_part_of_a_change_is_named_that_is_not_clear() -> None:
+    report = weeks.normal()
+    level = replace(
+        report.level,
+        violation_rate=replace(report.level.violation_rate, verdict="cannot_tell"),
+        close_time_share=None,
+    )
+    causes = m.Causes(close=-0.31, people=-0.3, layout=0.01, behaviour=0.0)
+    table = page_sections.causes(replace(report, causes=causes, level=level))
+    assert table is not None
+    assert (table.rows, table.sentence) == ((), "")
+    (note,) = table.notes
+    assert note.startswith("Whether people spent more or less time closer than 2 m")
 
 
 def test_what_hardly_moved_is_not_explained() -> None:
@@ -376,12 +394,12 @@ def test_a_redesign_is_reported_with_its_range_its_people_and_what_must_hold() -
     assert (head.is_head, head.name, head.bar) == (True, "Fourth till opened.", "")
     assert (violation_rate.name, violation_rate.words, violation_rate.detail) == (
         "Violations per open hour",
-        "Clear fall, −27%",
+        "−27%",
         "likely −39% to −12%",
     )
     assert (row.name, row.words, row.detail) == (
         "Share of time too close",
-        "Clear fall, −31%",
+        "−31%",
         "likely −42% to −18%",
     )
     assert head.note.startswith(

@@ -35,10 +35,10 @@ from planted_marts import plant
 from report import sample_weeks as sample
 
 from vsd_analytics.figures import before_after
+from vsd_analytics.figures.change_outcome import WORKS_E
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import change_effects
-from vsd_analytics.figures.week.change_outcome import WORKS_E, outcome
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
 from vsd_analytics.figures.week.results import WeekRef
@@ -199,7 +199,7 @@ def report_of(warehouse: Warehouse, week: int, log: list[dict[str, str]]) -> Wee
 
 def said_of_changes(changes: Sequence[LoggedChangeEffect]) -> str | None:
     """Return what is said of logged changes: "works", "moved", "fell", or None. All parts of a page ask `outcome`."""
-    said = {outcome(change) for change in changes}
+    said = {change.outcome for change in changes}
     return next((name for name in ("works", "moved", "fell") if name in said), None)
 
 

@@ -12,7 +12,6 @@ from report import sample_sections as sections
 from report import sample_weeks as weeks
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_sections import LoggedChangeResult
 from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import PlannerChange
@@ -23,21 +22,11 @@ from vsd_analytics.site.model import Area
 AT = datetime(2026, 10, 12, 6, 30, tzinfo=weeks.ROME)
 
 
-def floor(lo: float, hi: float, verdict: str) -> m.Estimate:
-    return m.Estimate(value=None, change=(lo + hi) / 2, change_lo=lo, change_hi=hi, verdict=verdict)  # type: ignore[arg-type]
-
-
-GONE = floor(-0.25, -0.11, "clear_fall")
-MOVED = floor(-0.05, 0.03, "about_same")
-UNKNOWN = floor(-0.3, 0.2, "cannot_tell")
-"""What became of the whole floor, of which the area's fall is 20 %."""
-
-
-def change(verdict: str, lo: float, hi: float, **more: Any) -> m.LoggedChangeEffect:
-    middle = (lo + hi) / 2
+def change(outcome: str, verdict: str, lo: float, hi: float, **more: Any) -> m.LoggedChangeEffect:
+    middle = -1.0 if lo == -1 else (lo + hi) / 2
     effect = m.Estimate(value=None, change=middle, change_lo=lo, change_hi=hi, verdict=verdict)  # type: ignore[arg-type]
-    said: dict[str, Any] = {"running": effect, "net": GONE, "moved_elsewhere": 0.1, "compared_with": ("Pharmacy",)}
-    said |= {"design": "beside", "is_credible": True, "e_value": 400.0, "contribution": -0.2}
+    said: dict[str, Any] = {"running": effect, "outcome": outcome, "moved_elsewhere": 0.9, "design": "beside"}
+    said |= {"compared_with": ("Pharmacy",), "is_credible": True, "e_value": 400.0, "contribution": -0.2}
     return m.LoggedChangeEffect(number=3, at=AT, text="Moved", area_name="Door", **(said | more))
 
 
@@ -46,55 +35,85 @@ def line(**more: Any) -> LoggedChangeResult:
     return LoggedChangeResult(**(said | more))
 
 
+FALL = ("clear_fall", -0.9, -0.8)
+NONE = ("clear_fall", -1.0, -0.97)
+WENT = (m.ReceivingArea(area_name="Aisle", change=0.3, change_lo=0.2, change_hi=0.4),)
+
+
 @pytest.mark.parametrize(
-    ("made", "said", "begins"),
+    ("made", "says"),
     [
         (
-            change("clear_fall", -0.9, -0.8),
-            "works",
-            "So far it works: people there spend between 90% less and",
+            change("works", *FALL),
+            "So far it works: people there spend between 90% less and 80% less time too close than before, compared "
+            "with Pharmacy; no other area clearly took people up.",
         ),
-        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9, net=MOVED), "moved", "There is less time too close th"),
-        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.0, net=UNKNOWN), "fell", "People there spend between 90% "),
-        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9, net=UNKNOWN), "fell", "People there spend between 90% "),
-        (change("clear_fall", -0.9, -0.8, moved_elsewhere=0.6), "fell", "People there spend between 90% "),
-        (change("clear_fall", -0.9, -0.8, net=None), "doubtful", "There is less time too close there ("),
-        (change("clear_fall", -0.9, -0.8, e_value=30.0), "doubtful", "There is less time too close there ("),
-        (change("clear_fall", -0.9, -0.8, is_credible=False), "doubtful", "There is less time too close there ("),
-        (change("clear_fall", -0.9, -0.8, doubts=(Reason("redesign.nobody_there"),)), "doubtful", "There is less time"),
-        (change("about_same", -0.1, 0.05), "about_same", "Since then there is about as much time too close there (b"),
-        (change("clear_rise", 0.2, 0.9), "rose", "Since then there is more time too close"),
-        (change("cannot_tell", -0.3, 0.5), "cannot_tell", "Cannot tell yet: anything between 30% less and 50% more"),
-        (change("clear_fall", -0.9, -0.8, design="alone"), "alone", "Cannot tell: no other area was left alone"),
-        (change("clear_fall", -0.9, -0.8, running=None), "too_early", "Cannot tell yet."),
+        (
+            change("works", *FALL, receivers=WENT),
+            "So far it works: people there spend between 90% less and 80% less time too close than before, compared "
+            "with Pharmacy; Aisle (+20% to +40%) took people up.",
+        ),
+        (
+            change("works", *NONE),
+            "So far it works: nobody there is too close any more (none, at most 3% of the time before), compared with "
+            "Pharmacy; no other area clearly took people up.",
+        ),
+        (
+            change("moved", *FALL, receivers=WENT),
+            "There is less time too close there, but the rest of the floor took up 90% of it; Aisle (+20% to +40%) "
+            "took people up.",
+        ),
+        (
+            change("fell", *FALL),
+            "People there spend between 90% less and 80% less time too close than before, compared with Pharmacy; no "
+            "other area clearly took people up. Whether it moved elsewhere is not known yet.",
+        ),
+        (
+            change("doubtful", *NONE),
+            "There is less time too close there (none, at most 3% of the time before), but something else may have "
+            "done it.",
+        ),
+        (
+            change("about_same", "about_same", -0.1, 0.05),
+            "Since then there is about as much time too close there (between 10% less and 5% more).",
+        ),
+        (
+            change("rose", "clear_rise", 0.2, 0.9),
+            "Since then there is more time too close there (between 20% more and 90% more).",
+        ),
+        (
+            change("cannot_tell", "cannot_tell", -0.3, 0.5),
+            "Cannot tell yet: anything between 30% less and 50% more time too close is possible.",
+        ),
+        (change("alone", *FALL), "Cannot tell: no other area was left alone in these weeks."),
+        (change("too_early", *FALL, running=None), "Cannot tell yet."),
     ],
 )
-def test_what_came_of_a_change_never_claims_more_than_its_running_verdict(
-    made: m.LoggedChangeEffect, said: str, begins: str
+def test_what_came_of_a_change_is_its_outcome_with_its_range_and_who_took_people_up(
+    made: m.LoggedChangeEffect, says: str
 ) -> None:
-    assert outcome(made) == said
-    assert came_of(made).startswith(begins)
+    assert came_of(made) == says
 
 
 @pytest.mark.parametrize(
     ("made", "begins"),
     [
-        (change("clear_fall", -0.9, -0.8), "It worked: time too close at Door fell by 85%"),
         (
-            change("clear_fall", -0.9, -0.8, moved_elsewhere=0.9, net=MOVED),
-            "Time too close at Door fell by 85%, but it",
+            change("works", *FALL),
+            "It works so far: time too close at Door fell by 85%, compared with areas that were lef",
         ),
-        (change("clear_fall", -0.9, -0.8, net=UNKNOWN), "Time too close at Door fell by 85%, compared with areas that"),
-        (change("clear_fall", -0.9, -0.8, e_value=30.0), "Time too close at Door fell by 85%. Other things"),
-        (change("about_same", -0.1, 0.05), "About the same: at Door"),
-        (change("clear_rise", 0.2, 0.9), "Time too close at Door clearly rose, by 55%"),
-        (change("cannot_tell", -0.3, 0.5), "Cannot tell yet: at Door, anything from 30% less to 50% more time"),
-        (change("clear_fall", -0.9, -0.8, design="alone"), "Cannot tell: no other area was left alone"),
-        (change("clear_fall", -0.9, -0.8, running=None), "Cannot tell yet."),
+        (change("moved", *FALL), "Time too close at Door fell by 85%, but it"),
+        (change("fell", *FALL), "Time too close at Door fell by 85%, compared with areas that"),
+        (change("doubtful", *FALL), "Time too close at Door fell by 85%. Other things"),
+        (change("about_same", "about_same", -0.1, 0.05), "About the same: at Door"),
+        (change("rose", "clear_rise", 0.2, 0.9), "Time too close at Door clearly rose, by 55%"),
         (
-            change("clear_fall", -0.9, -0.8, state="not_enough_data", reason=Reason("redesign.nobody_there")),
-            "No result",
+            change("cannot_tell", "cannot_tell", -0.3, 0.5),
+            "Cannot tell yet: at Door, anything from 30% less to 50% more time",
         ),
+        (change("alone", *FALL), "Cannot tell: no other area was left alone"),
+        (change("too_early", *FALL, running=None), "Cannot tell yet."),
+        (change("too_early", *FALL, state="not_enough_data", reason=Reason("redesign.nobody_there")), "No result"),
     ],
 )
 def test_the_planner_says_of_a_change_what_the_page_says(made: m.LoggedChangeEffect, begins: str) -> None:
@@ -112,8 +131,8 @@ def test_a_change_that_works_says_what_it_avoids_a_week_with_its_range() -> None
         )
     )  # fmt: skip
     assert words == (
-        "Avoids about 1,700 a week of the usual 1,900 there (likely between 1,600 and 1,700), compared with Pharmacy. "
-        "Whole floor: anything from 1,000 more to 370 fewer."
+        "Avoids about 1,700 a week of the usual 1,900 there (likely between 1,600 and 1,700), compared with Pharmacy; "
+        "no other area clearly took people up. Whole floor: anything from 1,000 more to 370 fewer."
     )
 
 
@@ -152,8 +171,8 @@ def test_the_list_of_changes_carries_what_each_avoided() -> None:
     (row,) = [r for r in log_rows(replace(report, logged_changes=(own,)), with_weeks=False) if r.result]
     assert row.result == "Cannot tell yet."
     page = render_html(replace(report, logged_changes=(own,)))
-    assert "what they avoided" in page
-    assert "what they avoided" not in render_html(report)
+    assert "what came after them" in page
+    assert "what came after them" not in render_html(report)
 
 
 def test_of_the_log_the_page_folds_only_what_has_no_result_and_says_nothing_of_the_weeks_compared() -> None:

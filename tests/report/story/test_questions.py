@@ -141,7 +141,7 @@ def test_the_page_opens_with_the_answer_and_says_what_came_of_it() -> None:
     running = m.Estimate(value=None, change=-0.1, change_lo=-0.3, change_hi=0.5, verdict="cannot_tell")
     change = m.LoggedChangeEffect(
         number=7, at=weeks.normal().log[0].at, text="Rope moved", area_name="Queue", design="beside", is_credible=True,
-        running=running,
+        running=running, outcome="cannot_tell",
     )  # fmt: skip
     report = replace(report, change_effects=(change,))
     assert asked_lines(report)[0].result.startswith("Cannot tell yet: anything between 30% less and 50% more")

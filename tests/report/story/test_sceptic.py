@@ -121,6 +121,7 @@ def test_a_false_success_is_seen_wherever_it_is_said(tmp_path: Path) -> None:
     made = replace(
         change,
         running=running,
+        outcome="works",
         net=net,
         e_value=400.0,
         is_credible=True,

@@ -10,7 +10,7 @@ from vsd_analytics.figures.share.counts import GIVES_AWAY, Mask
 from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate, same_fields
-from vsd_analytics.figures.week.model_sections import Causes, LoggedChangeEffect
+from vsd_analytics.figures.week.model_sections import Causes, LoggedChangeEffect, ReceivingArea
 from vsd_analytics.stats.before_after import BeforeAfter
 from vsd_analytics.stats.decomposition import MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate
@@ -78,6 +78,7 @@ def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffec
     """Return what a logged change did, without what would tell a small count."""
     names, windows = {a.area_id: a.name for a in data.areas}, found.windows
     measured: dict[str, Any] = dict.fromkeys(("effect", "violation_rate", "people", "burden", "close", "running"))
+    measured |= {"outcome": "alone" if found.outcome == "alone" else "too_early", "receivers": ()}
     if found.state == "ok":
         measured |= {"effect": _change(found.effect or found.alone), "people": _change(found.people)}
         if is_held_back(data, found):
@@ -87,6 +88,7 @@ def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffec
         else:
             is_known = found.violation_rate is not None and found.violation_rate.value is not None
             measured |= {"violation_rate": _change(found.violation_rate) if is_known else None, **_over_weeks(found)}
+            measured |= {"outcome": found.outcome, "receivers": _receivers(data, found)}
     return same_fields(
         LoggedChangeEffect,
         found,
@@ -97,6 +99,16 @@ def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffec
         after=None if windows is None else windows.after,
         compared_with=tuple(names.get(a, a) for a in found.comparison_areas),
         **measured,
+    )
+
+
+def _receivers(data: WeekData, found: BeforeAfterFigure) -> tuple[ReceivingArea, ...]:
+    """Return the areas that took people up, but for those whose weeks hide a count."""
+    spans = () if found.windows is None else (found.windows.before, found.windows.after)
+    return tuple(
+        ReceivingArea(area_name=r.name, change=r.more, change_lo=r.lo, change_hi=r.hi)
+        for r in found.receivers
+        if not any(data.is_held_back(r.area_id, *span) for span in spans)
     )
 
 
@@ -114,7 +126,7 @@ def _over_weeks(found: BeforeAfterFigure) -> dict[str, Any]:
     if found.floor is not None and found.floor.net.value is not None:
         known["net"] = page_estimates.change(found.floor.net)
         known["contribution"] = found.floor.net.contributions[found.floor.places.index(found.area_id)]
-        known["moved_elsewhere"] = found.floor.moved_elsewhere
+        known["moved_elsewhere"] = None if found.taken_up is None else found.taken_up.share
     return known
 
 

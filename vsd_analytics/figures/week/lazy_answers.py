@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import date
+from datetime import date, timedelta
 from functools import cached_property
 
 from vsd_analytics.config.change_log import read_log
@@ -23,6 +23,7 @@ from vsd_analytics.figures import (
 )
 from vsd_analytics.figures import hour_of_week as week_hours
 from vsd_analytics.figures import unusual as unusual_hours
+from vsd_analytics.figures.change_weeks import days_needed
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.share.weeks import revealing_spots
 from vsd_analytics.figures.week.data import WeekData
@@ -31,7 +32,18 @@ from vsd_analytics.stats.decomposition import Mixing, MixingChange
 
 
 def first_day(site: Site, monday: date) -> date:
-    """Return the first day the longest question looks at: twelve weeks of trend, or the hotspots' earlier windows."""
+    """Return the first day the longest question looks at: that of `shown_from`, or the weeks before a logged change.
+
+    The weeks that a change is compared with are those before its entry, however long ago it was: a reference that
+    shrank with time would be another verdict than that of `vsd compare --change`.
+    """
+    since, until = shown_from(site, monday), monday + WEEK - timedelta(days=1)
+    numbers = [n for n, e in enumerate(read_log(site), 1) if since <= e.at.astimezone(site.zone).date() <= until]
+    return min([since, *(days_needed(site, n)[0] for n in numbers)])
+
+
+def shown_from(site: Site, monday: date) -> date:
+    """Return the first day of what is shown: twelve weeks of trend and log, or the hotspots' earlier windows."""
     return min(trend.first_day(monday), forecast.first_day(monday), hotspots.days_needed(site, monday + WEEK)[0])
 
 
@@ -46,6 +58,11 @@ class LazyAnswers:
         self._data, self._long = data, data.warehouse
         self._floor_id = data.floor.floor_id
         self._days = (data.monday, data.sunday)
+
+    @cached_property
+    def shown_from(self) -> date:
+        """The first day from which logged changes are shown."""
+        return max(self._long.first, shown_from(self._data.site, self._data.monday))
 
     @cached_property
     def trend(self) -> trend.FloorTrend:
@@ -139,7 +156,7 @@ class LazyAnswers:
     def change_effects(self) -> tuple[before_after.BeforeAfterFigure, ...]:
         """Each change of the log that names an area of this floor, from the first week stored to this one (M27)."""
         area_ids = {a.area_id for a in self._data.areas}
-        zone, first, last = self._data.site.zone, self._long.first, self._days[1]
+        zone, first, last = self._data.site.zone, self.shown_from, self._days[1]
         return tuple(
             before_after.before_after(self._long, number)
             for number, entry in enumerate(read_log(self._data.site), 1)

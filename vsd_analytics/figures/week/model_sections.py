@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import date, datetime
 from typing import Literal
 
-from vsd_analytics.answer import Design, Reason, State, Verdict
+from vsd_analytics.answer import Design, Outcome, Reason, State, Verdict
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.figures.week.model_estimate import optional as _o
@@ -206,6 +206,16 @@ class Readings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ReceivingArea:
+    """An area that clearly has more people since a logged change."""
+
+    area_name: str = _f("Free text.")
+    change: float = _f("Relative change of people there, beside areas that were left alone.", "share", "M27")
+    change_lo: float | None = _o("Lower end of its range.", "share", "M27")
+    change_hi: float | None = _o("Upper end of its range.", "share", "M27")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LoggedChangeEffect:
     """What a logged change did to its area (M27)."""
 
@@ -213,6 +223,8 @@ class LoggedChangeEffect:
     at: datetime = _f("Instant in the site's zone.")
     text: str = _f("Free text.")
     area_name: str = _f("Area looked at; free text.")
+    outcome: Outcome = _f("What may be said of it: see `logged_changes`.", default="too_early")
+    receivers: tuple[ReceivingArea, ...] = _f("Areas that clearly have more people since, most first.", default=())
     design: Design = _f("Beside areas that were left alone, or the area by itself.")
     is_credible: bool = _f("False: something speaks against the comparison, see `doubts`.")
     n_weeks: int | None = _o("Whole weeks on either side.", "weeks")
@@ -248,18 +260,17 @@ class LoggedChangeEffect:
         "Change of person-time in violation per open hour on the whole floor, by itself.", "per open hour", "M27",
     )  # fmt: skip
     contribution: float | None = _o("Part of the area in `net`.", "share", "M27")
-    moved_elsewhere: float | None = _o("Share of the area's fall that the rest of the floor took up.", "share", "M27")
+    moved_elsewhere: float | None = _o(
+        "Share of the area's fall that the two places took up that have most more, beside the areas left alone.",
+        "share",
+        "M27",
+    )
     cautions: tuple[Reason, ...] = _f("What the data could not rule out.", default=())
     compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
     doubts: tuple[Reason, ...] = _f("What speaks against the comparison.", default=())
     assumptions: tuple[Reason, ...] = _f("What must hold for the change to be the logged change's.", default=())
     state: State = _f("Whether a change can be given.", default="ok")
     reason: Reason | None = _o("In words, why not.")
-
-
-Outcome = Literal[
-    "works", "moved", "fell", "doubtful", "rose", "about_same", "cannot_tell", "too_early", "alone", "site_wide"
-]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,9 +283,10 @@ class LoggedChangeResult:
     area_id: str | None = _o("Area it concerns; None for the whole site.")
     area_name: str | None = _o("Its name; free text.")
     outcome: Outcome = _f(
-        "What may be said: works only beside areas that were left alone, by the running verdict, where the whole "
-        "floor clearly fell too; moved: the rest of the floor clearly took up most of it; fell: a fall beside these "
-        "areas, of which nobody can tell whether it moved; doubtful: a fall that something else may have made; "
+        "What may be said: works only beside areas that were left alone, by the running verdict, where the rest of "
+        "the floor did not take up half of the fall; moved: it did, and an area of it clearly rose; fell: a fall "
+        "beside these areas, of which nobody can tell whether it moved; doubtful: a fall that something else may have "
+        "made; "
         "about_same: its whole range lies near no change; alone: no area was left alone to compare with."
     )
     usual_min: float | None = _o(
@@ -293,6 +305,7 @@ class LoggedChangeResult:
     n_watched: int | None = _o("Weeks since the change that were read.", "weeks", "M27")
     watched_until: date | None = _o("Last day it is watched; None: it is decided, or cannot be.")
     compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
+    receivers: tuple[ReceivingArea, ...] = _f("Areas that clearly have more people since, most first.", default=())
     reason: Reason | None = _o("Why nothing can be said yet.")
 
 

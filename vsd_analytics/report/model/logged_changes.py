@@ -13,7 +13,6 @@ from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.change_weeks import WATCHED_WEEKS
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.week.change_effects import change_effect, is_held_back
-from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.figures.week.model_estimate import Estimate
@@ -29,7 +28,7 @@ def logged_changes(data: WeekData, found: LazyAnswers) -> tuple[LoggedChangeResu
     lines = []
     for number, entry in enumerate(read_log(data.site), 1):
         day = entry.at.astimezone(zone).date()
-        if not data.warehouse.first <= day <= data.sunday or entry.area_id in everywhere - here:
+        if not found.shown_from <= day <= data.sunday or entry.area_id in everywhere - here:
             continue
         line = LoggedChangeResult(
             number=number, at=entry.at.astimezone(zone), text=entry.text, area_id=entry.area_id, outcome="site_wide"
@@ -40,7 +39,7 @@ def logged_changes(data: WeekData, found: LazyAnswers) -> tuple[LoggedChangeResu
 
 def _measured(data: WeekData, line: LoggedChangeResult, found: BeforeAfterFigure) -> LoggedChangeResult:
     change = change_effect(data, found)
-    said = outcome(change)
+    said = change.outcome
     running, net, floor = change.running, change.net, found.floor
     line = replace(
         line,
@@ -49,6 +48,7 @@ def _measured(data: WeekData, line: LoggedChangeResult, found: BeforeAfterFigure
         n_watched=change.n_watched,
         watched_until=_watched_until(data, found, is_decided=said in ("works", "moved", "rose")),
         compared_with=change.compared_with,
+        receivers=change.receivers,
         reason=change.reason if running is None else running.reason,
     )
     if floor is None or floor.area_min is None or floor.floor_min is None or is_held_back(data, found):

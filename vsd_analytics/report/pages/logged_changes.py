@@ -1,6 +1,6 @@
 """What came of logged changes and earlier questions: a sentence each, lines above the question, rows of the log.
 
-A change worked, moved elsewhere, rose, or nobody can tell yet: which may be said is `change_outcome.outcome`.
+A change worked, moved elsewhere, rose, or nobody can tell yet: `vsd_analytics.figures.change_outcome` says which.
 """
 
 from __future__ import annotations
@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
 
-from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import LoggedChangeEffect, LoggedChangeResult
+from vsd_analytics.figures.week.model_sections import LoggedChangeEffect, LoggedChangeResult, ReceivingArea
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.model.week_agenda import PastQuestion
 from vsd_analytics.wording import format as fmt
@@ -26,16 +25,39 @@ def came_of(change: LoggedChangeEffect | None) -> str:
         return say("came_of.nothing")
     running = change.running
     likely = "" if running is None else between(running)
-    match outcome(change):
+    match change.outcome:
         case "too_early":
             reason = reason_text(change.reason if running is None else running.reason).rstrip(".")
             return say("came_of.early", reason=reason) if reason else say("came_of.nothing")
         case "works" | "fell" as said:
-            return say(f"came_of.{said}", likely=likely, areas=terms.joined(change.compared_with))
+            none = "_none" if running is not None and is_none(running) else ""
+            beside = terms.joined(change.compared_with)
+            return say(f"came_of.{said}{none}", likely=likely, areas=beside, receivers=received(change))
         case "moved":
-            return say("came_of.moved", share=fmt.percent(min(1.0, change.moved_elsewhere or 0.0)))
+            share = fmt.percent(min(1.0, change.moved_elsewhere or 0.0))
+            return say("came_of.moved", share=share, receivers=received(change))
         case said:
             return say(f"came_of.{said}", likely=likely)
+
+
+def received(change: LoggedChangeEffect | LoggedChangeResult) -> str:
+    """Return which areas took people up, each with its range, or that none clearly did."""
+    if not change.receivers:
+        return say("came_of.nobody_took_up")
+    areas = [say("came_of.took_up_area", area=r.area_name, likely=_more(r)) for r in change.receivers]
+    return say("came_of.took_up", areas=terms.joined(areas))
+
+
+def _more(area: ReceivingArea) -> str:
+    low = fmt.signed(area.change if area.change_lo is None else area.change_lo)
+    if area.change_hi is None:
+        return say("came_of.took_up_from", low=low)
+    return say("came_of.took_up_range", low=low, high=fmt.signed(area.change_hi))
+
+
+def is_none(estimate: Estimate) -> bool:
+    """Tell whether a change is a fall to none at all."""
+    return estimate.change is not None and estimate.change <= -1
 
 
 def result_words(line: LoggedChangeResult) -> str:
@@ -61,7 +83,7 @@ def _in_area(line: LoggedChangeResult) -> str:
         f"ledger.{line.outcome}",
         least=least,
         most=most, n=n, low=low, high=high, usual=fmt.count(_rounded(line.usual_min or 0.0)),
-        areas=terms.joined(line.compared_with),
+        areas=terms.joined(line.compared_with), receivers=received(line),
     )  # fmt: skip
 
 
@@ -93,8 +115,8 @@ def between(estimate: Estimate) -> str:
     lo, hi = estimate.change_lo, estimate.change_hi
     if lo is None or hi is None:
         return amount(estimate.change)
-    if 0.0 in (lo, hi) and lo < hi:  # a clear change that without one comparison area would not be clear ends there
-        return say("came_of.up_to", amount=amount(lo or hi))
+    if is_none(estimate):
+        return say("came_of.none", most=fmt.percent(1 + hi))
     return say("came_of.between", low=amount(lo), high=amount(hi))
 
 

@@ -179,6 +179,10 @@ def causes(report: WeekReport) -> BarTable | None:
     title, sub = say("causes.title"), say("causes.sub", distance=distance, before=report.previous.number)
     if found.close is None:
         return BarTable(title=title, sub=sub, notes=(say("causes.none", reason=_because(found.reason)),))
+    if not _is_clear(report, found.close):
+        return BarTable(
+            title=title, sub=sub, notes=(say("causes.unclear", distance=distance, before=report.previous.number),)
+        )
     parts = {
         "people": Estimate(value=None, change=found.people),
         "layout": Estimate(value=None, change=found.layout),
@@ -361,6 +365,13 @@ def _differs(report: WeekReport) -> str:
     return say("trend.differs", week=before.number, here=fmt.number(violation_rate.value), there=fmt.number(there))
 
 
+def _is_clear(report: WeekReport, close: float) -> bool:
+    """Tell whether a figure of the week clearly changed the way the time spent close did: else no part is named."""
+    way = "clear_fall" if close < 0 else "clear_rise"
+    share = report.level.close_time_share
+    return way in (report.level.violation_rate.verdict, None if share is None else share.verdict)
+
+
 def _cause(found: Causes, distance: str) -> str:
     close = found.close or 0.0
     parts = {"people": found.people or 0.0, "layout": found.layout or 0.0, "behaviour": found.behaviour or 0.0}
@@ -396,15 +407,18 @@ def _change_effect(found: LoggedChangeEffect, limit: float) -> tuple[BarRow, ...
     about = say("redesign.what", area=found.area_name, date=fmt.date_short(found.at.date()))
     rows = [BarRow(name=fmt.ended(found.text), note=" ".join([about, *parts]), is_head=True)]
     for kind, e in _measured(found):
+        # a change has one verdict, the running one: other figures have their ranges
+        is_judged = kind == "running" or e.change is None
         clear = e.verdict in ("clear_fall", "clear_rise") and e.change is not None
-        verdict = terms.verdict_words(e)
+        verdict = terms.verdict_words(e) if is_judged else fmt.signed(e.change)
+        clear = clear and is_judged
         rows.append(
             BarRow(
                 name=say(f"redesign.{kind}"),
                 bar=svg.change_bar(e, limit=limit),
                 words=say("changed.clear", verdict=verdict, change=fmt.signed(e.change)) if clear else verdict,
                 detail=fmt.likely_signed(e) or reason_text(e.reason),
-                direction=terms.direction(e.verdict),
+                direction=terms.direction(e.verdict) if is_judged else "same",
             )
         )
     return tuple(rows)

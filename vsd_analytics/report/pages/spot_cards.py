@@ -145,7 +145,8 @@ def _figures(card: SpotCard, report: WeekReport) -> tuple[str, str, tuple[str, .
     if card.ratio.lo is not None and card.ratio.hi is not None:
         unit = say("spots.ratio_unit_range", low=fmt.number(card.ratio.lo), high=fmt.number(card.ratio.hi))
     if card.excess_min_per_week is not None:
-        notes.append(say("spots.excess", n=fmt.count(card.excess_min_per_week)))
+        is_little = round(card.excess_min_per_week) == 0
+        notes.append(say("spots.excess_little" if is_little else "spots.excess", n=fmt.count(card.excess_min_per_week)))
     here = card.here
     if here is not None and report.previous is not None:
         value, before = (fmt.number(float(f"{v or 0.0:.2g}")) for v in (here.value, here.previous))

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
-from vsd_analytics.figures.week.change_outcome import outcome
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_recording import CameraRecord
 from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.model.week import Thing, WeekReport
+from vsd_analytics.report.pages.logged_changes import received
 from vsd_analytics.report.pages.no_data import nothing
 from vsd_analytics.report.pages.spoken import week_before
 from vsd_analytics.wording import format as fmt
@@ -56,7 +56,7 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
 
 def _change_that_fell(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
     """Return the thing to know of a change whose area fell: it works, or nobody can tell whether it moved elsewhere."""
-    running, said = change.running, outcome(change)
+    running, said = change.running, change.outcome
     if running is None:
         raise AssertionError("a change that is shown to fall has a running verdict")
     text = say(
@@ -67,6 +67,7 @@ def _change_that_fell(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
         change=fmt.percent(abs(running.change or 0.0)),
         likely=fmt.likely_signed(running),
         areas=terms.joined(change.compared_with),
+        receivers=received(change),
     )
     title = say("things.works" if said == "works" else "things.less", area=change.area_name)
     return Thing(kind="worked", title=title, text=text, target="changed")
@@ -74,7 +75,8 @@ def _change_that_fell(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
 
 def _change_that_moved(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
     share = fmt.percent(min(1.0, change.moved_elsewhere or 0.0))
-    text = say("things.moved_text" if is_new else "things.moved_short", share=share, area=change.area_name)
+    key = "things.moved_text" if is_new else "things.moved_short"
+    text = say(key, share=share, area=change.area_name, receivers=received(change))
     return Thing(kind="worked", title=say("things.moved", area=change.area_name), text=text, target="changed")
 
 
@@ -87,7 +89,7 @@ def _results(report: WeekReport, *, is_new: bool) -> list[Thing]:
     """Return the results of changes after which there is clearly less time too close, the latest first."""
     found = (c for c in reversed(report.change_effects) if _is_news(c, report) == is_new and _is_material(c, report))
     made = {"works": _change_that_fell, "fell": _change_that_fell, "moved": _change_that_moved}
-    return [made[said](c, is_new=is_new) for c in found if (said := outcome(c)) in made]
+    return [made[said](c, is_new=is_new) for c in found if (said := c.outcome) in made]
 
 
 def _is_material(change: LoggedChangeEffect, report: WeekReport) -> bool:
@@ -128,7 +130,7 @@ def _worked(report: WeekReport) -> Thing:
     old = _results(report, is_new=False)
     if old:
         return old[0]
-    doubtful = [c for c in report.change_effects if outcome(c) == "doubtful" and _is_material(c, report)]
+    doubtful = [c for c in report.change_effects if c.outcome == "doubtful" and _is_material(c, report)]
     if doubtful:
         change = doubtful[-1]
         text = say("things.none_fell_doubtful", area=change.area_name, at=fmt.date_short(change.at.date()))
