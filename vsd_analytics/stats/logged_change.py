@@ -26,6 +26,7 @@ from vsd_analytics.stats.period_days import Bools, Floats
 from vsd_analytics.stats.placebos import mean_shifts, spread_half_width
 from vsd_analytics.stats.running_verdict import (
     MAX_REFERENCE_WEEKS,
+    MOST_LOG_E,
     RunningVerdict,
     as_far_as,
     no_verdict,
@@ -126,7 +127,7 @@ def _counted(b: AreaWeeks, a: AreaWeeks, *, confidence: float) -> RunningVerdict
     phi = few_events.dispersion(b.n[0], b.open_h[0] * b.beside)
     n_before, so_far, ratios = float(b.n[0].sum()), np.cumsum(a.n[0]), _exposure_ratios(b, a)
     e = [
-        math.exp(min(700.0, few_events.log_e(n_before, float(n), exposure_ratio=float(x), phi=phi)))
+        math.exp(min(MOST_LOG_E, few_events.log_e(n_before, float(n), exposure_ratio=float(x), phi=phi)))
         for n, x in zip(so_far, ratios, strict=True)
     ]
     at = {"exposure_ratio": float(ratios[-1]), "phi": phi, "confidence": confidence}

@@ -36,6 +36,8 @@ MIN_REFERENCE_WEEKS: Final = 4
 MAX_REFERENCE_WEEKS: Final = 12
 """Older weeks tell of another site."""
 LEAST: Final = 1e-9
+MOST_LOG_E: Final = math.log(1e9)
+"""Evidence is counted up to here: beyond it no verdict changes, and a number of 300 digits says no more."""
 EFFECT_VARIANCE: Final = 4.0
 """g: effects of about two standard deviations of a week are looked for."""
 
@@ -119,7 +121,7 @@ def running_verdict(
     if reason is not None:
         return no_verdict(reason, m, n)
     squares = float(((y - y.mean()) ** 2).sum())
-    e = np.exp(np.minimum(log_e_values(m, float(y.mean()), squares, after), 700.0))
+    e = np.exp(np.minimum(log_e_values(m, float(y.mean()), squares, after), MOST_LOG_E))
     log_theta = float(after.mean() - y.mean())
     half = running_half_width(m, squares, after, confidence=confidence)
     lo, hi = (None, None) if half is None else (math.exp(log_theta - half), math.exp(log_theta + half))
