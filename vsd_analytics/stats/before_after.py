@@ -363,7 +363,7 @@ def _fell_to_none(b: PeriodDays, a: PeriodDays, h: PeriodDays, *, confidence: fl
     parts = [(of_areas(b, k), of_areas(a, k)) for k in left]
     parts = [p for p in parts if not p[0].n_areas or all(side.comparison_n.any() for side in p)]
     without = max((_exact(*p, confidence=confidence)[1] for p in parts), default=upper)
-    # none has no log: half a violation stands for it beside the placebos
+    # none has no log: half a violation is taken for it beside the placebos
     spread = None if half is None else 0.5 / b.n_events / _exposure_ratio(b, a) * math.exp(half)
     hi = max(upper, spread or 0.0, without)
     return replace(

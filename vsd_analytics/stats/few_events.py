@@ -20,7 +20,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
 from scipy.special import betaincinv, gammaln
 
 PRIOR_SD: Final = 0.10
@@ -74,6 +73,7 @@ def running_limits(
     n_before: float, n_after: float, *, exposure_ratio: float, phi: float, confidence: float
 ) -> tuple[float, float | None]:
     """Return the ratios that e < 1 / (1 - confidence) does not reject; no upper end where none is rejected."""
+    from scipy.optimize import brentq  # takes a tenth of a second to import, and few changes are compared by counts
 
     def against(log_theta: float) -> float:
         found = log_e(n_before, n_after, exposure_ratio=exposure_ratio, phi=phi, theta=math.exp(log_theta))

@@ -53,7 +53,7 @@ class RunningVerdict:
             they reach with any one comparison area left out; None where nothing is excluded on that side yet.
         e_value: Evidence against "no change" now; a clear verdict needs 20 (at 95 %), and a range beside no change.
         e_by_week: The same after each week read.
-        clear_since: The first week read, from 1, after which the e-value reached 20 and the shift stood out from
+        clear_since: The first week read, from 1, after which the e-value reached 20 and the shift lay outside
             those of the comparison areas; None = it never did.
         n_reference: Reference weeks.
         n_weeks: Weeks read since the change.
@@ -159,7 +159,7 @@ def as_far_as(
         found: The verdict beside all comparison areas.
         parts: Those with each left out.
         half_spread: How far a shift must lie from "no change" to stand out; None without comparison areas.
-        least: The ratio that stands for a fall to none, which has no log: that of half a violation.
+        least: The ratio taken for a fall to none, which has no log: that of half a violation.
     """
     each = [found, *(p for p in parts if p.value is not None)]
     lo = None if any(p.lo is None for p in each) else min(p.lo for p in each if p.lo is not None)
