@@ -231,7 +231,7 @@ def _with_facts(root: Path) -> None:
 def _with_few_days(root: Path) -> None:
     """Make fresh facts, and the week files of two relations."""
     _with_facts(root)
-    vsd(root, "report", "--week", WEEK)
+    vsd(root, "report", "--exact", "--week", WEEK)
     shutil.rmtree(root / PAGES)
     for folder in (root / "facts" / "weeks").iterdir():
         if folder.name not in ("footsteps", "exposure"):
@@ -242,7 +242,7 @@ def _with_superseded_days(root: Path, *commands: str) -> None:
     """Make pages and their week files, then close a day, which changes these, and remove those of a relation."""
     _with_facts(root)
     for command in commands:
-        vsd(root, command, "--week", WEEK)
+        vsd(root, command, "--exact", "--week", WEEK)  # exact: what readers were given may not change with the day
     shutil.rmtree(root / PAGES)
     for name in ("footsteps", "exposure", "planner_cells"):
         shutil.rmtree(root / "facts" / "weeks" / name, ignore_errors=True)
@@ -259,7 +259,7 @@ def _before_planner(root: Path) -> None:
 
 
 def _report(root: Path, ack: Ack) -> str:
-    return vsd(root, "report", "--week", WEEK, "--format", "html,json", ack=ack)
+    return vsd(root, "report", "--exact", "--week", WEEK, "--format", "html,json", ack=ack)
 
 
 def _planner(root: Path, ack: Ack) -> str:
