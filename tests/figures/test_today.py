@@ -14,6 +14,7 @@ from planted_hours import MONDAY, of, planted, site_of
 
 from vsd_analytics.answer import Answers, Reason, Value, check_sums, value_of
 from vsd_analytics.errors import UsageError
+from vsd_analytics.figures.share import earlier
 from vsd_analytics.figures.share.days import closed_days
 from vsd_analytics.figures.today import Today, today
 from vsd_analytics.figures.today_answers import today_answers
@@ -275,6 +276,27 @@ def test_a_day_that_a_camera_lacks_in_part_has_no_usual_range_for_readers(tmp_pa
     assert operators.yesterday.usual is not None
     assert readers.violations == readers.estimate
     assert (readers.usual, readers.reason) == (None, Reason("today.not_whole"))
+
+
+def test_days_that_changed_since_their_week_left_do_not_enter_the_range_of_readers(tmp_path: Path) -> None:
+    """Two rough numbers of a day, and a change in between that is known, could tell the count before."""
+    site = replace(site_of(tmp_path), root=tmp_path)
+    found = card(site, SATURDAY, 7, change=one_more(1))
+    assert found.yesterday is not None
+    assert found.yesterday.whole_days is not None
+    days = dict(found.yesterday.whole_days)
+    changed, same = list(days)[:2]
+    for day, n in ((changed, days[changed] - 3), (same, days[same])):
+        start = datetime(day.year, day.month, day.day, 9, tzinfo=site.zone)
+        monday = day - timedelta(days=day.weekday())
+        hours = {str(round(start.timestamp() * 1000)): {"cam-1": int(n)}}
+        week = earlier.SharedWeek(
+            "ground", monday, monday + timedelta(days=6), 0, 9, {}, hours, frozenset(), frozenset()
+        )
+        earlier.remember(site, [week])
+    readers = closed_days(found, site).yesterday
+    assert readers is not None
+    assert readers.n_days == len(days) - 1
 
 
 def test_earlier_days_that_a_camera_lacks_in_part_do_not_enter_the_range_of_readers(tmp_path: Path) -> None:

@@ -191,7 +191,6 @@ def published(world: World, weeks: Sequence[int], *, held_least: int = BELOW) ->
 
     known = Known(held_least=held_least)
     for week in weeks:
-        other_outputs.read_cards(known, world, week)
         try:
             report = week_report(world.site, monday(week))
         except ReportError:

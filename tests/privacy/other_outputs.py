@@ -100,11 +100,13 @@ def _read_cells(known: Known, week: int, data: PlannerData, source: str) -> None
             known.between(dict.fromkeys(keys[p], 1.0), low, high, f"{source} cell of {p}")
 
 
-def read_cards(known: Known, world: World, week: int) -> None:
-    """Add what the cards of the days of a week say of them."""
+def read_cards(known: Known, world: World, week: int, *, first: World) -> None:
+    """Add what cards say of the days of a week; nothing of those that changed since the week `first` left."""
     for day in range(N_DAYS):
         keys = hidden.keys_of(week, day=day)
         n = world.sum(keys)
+        if n != first.sum(keys):
+            continue
         step = rough(n, below=BELOW)
         if all((week, camera, day) in world.lost for camera in range(2)):
             continue

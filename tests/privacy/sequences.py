@@ -19,6 +19,7 @@ from zoneinfo import ZoneInfo
 import numpy as np
 from privacy import hidden_counts as hidden
 from privacy.hidden_counts import HOURS, N_DAYS, Key, Known, World
+from privacy.other_outputs import read_cards
 from report import ingested_worlds as worlds
 from scipy import sparse
 from scipy.optimize import Bounds, LinearConstraint, milp
@@ -82,7 +83,9 @@ def lived(folder: Path, seed: int, *, n_weeks: int, days: Sequence[int] = ASKED_
                 continue
             versions.n_running += 1
             versions.add(so_far(world, week, report), 0)
-        versions.add(hidden.published(world, [week]), 0)
+        known = hidden.published(world, [week])
+        read_cards(known, world, week, first=world)
+        versions.add(known, 0)
     return versions
 
 
@@ -165,7 +168,10 @@ def nearer(versions: Versions) -> None:
 def _again(versions: Versions, world: World, changed: frozenset[Key]) -> None:
     versions.worlds.append(world)
     versions.changed.append(changed)
-    versions.add(hidden.published(world, range(world.n_weeks), held_least=0), len(versions.worlds) - 1)
+    known = hidden.published(world, range(world.n_weeks), held_least=0)
+    for week in range(world.n_weeks):
+        read_cards(known, world, week, first=versions.worlds[0])
+    versions.add(known, len(versions.worlds) - 1)
 
 
 def worked_out(versions: Versions) -> dict[str, int]:

@@ -109,6 +109,8 @@ def test_the_planner_the_cards_and_the_duckdb_file_tell_no_count_that_is_held_ba
     world: hidden.World, reports: dict[int, WeekReport], tmp_path: Path
 ) -> None:
     known = hidden.published(world, TWO_WEEKS)
+    for week in TWO_WEEKS:
+        other_outputs.read_cards(known, world, week, first=world)
     for output in ("planner hour", "planner cells", "planner area:door", "card of day"):
         assert any(output in source for *_, source in known.rows), output
     export_duckdb(world.site, hidden.monday(2), hidden.monday(3), out=tmp_path / "weeks.duckdb")

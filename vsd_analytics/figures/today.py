@@ -5,6 +5,7 @@ Days are compared over the same hours: 150 violations by noon are compared with 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import date, datetime, timedelta
 from typing import Final
@@ -81,8 +82,8 @@ class DayLevel:
         n_days: Earlier days that recorded them.
         state: "ok" when there is a usual range.
         reason: Why not.
-        whole_days: Violations of the same weekday in the weeks before, of days that all cameras recorded in all open
-            hours; None where they did not record this day so.
+        whole_days: Violations by day of the same weekday in the weeks before, of days that all cameras recorded in all
+            open hours; None where they did not record this day so.
         is_rough: Counts are rounded, for readers (`share.days`).
         masked_below: Its count is less than this, and not given; 0 = it is given.
     """
@@ -98,7 +99,7 @@ class DayLevel:
     n_days: int
     state: State
     reason: Reason | None
-    whole_days: tuple[float, ...] | None = None
+    whole_days: Mapping[date, float] | None = None
     is_rough: bool = False
     masked_below: int = 0
 
@@ -301,14 +302,15 @@ def _level(
         n_days=len(before) if has_estimate else 0,
         state="ok" if usual is not None else "not_measurable" if why is not None else "not_enough_data",
         reason=reason,
-        whole_days=_whole_days(slots, open_slots),
+        whole_days=_whole_days(slots, open_slots, slots.monday + timedelta(days=day)),
     )
 
 
-def _whole_days(slots: Slots, open_slots: NDArray[np.int64]) -> tuple[float, ...] | None:
+def _whole_days(slots: Slots, open_slots: NDArray[np.int64], day: date) -> Mapping[date, float] | None:
     is_whole = np.asarray(slots.is_recorded[:, :, open_slots].all(axis=(0, 2)))
     counts = slots.n_violations[:, :, open_slots].sum(axis=(0, 2))
-    return tuple(counts[:-1][is_whole[:-1]].tolist()) if is_whole[-1] else None
+    weeks_ago = len(counts) - 1 - np.flatnonzero(is_whole[:-1])
+    return {day - timedelta(weeks=int(k)): float(counts[-1 - k]) for k in weeks_ago} if is_whole[-1] else None
 
 
 def _hours(

@@ -2,7 +2,8 @@
 
 A card is made every day, or every hour. Exact counts of days would tell what the weekly page hides of an hour, so a day
 is given to a step of twice `mask_below`; `weeks` hides hours so that this tells nothing. All else that a card says of
-violations is computed from such rough numbers, those of earlier days too: the usual range, and where the day lies.
+violations is computed from such rough numbers, those of earlier days too: the usual range, and where the day lies. A
+day that changed since its week left is not among them: its two numbers would tell of what the change was added to.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import replace
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.share.counts import Mask, mask_of, rough
+from vsd_analytics.figures.share.earlier import changed_days
 from vsd_analytics.figures.today import DayLevel, Today
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.usual import MIN_WEEKS, UsualRange, usual_range
@@ -32,7 +34,12 @@ def closed_days(today: Today, site: Site) -> Today:
     hours = tuple(
         replace(h, violations=None, estimate=None, usual=None, lo=None, hi=None, seen=None) for h in today.hours
     )
-    yesterday = _rough(today.yesterday, mask, confidence=float(site.settings.confidence))
+    yesterday = today.yesterday
+    if yesterday is not None and yesterday.whole_days is not None:
+        changed = changed_days(site, yesterday.whole_days, floor_id=today.floor_id)
+        whole_days = {day: n for day, n in yesterday.whole_days.items() if day not in changed}
+        yesterday = replace(yesterday, whole_days=whole_days)
+    yesterday = _rough(yesterday, mask, confidence=float(site.settings.confidence))
     return replace(today, yesterday=yesterday, so_far=None, hours=hours, is_of_closed_days=True)
 
 
@@ -61,7 +68,7 @@ def _usual(level: DayLevel, mask: Mask, *, confidence: float) -> tuple[UsualRang
     if level.whole_days is None:
         return None, Reason("today.not_whole")
     few = len(level.whole_days) < MIN_WEEKS
-    days = [rough(round(n), below=mask.below) for n in level.whole_days]
+    days = [rough(round(n), below=mask.below) for n in level.whole_days.values()]
     found = usual_range([mask.middle if n is None else n for n in days], confidence=confidence)
     if found is None:
         has = len(level.whole_days)

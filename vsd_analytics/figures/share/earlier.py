@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import date
+from datetime import date, datetime
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, TypeAlias
@@ -64,6 +64,26 @@ def read(site: Site) -> Sequence[SharedWeek]:
     except FileNotFoundError:
         return ()
     return _read(path, stat.st_mtime_ns, stat.st_size)
+
+
+def changed_days(site: Site, n: Mapping[date, float], *, floor_id: str | None) -> frozenset[date]:
+    """Return the days whose counts left before in a week, and were others then.
+
+    Args:
+        site: The project.
+        n: Violations by day as they are counted now.
+        floor_id: Floor; None = the whole site.
+    """
+    found = set()
+    for week in read(site):
+        if floor_id not in (None, week.floor_id):
+            continue
+        then: dict[date, int] = {}
+        for start, of in week.hours.items():
+            day = datetime.fromtimestamp(int(start) / 1000, site.zone).date()
+            then[day] = then.get(day, 0) + sum(of.values())
+        found |= {day for day, now in n.items() if week.monday <= day <= week.through and then.get(day, 0) != now}
+    return frozenset(found)
 
 
 def remember(site: Site, weeks: Iterable[SharedWeek]) -> None:
