@@ -348,8 +348,7 @@ def test_who_reads_the_limit_of_small_counts_makes_a_mask_or_says_it() -> None:
         if isinstance(node, ast.Attribute) and node.attr == "mask_below" and "settings" in ast.unparse(node)
     }
     assert reading == {
-        "vsd_analytics.figures.flow",  # makes a Mask
-        "vsd_analytics.figures.panels",
+        "vsd_analytics.figures.panels",  # makes a Mask
         "vsd_analytics.figures.week.density",
         "vsd_analytics.service.answers",  # says it
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from vsd_analytics.site.model import Site
 
 PRAYER = {**w.AREAS, "prayer": ("Prayer room", (13, 7, 17, 11))}
 HOURS = (9, 12)
+MASK_BELOW = 5
 
 
 def few_by_day(day: int, hour: int) -> dict[w.Place, int]:
@@ -93,12 +95,29 @@ def test_running_totals_told_the_hours_that_were_hidden(site: Site, capsys: pyte
     """100, 101, 104 and 107 give 1, 3 and 3: no total of a running week is given, whatever the hour."""
     assert solved([100, 101, 104, 107]) == [1, 3, 3]
     command = ["report", "--week", "2026-W46", "--json"]
-    for hour in range(9, 24):
-        now = f"2026-11-10T{hour:02}:05+01:00"
-        assert run(cli, ["-C", str(site.root), "--now", now, *command]) == 2
-        printed = capsys.readouterr()
-        assert '"violations"' not in printed.out
-    assert run(cli, ["-C", str(site.root), "--now", "2026-11-16T00:05+01:00", *command]) == 0
+    totals = []
+    for day, hour in product(range(9, 16), (10, 15, 23)):
+        now = f"2026-11-{day:02}T{hour:02}:05+01:00"
+        code = run(cli, ["-C", str(site.root), "--now", now, *command])
+        printed = capsys.readouterr().out
+        assert code in (0, 2)
+        totals.append(json.loads(printed)["level"]["violations"] if code == 0 else None)
+        assert (code == 2) == (totals[-1] is None)
+    by_day = [set(totals[k : k + 3]) for k in range(0, len(totals), 3)]
+    assert all(len(of_day) == 1 for of_day in by_day), "the same all day, whatever the hour"
+    assert by_day[0] == by_day[1] == {None}
+    steps = np.diff([n for [n] in by_day if n is not None])
+    assert len(steps)
+    assert not ((steps > 0) & (steps < MASK_BELOW)).any()
+
+
+def test_a_week_is_over_when_its_last_site_day_is(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
+    last = {}
+    for clock in ("03:55", "04:05"):
+        now = f"2026-11-16T{clock}+01:00"
+        assert run(cli, ["-C", str(site.root), "--now", now, "report", "--week", "2026-W46", "--json"]) == 0
+        last[clock] = json.loads(capsys.readouterr().out)["week"]["sunday"]
+    assert last == {"03:55": "2026-11-13", "04:05": "2026-11-15"}, "the last closed day stays back until then"
 
 
 def solved(totals: list[int]) -> list[int | None]:

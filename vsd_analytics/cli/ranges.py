@@ -52,9 +52,10 @@ def shared_days(project: Project, *, week: str | None, days: str | None) -> tupl
         UsageError: E105, they are no week that is over, and `--exact` was not given.
         StoreError: E301, nothing is stored and no range was given.
     """
-    from vsd_analytics.figures.share.periods import check_days, hides
+    from vsd_analytics.figures.share.counts import mask_of
+    from vsd_analytics.figures.share.periods import check_days
 
-    if week is None and days is None and hides(project.site):
+    if week is None and days is None and mask_of(project.site).is_on:
         week = "last"
     first, last = resolve(project, week=week, days=days)
     check_days(project.site, first, last, clock=project.now)

@@ -260,7 +260,7 @@ def _areas(period: Period, moves: _Moves, asked: Sequence[Area]) -> tuple[AreaFl
     for k, area in enumerate(asked):
         place = period.area(area.area_id)
         at = moves.is_departure & (moves.area == k)
-        pooled = pooled_kinds(leaving[k].kind, n_kinds=len(asked), mask=Mask(int(settings.mask_below)))
+        pooled = pooled_kinds(leaving[k].kind, n_kinds=len(asked), mask=period.data.mask)
         kinds = [tuple(np.flatnonzero(pooled == j).tolist()) for j in range(int(pooled.max(initial=-1)) + 1)]
         people = replace(leaving[k], kind=_renamed(leaving[k].kind, pooled))
         following = next_areas(people, n_kinds=len(kinds), confidence=confidence, min_days=min_days)
@@ -339,7 +339,7 @@ def _routes(period: Period, moves: _Moves, asked: Sequence[Area]) -> DoorRoutes:
     names = sorted(n_by_way, key=lambda way: (-n_by_way[way] if way else 1, way))
     number = {way: k for k, way in enumerate(names)}
     kind = np.array([-1 if way is None else number[way] for way in ways], dtype=np.int64)
-    pooled = pooled_kinds(kind, n_kinds=len(names), mask=Mask(int(settings.mask_below)), most=MAX_ROUTES)
+    pooled = pooled_kinds(kind, n_kinds=len(names), mask=period.data.mask, most=MAX_ROUTES)
     starts = np.array([a for a, _ in chosen], dtype=np.int64)
     following = next_areas(
         Leaving(moves.since_began_s[starts], _renamed(kind, pooled), moves.day[starts]),

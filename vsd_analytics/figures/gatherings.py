@@ -87,7 +87,7 @@ class FloorGatherings:
             day-clustered interval; its state and reason say why not.
         n: Gatherings that began in opening hours; None when they cannot be known.
         gatherings: All of the range, also those outside opening hours, in order of their start.
-        top: The five with most person-seconds, in opening hours.
+        ranked: Those that began in opening hours, most person-seconds first.
     """
 
     floor_id: str
@@ -95,7 +95,12 @@ class FloorGatherings:
     per_100_h: RateEstimate
     n: int | None
     gatherings: tuple[Gathering, ...] = field(repr=False)  # there are thousands in a week
-    top: tuple[Gathering, ...]
+    ranked: tuple[Gathering, ...] = field(repr=False)
+
+    @property
+    def top(self) -> tuple[Gathering, ...]:
+        """Return the five with most person-seconds, in opening hours."""
+        return self.ranked[:N_TOP]
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +181,7 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
         per_100_h=_per_100_h(rate),
         n=len(counted) if is_known else None,
         gatherings=tuple(found) if is_known else (),
-        top=tuple(sorted(counted, key=lambda g: (-g.person_s, g.start))[:N_TOP]) if is_known else (),
+        ranked=tuple(sorted(counted, key=lambda g: (-g.person_s, g.start))) if is_known else (),
     )
 
 

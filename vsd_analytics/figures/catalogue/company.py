@@ -6,7 +6,7 @@ from typing import Final
 
 from vsd_analytics.answer import Answer, Column, Reason, Row, State, Value
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
-from vsd_analytics.figures.gatherings import FloorGatherings
+from vsd_analytics.figures.gatherings import N_TOP, FloorGatherings
 from vsd_analytics.figures.group_answers import BETWEEN_GROUPS, READINGS, between_groups, reading_rows
 from vsd_analytics.figures.others_met import OthersMet, others_met
 from vsd_analytics.figures.share.counts import GIVES_AWAY
@@ -248,7 +248,7 @@ def _longest(inputs: FigureInputs, found: FloorGatherings, rate: Value) -> Answe
     elif not inputs.is_ranked:
         nothing = Value.missing(inputs.why_not_ranked)
     # ranked after the small ones are left out: a gap in the ranks would tell of them
-    shown = [g for g in found.top if nothing is None and not mask.hides(g.n_people)]
+    shown = [g for g in found.ranked if nothing is None and not mask.hides(g.n_people)][:N_TOP]
     rows: list[Row] = [
         {
             "rank": rank,

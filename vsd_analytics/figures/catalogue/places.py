@@ -120,7 +120,7 @@ def _without_revealing(answer: Answer, revealing: Collection[str]) -> Answer:
     """Return hotspots without the figures of those that would tell a small count of another output."""
 
     def cell(row: Row, name: str) -> Cell:
-        is_told = row["spot_id"] in revealing and isinstance(row[name], Value)
-        return Value.missing(GIVES_AWAY) if is_told else row[name]
+        is_hidden = row["spot_id"] in revealing and isinstance(row[name], Value)
+        return Value.missing(GIVES_AWAY) if is_hidden else row[name]
 
     return replace(answer, rows=tuple({name: cell(row, name) for name in row} for row in answer.rows))

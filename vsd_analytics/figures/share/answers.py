@@ -11,8 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from vsd_analytics.answer import Answer, Answers, Cell, Reason, Row, Sum, Value, check_sums, value_of
-from vsd_analytics.figures.share.counts import is_small
-from vsd_analytics.figures.share.periods import hides
+from vsd_analytics.figures.share.counts import is_small, mask_of
 from vsd_analytics.site.model import Site
 
 Place = tuple[str, int, str]
@@ -55,7 +54,8 @@ def share(answers: Iterable[Answer], *, below: int) -> Answers:
 
 def audience_answers(answers: Iterable[Answer], site: Site) -> Answers:
     """Return what may be shared; where the site hides nothing, all of it."""
-    return share(answers, below=int(site.settings.mask_below)) if hides(site) else Answers(answers)
+    mask = mask_of(site)
+    return share(answers, below=mask.below) if mask.is_on else Answers(answers)
 
 
 def _parts_to_hide(

@@ -139,20 +139,22 @@ def held_back(
     parts = {key: dict(n) if isinstance(n, Mapping) else {"": n} for key, n in counts.items()}
     sums = {key: sum(part.values()) for key, part in parts.items()}
     small = frozenset(k for k, n in sums.items() if is_small(n, below=below))
-    kept = [key for key in withheld if key not in small]
-    if (not small and not kept and not n_others) or below <= LEAST_BELOW:
+    withheld_large = [key for key in withheld if key not in small]
+    if (not small and not withheld_large and not n_others) or below <= LEAST_BELOW:
         return HeldBack(small, frozenset(), is_total_safe=True)
     others: list[K] = []
-    spare = [key for key in give if sums[key] >= max(below, 1) and key not in kept]
-    closed = [key for key in parts if key in small or key in kept]
+    spare = [key for key in give if sums[key] >= max(below, 1) and key not in withheld_large]
+    closed = [key for key in parts if key in small or key in withheld_large]
     while True:
         closed = [
-            key for key in closed if not _can_differ(key, [*small, *kept, *others], parts, sums, below, is_unseen)
+            key
+            for key in closed
+            if not _can_differ(key, [*small, *withheld_large, *others], parts, sums, below, is_unseen)
         ]
         if not closed and len(others) >= n_others:
-            return HeldBack(small, frozenset((*kept, *others)), is_total_safe=True)
+            return HeldBack(small, frozenset((*withheld_large, *others)), is_total_safe=True)
         if not spare:
-            return HeldBack(small, frozenset((*kept, *others)), is_total_safe=False)
+            return HeldBack(small, frozenset((*withheld_large, *others)), is_total_safe=False)
         others.append(spare.pop(0))
 
 

@@ -29,7 +29,7 @@ def closed_days(today: Today, site: Site) -> Today:
         site: The site; where it hides nothing, the card is the operator's.
     """
     mask = mask_of(site)
-    if mask.below <= 1:
+    if not mask.is_on:
         return today
     hours = tuple(
         replace(h, violations=None, estimate=None, usual=None, lo=None, hi=None, seen=None) for h in today.hours

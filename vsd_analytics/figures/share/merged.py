@@ -52,7 +52,7 @@ def merge_small_counts(values: Ints, *, groups: Sequence[Ints], mask: Mask) -> G
     counts = np.asarray(values, dtype=np.int64)
     lead = counts[0]
     below = mask.below
-    if below <= 1 or not ((lead > 0) & (lead < below)).any():
+    if not mask.is_on or not ((lead > 0) & (lead < below)).any():
         return Given(counts.copy(), np.zeros(len(counts), dtype=np.int64))
     moves = np.arange(lead.size)
     ends = np.zeros(lead.size, dtype=np.int64)

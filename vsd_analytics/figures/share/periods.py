@@ -1,4 +1,4 @@
-"""Which days may leave the operator's hands: one ISO week, once it is over.
+"""Which days may leave the operator's hands: one ISO week, once its last site day is over.
 
 Figures of a week that goes on, of a day, or of any other range would be compared with those of the week: a page made
 after each hour tells how many that hour added, and two ranges tell what lies between them.
@@ -9,17 +9,18 @@ from __future__ import annotations
 from datetime import date, datetime, timedelta
 
 from vsd_analytics.errors import UsageError
+from vsd_analytics.figures.share.counts import mask_of
 from vsd_analytics.site.model import Site
 
 
-def hides(site: Site) -> bool:
-    """Tell whether anything is hidden at all: `mask_below` of 0 or 1 hides no count."""
-    return site.settings.mask_below > 1
+def last_closed_day(site: Site, clock: datetime) -> date:
+    """Return the last local day whose site day is over."""
+    return (clock.astimezone(site.zone) - timedelta(minutes=site.day_starts_min)).date() - timedelta(days=1)
 
 
 def is_over(site: Site, last: date, *, clock: datetime | None) -> bool:
-    """Tell whether a local day has ended; without a clock, every day has."""
-    return clock is None or clock.astimezone(site.zone).date() > last
+    """Tell whether the site day of a local day is over; without a clock, every one is."""
+    return clock is None or last_closed_day(site, clock) >= last
 
 
 def check_operator(site: Site, what: str) -> None:
@@ -32,7 +33,7 @@ def check_operator(site: Site, what: str) -> None:
     Raises:
         UsageError: E105, `--exact` was not given.
     """
-    if hides(site):
+    if mask_of(site).is_on:
         raise UsageError(
             f"{what} is for the operator",
             code="E105",
@@ -45,7 +46,7 @@ def check_days(site: Site, first: date, last: date, *, clock: datetime | None) -
     """Check that figures of some days may leave.
 
     Args:
-        site: The project; nothing is checked where it hides nothing (`hides`).
+        site: The project; nothing is checked where it hides nothing.
         first: First local day.
         last: Last local day.
         clock: The present; None = all days are over.
@@ -53,7 +54,7 @@ def check_days(site: Site, first: date, last: date, *, clock: datetime | None) -
     Raises:
         UsageError: E105, they are no ISO week, or it is not over.
     """
-    if not hides(site):
+    if not mask_of(site).is_on:
         return
     if first.weekday() or last - first != timedelta(days=6):
         raise UsageError(

@@ -10,12 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import date, datetime, timedelta
+from datetime import date
 
 from vsd_analytics.figures.panels import Array, FloorHours, Ints
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.share.people import people_by_day, people_of_floor
-from vsd_analytics.site.model import Site
 
 Key = str | None
 """Id of an area; None is the rest of the floor."""
@@ -34,11 +33,6 @@ class Release:
     through: date
     unready: frozenset[Key]
     untimed: frozenset[Key]
-
-
-def last_closed_day(site: Site, clock: datetime) -> date:
-    """Return the last local day whose site day is over."""
-    return (clock.astimezone(site.zone) - timedelta(minutes=site.day_starts_min)).date() - timedelta(days=1)
 
 
 def release(data: FloorHours, monday: date, last: date) -> Release | None:

@@ -70,7 +70,9 @@ def hidden_week(
     """
     below = int(data.site.settings.mask_below)
     n_floor = int(data.panel(period.whole, period.days).n.sum())
-    before = [w for w in earlier if (w.floor_id, w.monday) == (data.floor.floor_id, period.first)] if below > 1 else []
+    before = (
+        [w for w in earlier if (w.floor_id, w.monday) == (data.floor.floor_id, period.first)] if data.mask.is_on else []
+    )
     by_place, by_hour = _by_place(data, period), _by_hour(data, period)
     starts = {i: str(int(data.hours.start_ms[i])) for i in by_hour}
     day = {i: date.fromordinal(int(data.hours.day[i])) for i in by_hour}
@@ -83,7 +85,7 @@ def hidden_week(
     places = _held_places(by_place, place_changes, below, unready)
     is_unseen = _unseen_hours(_sums(by_hour), day, [w.through for w in before if w.through < period.last], below)
     hours = _held_hours(by_hour, hour_changes, below, n_floor, is_unseen)
-    shared = _shared(data, period, by_place, by_hour) if below > 1 else None
+    shared = _shared(data, period, by_place, by_hour) if data.mask.is_on else None
     why = None
     if any(_is_too_little(_until(data, period, shared, then), then, below) for then in before):
         why = CHANGED
@@ -237,7 +239,7 @@ def hidden_times(data: WeekData, period: Period) -> Mapping[str | None, Reason]:
         period: The week.
     """
     below = data.mask.below
-    if below <= 1 or not data.areas:
+    if not data.mask.is_on or not data.areas:
         return {}
     n_people = {key: int(n.max(initial=0)) for key, n in people_by_day(period).items()}
     times_h = {key: float(np.nansum(data.panel(period.area(key), period.days).exposure_h)) for key in n_people}
@@ -365,7 +367,7 @@ def shared_spots(found: FloorHotspots, mask: Mask, *, revealing: Collection[str]
         mask: The site's.
         revealing: Ids of hotspots that would tell a small count (`revealing_spots`).
     """
-    spots = tuple(s for s in found.spots if s.n >= mask.below and s.spot_id not in revealing)
+    spots = tuple(s for s in found.spots if not mask.hides(s.n) and s.spot_id not in revealing)
     resolved, watching = (
         tuple(r for r in of if not mask.hides(r.n) and r.spot_id not in revealing)
         for of in (found.resolved, found.watching)

@@ -10,9 +10,9 @@ from vsd_analytics.figures.catalogue import SO_FAR, map_figures, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
 from vsd_analytics.figures.panels import WEEK, FloorHours
-from vsd_analytics.figures.share.counts import GIVES_AWAY, in_week_before
-from vsd_analytics.figures.share.periods import check_days, hides, is_over, not_yet
-from vsd_analytics.figures.share.running import Release, last_closed_day, release
+from vsd_analytics.figures.share.counts import GIVES_AWAY, in_week_before, mask_of
+from vsd_analytics.figures.share.periods import check_days, is_over, last_closed_day, not_yet
+from vsd_analytics.figures.share.running import Release, release
 from vsd_analytics.figures.share.weeks import CHANGED
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import estimates, lazy_answers, recording, timetable
@@ -74,7 +74,8 @@ def measured(
     if floor is None:
         raise KeyError(floor_id)
     released = None
-    if last is None and clock is not None and hides(site) and not is_over(site, first + WEEK - DAY, clock=clock):
+    is_running = clock is not None and not is_over(site, first + WEEK - DAY, clock=clock)
+    if last is None and clock is not None and is_running and mask_of(site).is_on:
         released = _released(site, floor, first, clock)
         last = released.through
     end = first + WEEK if last is None else last + timedelta(days=1)

@@ -17,7 +17,8 @@ import pyarrow as pa
 
 from vsd_analytics.errors import ReportError
 from vsd_analytics.figures import operator_counts
-from vsd_analytics.figures.share.periods import check_days, hides, is_over
+from vsd_analytics.figures.share.counts import mask_of
+from vsd_analytics.figures.share.periods import check_days, is_over
 from vsd_analytics.report.pages.json_and_csv import figures_json, to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
@@ -86,7 +87,7 @@ def export_duckdb(
     """
     monday, sunday = first - timedelta(days=first.weekday()), last + timedelta(days=6 - last.weekday())
     mondays = [monday + timedelta(weeks=k) for k in range(((sunday - monday).days + 1) // 7)]
-    over = [m for m in mondays if not hides(site) or is_over(site, m + timedelta(days=6), clock=clock)]
+    over = [m for m in mondays if not mask_of(site).is_on or is_over(site, m + timedelta(days=6), clock=clock)]
     if not over:
         check_days(site, mondays[0], mondays[0] + timedelta(days=6), clock=clock)
     reports: list[dict[str, str]] = []
@@ -112,7 +113,7 @@ def export_duckdb(
                 {"first": monday, "last": sunday},
             ),
         }
-        if not hides(site):
+        if not mask_of(site).is_on:
             inputs |= {"exact_camera_hours": _exact(warehouse, "camera"), "exact_area_hours": _exact(warehouse, "area")}
     folder = spill.new_folder()  # of an export that was killed, the next one removes it
     folder.mkdir()
