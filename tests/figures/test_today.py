@@ -16,6 +16,7 @@ from vsd_analytics.answer import Answers, Reason, Value, check_sums, value_of
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.share import earlier
 from vsd_analytics.figures.share.days import closed_days
+from vsd_analytics.figures.special_days import HOLIDAY
 from vsd_analytics.figures.today import Today, today
 from vsd_analytics.figures.today_answers import today_answers
 from vsd_analytics.site.model import Site
@@ -276,6 +277,16 @@ def test_a_day_that_a_camera_lacks_in_part_has_no_usual_range_for_readers(tmp_pa
     assert operators.yesterday.usual is not None
     assert readers.violations == readers.estimate
     assert (readers.usual, readers.reason) == (None, Reason("today.not_whole"))
+
+
+def test_a_public_holiday_has_no_usual_range_for_readers_either(tmp_path: Path) -> None:
+    site = site_of(tmp_path)
+    found = card(site, SATURDAY, 7)
+    assert found.yesterday is not None
+    why = Reason(HOLIDAY, day=found.yesterday.day, name="a holiday")
+    readers = closed_days(replace(found, yesterday=replace(found.yesterday, usual=None, reason=why)), site).yesterday
+    assert readers is not None
+    assert (readers.usual, readers.reason) == (None, why)
 
 
 def test_days_that_changed_since_their_week_left_do_not_enter_the_range_of_readers(tmp_path: Path) -> None:

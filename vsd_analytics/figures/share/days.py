@@ -13,6 +13,7 @@ from dataclasses import replace
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.share.counts import Mask, mask_of, rough
 from vsd_analytics.figures.share.earlier import changed_days
+from vsd_analytics.figures.special_days import HOLIDAY
 from vsd_analytics.figures.today import DayLevel, Today
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.usual import MIN_WEEKS, UsualRange, usual_range
@@ -65,6 +66,8 @@ def _rough(level: DayLevel | None, mask: Mask, *, confidence: float) -> DayLevel
 
 def _usual(level: DayLevel, mask: Mask, *, confidence: float) -> tuple[UsualRange | None, Reason | None]:
     """Return the usual range by rough numbers, a step wider at both ends: half for its days, half for the day's own."""
+    if level.reason is not None and level.reason.code == HOLIDAY:
+        return None, level.reason
     if level.whole_days is None:
         return None, Reason("today.not_whole")
     few = len(level.whole_days) < MIN_WEEKS
