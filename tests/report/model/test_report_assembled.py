@@ -176,7 +176,7 @@ def test_the_command_and_the_service_know_what_is_over(begun_week: Site, capsys:
     answers = ReportAnswers(begun_week.root, clock=lambda: seconds[0], present=lambda: present[0])
     served = json.loads(answers.report("2026-W46", "ground"))
     assert {**served, "generated_at": None} == {**so_far, "generated_at": None}
-    seconds[0], present[0] = 10.0, w.rome(7, 0, 1)  # the week has ended, and no file has changed
+    seconds[0], present[0] = 10.0, w.rome(7, 4, 1)  # the last site day has ended, and no file has changed
     assert json.loads(answers.report("2026-W46", "ground"))["week"]["iso"] == "2026-W46"
 
 
