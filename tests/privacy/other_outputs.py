@@ -90,13 +90,17 @@ def _read_cells(known: Known, week: int, data: PlannerData, source: str) -> None
     groups: dict[str | None, list[int]] = {}
     for p, (place, _) in enumerate(POINTS.values()):
         groups.setdefault("hidden" if place in held else place, []).append(p)
-    for of_place in groups.values():
+    for name, of_place in groups.items():
         keys = {p: [key for key in hidden.keys_of(week) if key[1] == p] for p in of_place}
-        total = int(given[of_place].sum())
-        if total:
-            known.exact([key for p in of_place for key in keys[p]], total, f"{source} cells of {of_place}")
-        for p in of_place:
-            low, high = (1, int(given[p])) if given[p] else (0, BELOW - 1)
+        least, most = given[of_place], given[of_place]
+        if name == "hidden":  # given in steps of ten
+            most = np.where(most > 0, most + BELOW - 1, 0)
+            least = np.where(least > 0, np.maximum(least - BELOW, BELOW), 0)
+        if most.sum():
+            every = [key for p in of_place for key in keys[p]]
+            known.between(dict.fromkeys(every, 1.0), int(least.sum()), int(most.sum()), f"{source} cells of {of_place}")
+        for k, p in enumerate(of_place):
+            low, high = (1, int(most[k])) if given[p] else (0, BELOW - 1)
             known.between(dict.fromkeys(keys[p], 1.0), low, high, f"{source} cell of {p}")
 
 

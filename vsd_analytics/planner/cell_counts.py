@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.panels import Flags, positions
 from vsd_analytics.figures.share.counts import Mask
-from vsd_analytics.figures.share.merged import merge_small_counts
+from vsd_analytics.figures.share.merged import merge_small_counts, rough_counts
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
 from vsd_analytics.geometry.camera_views import view_polygon
@@ -33,6 +33,8 @@ FINE_M: Final = 0.25
 """Cells of the report's map, in which the page draws too."""
 SQUARES_MAX: Final = 100_000
 """Larger floors have no map: the page would not stay quick."""
+HELD_BACK: Final = -1
+"""Place of the cells whose area is held back: their counts are given in steps."""
 UNIT_MS: Final = 100
 """Person-time is rounded to this, unless all of it is a multiple of something larger, such as the frame interval."""
 
@@ -235,6 +237,7 @@ def _fine(data: WeekData, asked: CellsAsked) -> Ints:
     given = merge_small_counts(
         n[None], groups=(_runs(*keys[[3, 0, 1]]), _runs(*keys[[3, 0]]), keys[3]), mask=asked.mask
     ).values[0]
+    given = np.where(keys[3] == HELD_BACK, rough_counts(given, mask=asked.mask), given)
     kept = np.flatnonzero(given)
     kept = kept[np.lexsort((keys[2][kept], keys[0][kept]))]
     return np.stack((keys[0][kept], keys[2][kept], given[kept]))
@@ -286,13 +289,15 @@ def _merged(
     of_day = _runs(of_square, day)
     groups = (_runs(of_day, side), of_day, of_square, of_camera, *(() if places is None else (place,)))
     given = merge_small_counts(summed, groups=groups, mask=mask).values[int(is_square) :]
+    if places is not None:
+        given[0] = np.where(place == HELD_BACK, rough_counts(given[0], mask=mask), given[0])
     kept = np.flatnonzero(given.any(axis=0))
     kept = kept[np.lexsort((slot[kept], cell[kept], camera[kept]))]
     return Rows(camera[kept], cell[kept], slot[kept], given[:, kept])
 
 
 def _places(data: WeekData, grid: CellGrid, *, hidden: Sequence[Area | None]) -> Ints:
-    """Return the place each cell of half a metre lies in, shape (n_cells,): 0 the rest, areas from 1, -1 held back.
+    """Return the place each cell of half a metre lies in, shape (n_cells,): 0 the rest, areas from 1, `HELD_BACK`.
 
     A cell on the border of what is held back belongs to it; any other lies where its middle does.
     """
@@ -305,9 +310,9 @@ def _places(data: WeekData, grid: CellGrid, *, hidden: Sequence[Area | None]) ->
         place[shapely.contains_xy(polygon, grid.x0 + x + CELL_M / 2, grid.y0 + y + CELL_M / 2)] = k
     held = [p for a, p in zip(data.areas, polygons, strict=True) if a in hidden]
     if held:
-        place[shapely.area(shapely.intersection(cells, shapely.union_all(held))) > 0] = -1
+        place[shapely.area(shapely.intersection(cells, shapely.union_all(held))) > 0] = HELD_BACK
     if None in hidden:
-        place[shapely.area(shapely.difference(cells, shapely.union_all(polygons))) > 0] = -1
+        place[shapely.area(shapely.difference(cells, shapely.union_all(polygons))) > 0] = HELD_BACK
     return place
 
 
