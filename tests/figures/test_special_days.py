@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vsd_analytics.figures.change_weeks import Windows, events_beside
 from vsd_analytics.figures.special_days import day_rules, notes_of_days, special_days
 from vsd_analytics.site.calendar import Calendar, Event
 from vsd_analytics.site.model import Site
@@ -73,6 +74,33 @@ def test_a_past_holiday_teaches_nothing() -> None:
     spoilt[7, 24:48] = 0.0
     learnt = [forecast_week(c, days.ordinary_h(x_h), is_count=True, open_h=OPEN) for c in (n, spoilt)]
     assert learnt[0].mean == pytest.approx(learnt[1].mean, nan_ok=True)
+
+
+HOLIDAYS = [
+    ("begins with the change", (date(2026, 11, 9), date(2026, 11, 22)), True),
+    ("began two days before", (date(2026, 11, 7), date(2026, 11, 22)), True),
+    ("ended with the change", (date(2026, 10, 26), date(2026, 11, 8)), True),
+    ("covers all after and half of the reference", (date(2026, 10, 1), date(2026, 12, 20)), True),
+    ("covers both sides alike", (date(2026, 8, 1), date(2026, 12, 31)), False),
+    ("a few days", (date(2026, 11, 11), date(2026, 11, 13)), False),
+    ("long ago", (date(2026, 9, 1), date(2026, 9, 14)), False),
+]
+
+
+@pytest.mark.parametrize(("name", "days", "is_doubt"), HOLIDAYS)
+def test_an_event_on_one_side_of_a_logged_change_is_a_doubt(
+    name: str, days: tuple[date, date], *, is_doubt: bool
+) -> None:
+    windows = Windows(
+        before=(date(2026, 10, 12), date(2026, 11, 8)),
+        after=(date(2026, 11, 9), date(2026, 12, 6)),
+        n_weeks=4,
+        trend=(date(2026, 8, 17), date(2026, 11, 8)),
+        left_out=None,
+        watched=(date(2026, 11, 9), date(2026, 12, 20)),
+    )
+    site = Site("shop", "Shop", "Europe/Rome", Path(), calendar=Calendar(events=(Event(name, *days),)))
+    assert [doubt.code for doubt in events_beside(site, windows)] == ["redesign.event"] * is_doubt
 
 
 def test_what_the_calendar_says_of_a_week_leaves_out_days_on_which_the_site_is_closed() -> None:

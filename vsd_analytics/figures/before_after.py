@@ -39,6 +39,7 @@ from vsd_analytics.figures.change_weeks import (
     Windows,
     changed_areas,
     changes_elsewhere,
+    events_beside,
     log_entry,
     other_changes,
     windows_of,
@@ -209,7 +210,7 @@ def before_after(
         return replace(made, state=state, reason=why)
     since_trend = windows.trend[0], windows.after[1]
     chosen, left_out = comparison_areas(data, area, since_trend, why_not=partial(_why_no_comparison, pair))
-    doubts = other_changes(site, entry, area, windows)
+    doubts = [*other_changes(site, entry, area, windows), *events_beside(site, windows)]
     place = pair.now.area(area.area_id)
     alone, people = rates.encounter_rate_change(pair, place), rates.change_people(pair, place)
     few = Reason("redesign.stored", n=windows.n_weeks, weeks=weeks)

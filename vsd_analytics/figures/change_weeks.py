@@ -11,6 +11,7 @@ from vsd_analytics.config.change_log import read_log
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.compare import Days
 from vsd_analytics.figures.panels import WEEK
+from vsd_analytics.site.calendar import Event
 from vsd_analytics.site.model import Area, LogEntry, Site
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -21,6 +22,8 @@ REFERENCE_WEEKS: Final = 12
 """Weeks before a change that tell how weeks differ and where the area was heading, at most."""
 WATCHED_WEEKS: Final = 26
 """Weeks after a change over which its running verdict is read, at most."""
+EVENT_SHARE: Final = 0.25
+"""An event matters to a change when it covers this much more of one side: a week of four."""
 DAY: Final = timedelta(days=1)
 
 
@@ -133,6 +136,25 @@ def other_changes(site: Site, entry: LogEntry, area: Area, windows: Windows) -> 
         Reason("redesign.other_change", day=str(local_day(site, other)))
         for other in _others(site, entry, windows)
         if other.area_id == area.area_id
+    ]
+
+
+def events_beside(site: Site, windows: Windows) -> list[Reason]:
+    """Return the events of the calendar that lie on one side of a change, as doubts.
+
+    An event lies on one side where the share of days that it covers differs by more than `EVENT_SHARE` between the
+    weeks compared, or between the reference and the weeks watched: an area may feel it more than others do.
+    """
+
+    def share(event: Event, days: Days) -> float:
+        shared = (min(event.last, days[1]) - max(event.first, days[0])).days + 1
+        return max(0, shared) / ((days[1] - days[0]).days + 1)
+
+    pairs = ((windows.before, windows.after), (windows.trend, windows.watched))
+    return [
+        Reason("redesign.event", name=event.name, first=event.first, last=event.last)
+        for event in site.calendar.events
+        if any(abs(share(event, one) - share(event, other)) > EVENT_SHARE for one, other in pairs)
     ]
 
 
