@@ -233,7 +233,9 @@ def test_frames_with_more_people_than_a_picture_holds_are_quarantined(tmp_path: 
     (tmp_path / "log.csv").write_text(f'{head}1.0,2026-11-09 09:00:00,{n},0,0.9,"{boxes}","[]"\n')
     options = {"camera": "cam-1", "start": NINE_MS}
     for path in (tmp_path / "a.jsonl", tmp_path / "log.csv", folder):
-        result = take(tmp_path, path, options if path == folder else {"camera": "cam-1"}, persons_max=20)
+        own = tmp_path / f"site of {path.name}"  # the same people elsewhere would be another camera's
+        own.mkdir()
+        result = take(own, path, options if path == folder else {"camera": "cam-1"}, persons_max=20)
         assert result.n_rejected == ({} if n == 20 else {"too-many": 1}), path
         assert result.n_records["observations"] == (20 if n == 20 else 0)
 

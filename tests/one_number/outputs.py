@@ -108,7 +108,8 @@ def outputs(root: Path, monday: date, folder: Path) -> Outputs:
         stored = warehouse.rows("select min(local_date) as day from camera_hours where recorded_s > 0")[0]["day"]
     (planner,) = planner_pages(site, monday)
     note("planner", _planner(planner))
-    note("planner table", _planner_sums(planner))
+    (own,) = planner_pages(site.with_settings(mask_below=0), monday)  # the one for readers sums the whole floor only
+    note("planner table", _planner_sums(own))
     note("vsd hotspots", _spots(command(root, "hotspots", "--week", week)))
     note("Python hotspots", _floor_hotspots(found))
     note("planner hotspots", _floor_hotspots(planner.hotspots))

@@ -225,7 +225,7 @@ def test_one_click_answers_whether_a_change_helped(opened: Any, known: PlannerDa
     card = page.locator(".card:visible")
     assert card.count() == 1
     assert card.locator(".verdict").inner_text() == change_words(change).verdict
-    assert "Whole floor, time too close" in card.inner_text()
+    assert "Whole floor, from whatever cause" in card.inner_text()
     assert change.result is not None
     assert change.result.net is not None
     assert page.evaluate("[document.body.dataset.show, document.body.dataset.map]") == ["difference", "burden"]

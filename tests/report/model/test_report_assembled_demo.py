@@ -180,17 +180,18 @@ def violations(seen: dict[str, Frames], owners: dict[tuple[int, int], str], step
 
 
 def runs_of(camera: str, told: Frames, step_ms: int) -> list[Run]:
-    """Return the runs of pairs nearer than 2 m with no gap over 2.5 frames."""
-    close: dict[tuple[str, str], list[int]] = {}
+    """Return the runs of pairs nearer than 2 m; a run ends when they are not within 2.3 m for over 2.5 frames."""
+    near: dict[tuple[str, str], list[tuple[int, bool]]] = {}
     for ms in sorted(told):
         for (a, p), (b, q) in combinations(sorted(told[ms].items()), 2):
-            if math.dist(p, q) < 2000:
-                close.setdefault((a, b), []).append(ms)
+            if (mm := math.dist(p, q)) < 2300:
+                near.setdefault((a, b), []).append((ms, mm < 2000))
     found: list[Run] = []
-    for (a, b), instants in close.items():
-        cuts = [i for i in range(1, len(instants)) if instants[i] - instants[i - 1] > 2.5 * step_ms]
-        for low, high in pairwise([0, *cuts, len(instants)]):
-            found.append((camera, a, b, tuple(instants[low:high])))
+    for (a, b), seen in near.items():
+        cuts = [i for i in range(1, len(seen)) if seen[i][0] - seen[i - 1][0] > 2.5 * step_ms]
+        for low, high in pairwise([0, *cuts, len(seen)]):
+            if close := tuple(ms for ms, is_close in seen[low:high] if is_close):
+                found.append((camera, a, b, close))
     return found
 
 
