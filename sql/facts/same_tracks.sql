@@ -2,7 +2,8 @@
 -- One row per UTC hour and two track ids of a camera that are one person: the id was switched, or one of the two is a double.
 -- grain: hour, camera_id, track_a, track_b
 -- reads: located, pairs, camera_days
--- params: episode_gap_ms, cut_half_intervals, next_half_intervals, cut_most_ms, cut_place_mm, cut_mm_per_s, cut_speed_ms, cut_turn_mm_per_s, double_mm, double_thousandths, double_records
+-- params: episode_gap_ms, cut_half_intervals, next_half_intervals, cut_most_ms, cut_place_mm, cut_mm_per_s, cut_speed_ms,
+--     cut_turn_mm_per_s, double_mm, double_thousandths, double_records
 -- columns:
 --   hour       UTC hour number: in which the later id begins, or the double is seen
 --   camera_id
@@ -141,7 +142,7 @@ beside as (
             e.camera_id = n.camera_id
             and e.span + spans.beside = n.span
             and e.track_id <> n.track_id
-            and n.ts_ms > e.ts_ms
+            and e.ts_ms < n.ts_ms
             and n.ts_ms <= e.ts_ms + e.reach_ms
     where e.outwards = 1 and n.outwards = -1
 ),

@@ -216,6 +216,8 @@ def read_relation(path: Path) -> Relation:
             entries[entry[1]] = (entry[2] or "").strip()
         elif entries and current != "columns" and (rest := _CONTINUATION.match(line.rstrip())):
             entries[next(reversed(entries))] += f" {rest[1]}"
+        elif current in ("reads", "params") and (rest := _CONTINUATION.match(line.rstrip())):
+            fields[current] += f" {rest[1]}"
         elif current == "name":
             description.append(line.removeprefix("--").strip())
         else:
