@@ -79,7 +79,7 @@ def test_a_mistake_is_named_with_its_fix(case: str, tmp_path: Path) -> None:
 def test_without_the_library_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "holidays", None)
     problem = the_problem(tmp_path, '[calendar]\ncountry = "IT"\n')
-    assert "vsd_analytics[calendar]" in str(problem.fix)
+    assert "vsd-analytics[calendar]" in str(problem.fix)
 
 
 @given(st.dates(date(2022, 1, 1), date(2026, 12, 31)))

@@ -12,7 +12,7 @@ from vsd_analytics.site.model import Language
 
 A_YEAR: Final = 2026
 """Any year: a country that the library knows has holidays in each."""
-INSTALL: Final = 'pip install "vsd_analytics[calendar]"'
+INSTALL: Final = 'pip install "vsd-analytics[calendar]"'
 
 
 def read_calendar(root: TableReader, language: Language) -> Calendar:

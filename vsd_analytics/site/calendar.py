@@ -62,13 +62,12 @@ def public_holidays(country: str, region: str | None, language: str, year: int) 
     """Return the public holidays of a year, names by day.
 
     Args:
-        country: Code of ISO 3166.
-        region: Its subdivision; None = the whole country.
+        country: Code of ISO 3166 that the library knows: `vsd_analytics.config.calendar` refuses others.
+        region: Its subdivision, likewise; None = the whole country.
         language: Of the names; the country's own where the library lacks it.
         year: The year.
 
     Raises:
-        NotImplementedError: The library does not know the country or its region.
         ImportError: The library is not installed.
     """
     import holidays  # only sites with a country need it
