@@ -55,6 +55,31 @@ def test_an_entry_is_removed_once_however_often_it_is_removed(site: Site) -> Non
     assert len(read_records(site)) == 3
 
 
+@pytest.mark.parametrize("asked", [ASKED, CAMERA])
+def test_the_last_answer_is_taken_back_and_the_one_before_holds_again(site: Site, asked: AskedQuestion) -> None:
+    remember(site, [asked])
+    question = asked.question_id
+    add_answer(site, question, "later", at="2026-11-18", by="Anna")
+    add_answer(site, question, "tried", at="2026-11-19", text="Done.", by="Bea")
+    assert [a.kind for a in read_answers(site)] == ["later", "tried"]
+    assert remove_entry(site, question, at="2026-11-20T09:00", by="Carla").is_new
+    assert [(a.kind, a.by) for a in read_answers(site)] == [("later", "Anna")]
+    last = read_records(site)[-1]
+    assert (last.withdrawn_by, str(last.withdrawn_at)) == ("Carla", "2026-11-20 09:00:00+01:00")
+    assert [e.text for e in read_log(site)] == ["moved", "painted"]
+    remove_entry(site, question, at="2026-11-20")
+    assert read_answers(site) == ()
+    with pytest.raises(UsageError, match="neither an id nor a number"):
+        remove_entry(site, question, at="2026-11-20")
+
+
+def test_who_logged_an_entry_is_stored_with_it(site: Site) -> None:
+    add_entry(site, text="swept", at="2026-11-13", by="Anna")
+    assert [e.by for e in read_log(site)] == [None, None, "Anna"]
+    with pytest.raises(UsageError, match="--by"):
+        add_entry(site, text="swept again", at="2026-11-13", by="a\u202eb\n")
+
+
 def test_a_number_is_refused_where_it_would_mean_another_entry_next_time(site: Site) -> None:
     with pytest.raises(UsageError, match="by its id") as refused:
         remove_entry(site, "1", at="2026-11-14")

@@ -32,9 +32,12 @@ def log() -> None:
 @click.argument("text")
 @click.option("--at", metavar="INSTANT", help="When, in the site's zone unless it has an offset (default: now).")
 @click.option("--area", metavar="ID", help="Area it concerns (default: the whole site).")
+@click.option("--by", metavar="NAME", help="Who logs it.")
 @json_option
 @pass_project
-def log_add(project: Project, text: str, at: str | None, area: str | None, as_json: bool) -> None:
+def log_add(
+    project: Project, text: str, at: str | None, area: str | None, by: str | None, as_json: bool
+) -> None:
     """Add one entry. An entry with the same time, area and text as another is not added again.
 
     \b
@@ -43,7 +46,7 @@ def log_add(project: Project, text: str, at: str | None, area: str | None, as_js
     """
     from vsd_analytics.config.change_log import add_entry, entry_dict, entry_ids
 
-    added = add_entry(project.site, text=text, at=at if at is not None else project.now, area=area)
+    added = add_entry(project.site, text=text, at=at if at is not None else project.now, area=area, by=by)
     for line in added.removed:
         click.echo(plain(f"removed an incomplete line: {line}"), err=True)
     if as_json:
@@ -122,20 +125,22 @@ def log_edit(
 
 @log.command("remove")
 @click.argument("which", metavar="ID")
+@click.option("--by", metavar="NAME", help="Who takes it back.")
 @json_option
 @pass_project
-def log_remove(project: Project, which: str, as_json: bool) -> None:
-    """Take back an entry of the list. It stays in the history: vsd log list --all.
+def log_remove(project: Project, which: str, by: str | None, as_json: bool) -> None:
+    """Take back an entry of the list, or the last answer to a question. It stays in the history: vsd log list --all.
 
     The same command again changes nothing: an id stays that of its entry.
 
     \b
     Example:
       vsd log remove e3f9a21b
+      vsd log remove Q46-entrance-clear --by Anna
     """
     from vsd_analytics.config.change_log import entry_dict, remove_entry
 
-    made = remove_entry(project.site, which, at=project.now)
+    made = remove_entry(project.site, which, at=project.now, by=by)
     if as_json:
         emit_json({"removes": entry_dict(made.before), "is_new": made.is_new})
         return
@@ -183,6 +188,8 @@ def _history(project: Project, *, as_json: bool) -> None:
         row: dict[str, object] = {"line": record.line, "kind": kind}
         if record.answer is not None and record.supersedes is None:
             row |= {"kind": record.answer.kind, "question": record.answer.question, "by": record.answer.by}
+        if record.withdrawn_by is not None:
+            row["by"] = record.withdrawn_by
         if said is not None:
             row |= {"at": said.at.isoformat(), "text": said.text, "area": said.area_id}
         if record.supersedes is not None:

@@ -61,7 +61,7 @@ class Superseded:
     """What became of an entry that was corrected or taken back.
 
     Attributes:
-        before: The entry as it was.
+        before: The entry as it was; of an answer that changed nothing, its time, text and area.
         after: As it is now; None = taken back.
         is_new: This call did it; False = it was taken back before.
     """
@@ -92,18 +92,17 @@ def entry_ids(site: Site) -> dict[LogEntry, str]:
 
 
 def read_answers(site: Site) -> tuple[QuestionAnswer, ...]:
-    """Return the answers to the report's questions by time; a change that was taken back answers nothing.
+    """Return the answers to the report's questions by time, without those that were taken back.
 
     Raises:
         InputError: A line is not an entry (E110).
     """
-    records = read_records(site)
-    current = set(_entries(records))
-    answers = [r.answer for r in records if r.answer is not None and (r.entry is None or r.entry in current)]
-    return tuple(dict.fromkeys(sorted(answers, key=lambda answer: answer.at)))
+    return tuple(dict.fromkeys(sorted(_answers(read_records(site)), key=lambda answer: answer.at)))
 
 
-def add_entry(site: Site, *, text: str, at: str | datetime, area: str | None = None) -> Added:
+def add_entry(
+    site: Site, *, text: str, at: str | datetime, area: str | None = None, by: str | None = None
+) -> Added:
     """Add one entry, durably: it is on disk when this returns. An entry that is there already is not added again.
 
     Args:
@@ -111,18 +110,19 @@ def add_entry(site: Site, *, text: str, at: str | datetime, area: str | None = N
         text: What was changed, one line.
         at: When: ISO text or datetime; without an offset in the site's zone, a date is its midnight.
         area: Id of the area it concerns; None = the whole site.
+        by: Who logs it; None = not stated.
 
     Raises:
-        UsageError: No text, no time, or an area the site does not have (E101).
+        UsageError: No text, no time, too long a name, or an area the site does not have (E101).
         DiskError: E304 to E306, the disk refused; the log is as before.
     """
-    entry = LogEntry(_instant(at, site), _one_line(text), _known_area(area, site))
+    entry = LogEntry(_instant(at, site), _one_line(text), _known_area(area, site), by=_name(by))
     is_new = True
 
     def line(records: tuple[LogRecord, ...]) -> dict[str, Any] | None:
         nonlocal is_new
         is_new = entry not in _entries(records)
-        return entry_dict(entry) if is_new else None
+        return entry_dict(entry) | _signed(by) if is_new else None
 
     removed = add_line(site, line)
     return Added(entry, is_new, removed)
@@ -155,12 +155,10 @@ def add_answer(
         DiskError: E304 to E306, the disk refused; the log is as before.
     """
     asked = asked_question(site, question_id)
-    if by is not None and not is_name(by):
-        raise UsageError(f"--by must be 1 to {NAME_MAX_CHARS} printable characters", fix='--by "Anna"')
     answer_text = _one_line(asked.text if text is None else text)
-    answer = QuestionAnswer(_instant(at, site), asked.question_id, kind, answer_text, asked.area_id, by)
+    answer = QuestionAnswer(_instant(at, site), asked.question_id, kind, answer_text, asked.area_id, _name(by))
     line: dict[str, Any] = {"at": answer.at.isoformat(), "text": answer_text, "area": asked.area_id}
-    line |= {"question": asked.question_id, "answer": kind} | ({} if by is None else {"by": by})
+    line |= {"question": asked.question_id, "answer": kind} | _signed(by)
     if kind == "tried" and not asked.is_change:
         line["change"] = False
     add_line(site, lambda records: None if any(r.answer == answer for r in records) else line)
@@ -204,38 +202,74 @@ def edit_entry(
                 fix=f"vsd log remove {_Ids(records).current[new]}",
             )
         more = {} if new.question is None else {"question": new.question, "answer": "tried"}
-        more |= {} if new.by is None else {"by": new.by}
+        more |= _signed(new.by)
         return {**entry_dict(new), **more, "replaces": entry_dict(entry)}
 
     add_line(site, line)
     return Superseded(entry, new)
 
 
-def remove_entry(site: Site, which: str, *, at: str | datetime) -> Superseded:
-    """Take an entry back: a new line says so, the entry stays in the file. A second time changes nothing.
+def remove_entry(site: Site, which: str, *, at: str | datetime, by: str | None = None) -> Superseded:
+    """Take an entry or an answer back: a new line says so, the old one stays in the file.
+
+    An entry that is taken back a second time changes nothing.
 
     Args:
         site: The site.
-        which: The entry's id.
+        which: The entry's id; or the id of a question, whose last answer is taken back.
         at: When it is taken back.
+        by: Who takes it back; None = not stated.
 
     Raises:
         UsageError: E101, no such entry, or a number, which is that of another entry as soon as this one is taken back.
         InputError: A line is not an entry (E110).
         DiskError: E304 to E306, the disk refused; the log is as before.
     """
-    if (gone := _Ids(read_records(site)).gone.get(which)) is not None:
+    records, when, signed = read_records(site), _instant(at, site), _signed(_name(by))
+    if (gone := _Ids(records).gone.get(which)) is not None:
         return Superseded(gone, is_new=False)
-    entry, when = _chosen(site, which), _instant(at, site)
+    if (answer := _last_answer(records, which)) is not None:
+        entry = LogEntry(answer.at, answer.text, answer.area_id, answer.question)
+    else:
+        entry = _chosen(site, which)
     if which.isdecimal():
         raise _by_id(site, entry, which, "remove ID", done="taken back")
 
     def line(records: tuple[LogRecord, ...]) -> dict[str, Any]:
-        _still_there(records, entry)
-        return {"at": when.isoformat(), "removes": entry_dict(entry)}
+        if answer is None or answer not in _answers(records):
+            _still_there(records, entry)
+        named = {} if answer is None else {"question": answer.question}
+        return {"at": when.isoformat(), "removes": entry_dict(entry) | named, **signed}
 
     add_line(site, line)
     return Superseded(entry)
+
+
+def _answers(records: tuple[LogRecord, ...]) -> list[QuestionAnswer]:
+    """Return the answers in force, in the order in which they were given."""
+    current, found = set(_entries(records)), list[QuestionAnswer]()
+    for record in records:
+        if (gone := record.supersedes) is not None and record.entry is None and gone.question is not None:
+            named = (gone.question, gone.at, gone.text, gone.area_id)
+            found = [a for a in found if (a.question, a.at, a.text, a.area_id) != named]
+        if record.answer is not None and (record.entry is None or record.entry in current):
+            found.append(record.answer)
+    return found
+
+
+def _last_answer(records: tuple[LogRecord, ...], question_id: str) -> QuestionAnswer | None:
+    given = [a for a in _answers(records) if a.question == question_id]
+    return given[-1] if given else None
+
+
+def _name(by: str | None) -> str | None:
+    if by is not None and not is_name(by):
+        raise UsageError(f"--by must be 1 to {NAME_MAX_CHARS} printable characters", fix='--by "Anna"')
+    return by
+
+
+def _signed(by: str | None) -> dict[str, str]:
+    return {} if by is None else {"by": by}
 
 
 def _entries(records: tuple[LogRecord, ...]) -> tuple[LogEntry, ...]:

@@ -10,6 +10,7 @@ import contextlib
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Final, get_args
 
@@ -37,12 +38,16 @@ class LogRecord:
         entry: The change it logs; None for an answer that changed nothing, and for a withdrawal.
         answer: The answer it gives; None = none.
         supersedes: The entry that it corrects or takes back; None = none.
+        withdrawn_at: When it took that back; None for a correction, and before version 2.
+        withdrawn_by: Who did; None = not stated.
     """
 
     line: int
     entry: LogEntry | None = None
     answer: QuestionAnswer | None = None
     supersedes: LogEntry | None = None
+    withdrawn_at: datetime | None = None
+    withdrawn_by: str | None = None
 
 
 def read_records(site: Site) -> tuple[LogRecord, ...]:
@@ -149,7 +154,12 @@ def _record(line_bytes: bytes, *, number: int, site: Site) -> LogRecord:
 def _read(value: dict[str, Any], *, number: int, site: Site) -> LogRecord:
     """Return what an object says; ValueError says what is wrong with it."""
     if "removes" in value:
-        return LogRecord(number, supersedes=_named(value["removes"], key="removes", site=site))
+        gone, by = _named(value["removes"], key="removes", site=site), value.get("by")
+        at = None
+        with contextlib.suppress(ValueError):
+            at = parse_instant(value.get("at"), timezone=site.timezone).astimezone(site.zone)
+        signed = by if isinstance(by, str) and is_name(by) else None
+        return LogRecord(number, supersedes=gone, withdrawn_at=at, withdrawn_by=signed)
     entry = _entry(value, site=site)
     supersedes = _named(value["replaces"], key="replaces", site=site) if value.get("replaces") is not None else None
     kind = value.get("answer")

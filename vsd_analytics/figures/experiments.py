@@ -169,10 +169,7 @@ def plan_experiment(
         return replace(unknown, reason=why if n_weeks == 0 else Reason("engine.no_positions"))
     known = (warehouse.last - n_weeks * WEEK + timedelta(days=1), warehouse.last)
 
-    def why_not(other: Area) -> Reason | None:
-        return None if data.violation_in(other.area_id).any() else Reason("redesign.nobody_there")
-
-    chosen, left_out = comparison_areas(data, area, known, why_not=why_not)
+    chosen, left_out = areas_that_serve(data, area, known)
     changed = changed_areas(site, *known)
     if area.area_id in changed:  # its own weeks before an earlier change are those of another area
         days = (warehouse.last - changed[area.area_id]).days
@@ -193,6 +190,23 @@ def plan_experiment(
         unknown, known=known, variation=variation, choices=ways, comparison=tuple(serve),
         areas_left_out=tuple(left_out.items()), state="ok",
     )  # fmt: skip
+
+
+def areas_that_serve(data: FloorHours, area: Area, days: Days) -> tuple[list[Area], dict[str, Reason]]:
+    """Return the areas that a change of an area would be compared with, and why the others do not serve.
+
+    Without any, a change of the area can be tried, but no week will ever tell whether it worked.
+
+    Args:
+        data: The floor.
+        area: The area to be changed.
+        days: First and last day of the weeks before the change.
+    """
+
+    def why_not(other: Area) -> Reason | None:
+        return None if data.violation_in(other.area_id).any() else Reason("redesign.nobody_there")
+
+    return comparison_areas(data, area, days, why_not=why_not)
 
 
 def stored_plan(found: ExperimentPlan, *, made: date) -> Plan | None:

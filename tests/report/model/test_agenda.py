@@ -19,6 +19,7 @@ from vsd_analytics.cli import cli
 from vsd_analytics.config.asked_questions import read_asked
 from vsd_analytics.config.project import load_site
 from vsd_analytics.figures.week.floor_maps import _heaviest_patch, _spots
+from vsd_analytics.report.pages.questions import FACTS, candidates
 from vsd_analytics.report.pages.spot_cards import cards
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.site.model import Site
@@ -67,6 +68,7 @@ def test_weeks_in_their_order_never_ask_alike_and_a_week_made_again_is_the_same_
 
 
 def test_an_answer_is_on_the_next_page_and_not_on_earlier_ones(site: Site) -> None:
+    page(site, "2026-W44")
     before = page(site, "2026-W45")
     first = read_asked(site)[0]
     vsd(
@@ -85,6 +87,42 @@ def test_an_answer_is_on_the_next_page_and_not_on_earlier_ones(site: Site) -> No
     assert page(site, "2026-W45") == before
     assert "Not possible by Anna. No room." in page(site, "2026-W46")
     (site.root / "log.jsonl").unlink()
+
+
+@pytest.mark.parametrize("answer", ["tried", "not-possible", "later"])
+def test_a_week_whose_question_is_answered_asks_nothing_when_it_is_made_again(site: Site, answer: str) -> None:
+    first = page(site, "2026-W46")
+    asked = read_asked(site)[-1]
+    assert f"Q46-{asked.place}" in first
+    try:
+        vsd(site, "log", "answer", asked.question_id, answer, "--at", "2026-11-18", "--by", "Anna")
+        again = page(site, "2026-W46")
+        twin = json.loads((site.root / "reports" / "2026-W46.json").read_bytes())
+    finally:
+        (site.root / "log.jsonl").unlink()
+    assert (twin["story"]["question"], twin["story"]["question_id"]) == ("", "")
+    assert "by Anna" in again
+    assert "A question for this week" not in again
+    assert asked == read_asked(site)[-1]  # nothing else was asked in its place
+    assert page(site, "2026-W46") == first
+
+
+@pytest.mark.parametrize(("apart_m", "is_testable"), [(1, True), (30, False)])
+def test_a_change_that_no_area_can_be_compared_with_is_not_asked_for(
+    site: Site, apart_m: int, is_testable: bool
+) -> None:
+    toml = (site.root / "vsd.toml").read_text(encoding="utf-8")
+    try:
+        (site.root / "vsd.toml").write_text(f"{toml}\n[analysis]\nchange_apart_m = {apart_m}\n", encoding="utf-8")
+        report = w.report(load_site(site.root))
+    finally:
+        (site.root / "vsd.toml").write_text(toml, encoding="utf-8")
+    assert report.agenda is not None
+    known = {p.place: p.is_testable for p in report.agenda.places}
+    assert known == {"queue": is_testable, "door": is_testable, "rest": True}
+    asked = {c.place for c in candidates(report) if c.remedy not in FACTS}
+    assert ({"queue", "door"} <= asked) is is_testable
+    assert "floor" in asked  # there is always a question left
 
 
 def test_a_rise_at_a_place_without_weight_is_no_material_place(site: Site) -> None:

@@ -10,6 +10,8 @@ from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.config.asked_questions import read_asked
 from vsd_analytics.config.change_log import read_answers, read_log
+from vsd_analytics.figures.change_weeks import REFERENCE_WEEKS
+from vsd_analytics.figures.experiments import areas_that_serve
 from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.week.data import WeekData
@@ -30,6 +32,8 @@ MEMORY: Final = timedelta(weeks=52)
 """Questions of earlier years are forgotten."""
 BUSIEST_WEEKS: Final = 8
 """Weeks before in which the same busiest area is no news."""
+OWN: Final = timedelta(weeks=26)
+"""An answer so near to a week answers its own question; ids of questions come again each year."""
 
 
 def agenda(report: WeekReport, data: WeekData, found: FloorHotspots | None) -> Agenda:
@@ -57,20 +61,25 @@ def fixtures_to_ask(data: WeekData) -> tuple[Fixture, ...]:
 
 
 def past_questions(data: WeekData) -> tuple[PastQuestion, ...]:
-    """Return the questions of earlier weeks with their last answers; what came after this week is not known to it."""
+    """Return the questions of earlier weeks with their last answers; what came after this week is not known to it.
+
+    The week's own question is among them once it is answered, whenever that was: then the page asks nothing.
+    """
     site, end = data.site, data.midnight(data.monday + WEEK)
     asked = [
         a
         for a in read_asked(site)
-        if a.floor_id == data.floor.floor_id and data.monday - MEMORY <= a.monday < data.monday
+        if a.floor_id == data.floor.floor_id and data.monday - MEMORY <= a.monday <= data.monday
     ]
-    answers: dict[str, QuestionAnswer] = {}
-    if asked:
-        answers = {a.question: a for a in read_answers(site) if end - MEMORY <= a.at < end}
+    answers = read_answers(site) if asked else ()
+    known = {a.question: a for a in answers if end - MEMORY <= a.at < end}
+    own = {a.question: a for a in answers if end - OWN <= a.at < end + OWN}
     changes = {(e.question, e.at): number for number, e in enumerate(read_log(site), 1) if e.question is not None}
     found = []
     for one in asked:
-        answer = answers.get(one.question_id)
+        answer = (own if one.monday == data.monday else known).get(one.question_id)
+        if answer is None and one.monday == data.monday:
+            continue
         found.append(
             same_fields(
                 PastQuestion,
@@ -126,8 +135,14 @@ def _place(
         area_id=row.area_id,
         name=row.name,
         remedies=remedies,
+        is_testable=area is None or bool(areas_that_serve(data, area, _weeks_before(data))[0]),
         changed_on=changed.get(row.area_id or ""),
     )
+
+
+def _weeks_before(data: WeekData) -> tuple[date, date]:
+    """Return the days that a change made after this week would be compared with, as far as they are loaded."""
+    return max(data.warehouse.first, data.sunday - REFERENCE_WEEKS * WEEK + timedelta(days=1)), data.sunday
 
 
 def _busiest_before(data: WeekData) -> tuple[str, ...]:

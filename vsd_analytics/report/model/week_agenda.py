@@ -29,6 +29,9 @@ class PlaceToAsk:
     area_id: str | None = _o("Area it is; None for the rest of the floor.")
     name: str = _f("What the page calls it; free text.")
     remedies: tuple[Remedy, ...] = _f("First what fits best.", default=())
+    is_testable: bool = _f(
+        "Another area serves for comparison, so that later weeks can tell what a change did (vsd plan).", default=True
+    )
     changed_on: date | None = _o(
         "Local day of a logged change of the last four weeks: it is watched, and nothing else is asked there.",
     )
@@ -56,7 +59,9 @@ class Agenda:
     """What this week may ask and what earlier weeks did."""
 
     places: tuple[PlaceToAsk, ...] = _f("The busiest first; only places that hold a material share.", default=())
-    asked: tuple[PastQuestion, ...] = _f("What the reports of the year before asked, oldest first.", default=())
+    asked: tuple[PastQuestion, ...] = _f(
+        "What the reports of the year before asked, oldest first, and this week's own once it is answered.", default=()
+    )
     busiest_before: tuple[str, ...] = _f(
         "Ids of the areas with most violations in each of the eight weeks before, the latest first; weeks without "
         "figures are left out.",

@@ -35,8 +35,12 @@ OPEN_MAX: Final = 3
 
 
 def may_ask(report: WeekReport) -> bool:
-    """Tell whether a report has a question of the week: other days and a week that is only begun have none."""
-    return report.week.is_week and not report.is_so_far
+    """Tell whether a report has a question: other days, a week only begun and one whose question is answered have none."""
+    return report.week.is_week and not report.is_so_far and not _is_answered(report)
+
+
+def _is_answered(report: WeekReport) -> bool:
+    return report.agenda is not None and any(p.monday == report.week.monday for p in report.agenda.asked)
 
 
 def choose(report: WeekReport) -> AskedQuestion:
@@ -90,6 +94,8 @@ def candidates(report: WeekReport) -> Iterator[Candidate]:
         for place in free:
             if k < len(place.remedies):
                 r = place.remedies[k]
+                if not place.is_testable and r.key not in FACTS:
+                    continue  # a change that no later week can judge is no question worth asking
                 yield Candidate(place=place.place, remedy=r.key, text=r.text, again=r.again, area_id=place.area_id,
                                 is_change=r.key not in FACTS)  # fmt: skip
     when = around_hour(report)
