@@ -35,9 +35,7 @@ def log() -> None:
 @click.option("--by", metavar="NAME", help="Who logs it.")
 @json_option
 @pass_project
-def log_add(
-    project: Project, text: str, at: str | None, area: str | None, by: str | None, as_json: bool
-) -> None:
+def log_add(project: Project, text: str, at: str | None, area: str | None, by: str | None, as_json: bool) -> None:
     """Add one entry. An entry with the same time, area and text as another is not added again.
 
     \b

@@ -1,4 +1,4 @@
-"""`vsd serve`: figures and pages over HTTP, read only."""
+"""`vsd serve`: figures and pages over HTTP, and the desk where answers and changes are written."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import os
 import click
 
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.errors import LiveError
+from vsd_analytics.errors import LiveError, UsageError
 
 
 @click.command()
@@ -21,29 +21,46 @@ from vsd_analytics.errors import LiveError
     metavar="N",
     help="Requests a minute of one client.",
 )
+@click.option(
+    "--desk", "has_desk", is_flag=True,
+    help="Also serve the desk at /desk, where people with its own token answer the week's question and log changes.",
+)  # fmt: skip
 @pass_project
-def serve(project: Project, host: str, port: int, per_minute: float) -> None:
-    """Answer requests for figures and pages of the weekly reports over HTTP; nothing can be changed.
+def serve(project: Project, host: str, port: int, per_minute: float, has_desk: bool) -> None:
+    """Answer requests for figures and pages of the weekly reports over HTTP; only the desk can change anything.
 
     Every request needs the token of secrets/serve.token, which the first start makes, or of VSD_SERVE_TOKEN. The
     numbers are those of vsd report --format json, with small counts hidden. /openapi.json describes all addresses. HTTP
     is not encrypted: for other machines, put a proxy with TLS before it.
 
+    With --desk, people sign in at /desk with a second token, of secrets/desk.token or VSD_DESK_TOKEN, and their name.
+    What they write goes into log.jsonl with that name, as by vsd log.
+
     \b
     Example:
       vsd serve
+      vsd serve --desk
       curl -H "Authorization: Bearer $(cat secrets/serve.token)" http://127.0.0.1:8377/v1/site
     """
     from vsd_analytics.config.access_token import is_loopback
     from vsd_analytics.service.access import RateLimit, token_of
     from vsd_analytics.service.answers import ReportAnswers
     from vsd_analytics.service.app import make_app
+    from vsd_analytics.service.desk import Desk
     from vsd_analytics.service.http_server import HttpServer
 
     token, where = token_of(project.root, environ=os.environ)
     now = project.now if project.now_text is not None else None
     limit = RateLimit(per_min=per_minute, burst=max(10, int(per_minute // 4)))
-    app = make_app(ReportAnswers(project.root, now=now), token=token, limit=limit, title=project.site.name)
+    answers, desk, desk_token = ReportAnswers(project.root, now=now), None, ""
+    if has_desk:
+        written, desk_token = token_of(project.root, environ=os.environ, is_desk=True)
+        if written == token:
+            raise UsageError(
+                "the token of the desk is that of readers", why="who may read could write", fix="choose another one"
+            )
+        desk = Desk(answers, token=written, present=project.clock)
+    app = make_app(answers, token=token, limit=limit, title=project.site.name, desk=desk)
     try:
         server = HttpServer(app, host=host, port=port)
     except OSError as error:
@@ -59,4 +76,6 @@ def serve(project: Project, host: str, port: int, per_minute: float) -> None:
         )
     shown = f"[{host}]" if ":" in host else host
     project.say(f"http://{shown}:{server.port}   token: {where}   Ctrl-C ends it")
+    if desk is not None:
+        project.say(f"http://{shown}:{server.port}/desk   token of the desk: {desk_token}")
     server.run()

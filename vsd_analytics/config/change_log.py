@@ -92,17 +92,15 @@ def entry_ids(site: Site) -> dict[LogEntry, str]:
 
 
 def read_answers(site: Site) -> tuple[QuestionAnswer, ...]:
-    """Return the answers to the report's questions by time, without those that were taken back.
+    """Return the answers to the report's questions in the order in which they were given, without those taken back.
 
     Raises:
         InputError: A line is not an entry (E110).
     """
-    return tuple(dict.fromkeys(sorted(_answers(read_records(site)), key=lambda answer: answer.at)))
+    return tuple(dict.fromkeys(_answers(read_records(site))))
 
 
-def add_entry(
-    site: Site, *, text: str, at: str | datetime, area: str | None = None, by: str | None = None
-) -> Added:
+def add_entry(site: Site, *, text: str, at: str | datetime, area: str | None = None, by: str | None = None) -> Added:
     """Add one entry, durably: it is on disk when this returns. An entry that is there already is not added again.
 
     Args:

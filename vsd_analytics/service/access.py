@@ -15,28 +15,31 @@ from vsd_analytics.config.access_token import UnsafeTokenError, access_token
 from vsd_analytics.errors import UsageError
 
 VARIABLE: Final = "VSD_SERVE_TOKEN"
+DESK_VARIABLE: Final = "VSD_DESK_TOKEN"
 CLIENTS_MAX: Final = 4096
 
 
-def token_of(root: Path, *, environ: Mapping[str, str]) -> tuple[str, str]:
-    """Return the token and where it comes from: the environment, or a file that is made at the first start.
+def token_of(root: Path, *, environ: Mapping[str, str], is_desk: bool = False) -> tuple[str, str]:
+    """Return a token and where it comes from: the environment, or a file that is made at the first start.
 
     Args:
         root: Folder of the project; the file is `secrets/serve.token`, which only its owner may read.
         environ: The environment.
+        is_desk: The token of who may write, of `secrets/desk.token`.
 
     Raises:
         UsageError: E101, the token is too short to keep anybody out.
     """
-    path = root / "secrets" / "serve.token"
-    where = VARIABLE if VARIABLE in environ else str(path)
+    variable, name = (DESK_VARIABLE, "desk.token") if is_desk else (VARIABLE, "serve.token")
+    path = root / "secrets" / name
+    where = variable if variable in environ else str(path)
     try:
-        return access_token(path, variable=VARIABLE, environ=environ), where
+        return access_token(path, variable=variable, environ=environ), where
     except UnsafeTokenError as error:
         raise UsageError(
             f"the token of {where} is not safe",
             why=str(error),
-            fix=f"{VARIABLE}=$(openssl rand -hex 32) vsd serve",
+            fix=f"{variable}=$(openssl rand -hex 32) vsd serve{' --desk' if is_desk else ''}",
         ) from None
 
 

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
 
+from vsd_analytics.config.asked_questions import remember
 from vsd_analytics.config.project import load_site
-from vsd_analytics.errors import ReportError, StoreError, UsageError, VsdError
+from vsd_analytics.errors import DiskError, ReportError, StoreError, UsageError, VsdError
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import figures_json, to_csv, to_json
+from vsd_analytics.report.pages.questions import choose, may_ask
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.site.instants import parse_week
@@ -123,6 +126,27 @@ class ReportAnswers:
     def page(self, week: str, floor_id: str) -> bytes:
         """Return the page of a week: what `vsd report` writes."""
         return self._one("html", week, floor_id, lambda report: render_html(report).encode())
+
+    def desk_page(self, week: str, floor_id: str) -> bytes:
+        """Return the page of a week as the desk shows it, with buttons at its question, and note what it asked."""
+
+        def make(report: WeekReport) -> bytes:
+            with suppress(DiskError):  # where nothing can be written, the page can still be read
+                remember(self._site, [choose(report)] if may_ask(report) else [])
+            return render_html(report, is_at_desk=True).encode()
+
+        return self._one("html of the desk", week, floor_id, make)
+
+    def site_now(self) -> Site:
+        """Return the site as its files say now."""
+        self.look_again()
+        with self._lock:
+            return self._fresh()
+
+    def look_again(self) -> None:
+        """Let no later answer be from before what was written just now."""
+        with self._lock:
+            self._looked_at = -math.inf
 
     def planner(self, week: str, floor_id: str) -> bytes:
         """Return the planner of a week: what `vsd planner` writes."""

@@ -19,6 +19,7 @@ from starlette.routing import Route
 from vsd_analytics.errors import ConfigError, StoreError, VsdError
 from vsd_analytics.service.access import RateLimit, is_allowed
 from vsd_analytics.service.answers import NotFoundError, ReportAnswers
+from vsd_analytics.service.desk import Desk, is_at_desk
 from vsd_analytics.service.guard import Guard
 from vsd_analytics.service.openapi import ADDRESSES, Address, document
 
@@ -35,7 +36,9 @@ HEADERS: Final = {
 _UNAUTHORISED: Final = {"WWW-Authenticate": 'Bearer, Basic realm="vsd", charset="UTF-8"'}
 
 
-def make_app(answers: ReportAnswers, *, token: str, limit: RateLimit, title: str) -> Starlette:
+def make_app(
+    answers: ReportAnswers, *, token: str, limit: RateLimit, title: str, desk: Desk | None = None
+) -> Starlette:
     """Return the service as an ASGI application.
 
     Args:
@@ -43,6 +46,7 @@ def make_app(answers: ReportAnswers, *, token: str, limit: RateLimit, title: str
         token: What a client must send.
         limit: How often each client may ask.
         title: Name of the site, for the OpenAPI document.
+        desk: Where people write; None = nothing can be changed.
     """
     described = (json.dumps(document(title=title), ensure_ascii=False, indent=1) + "\n").encode()
 
@@ -59,14 +63,22 @@ def make_app(answers: ReportAnswers, *, token: str, limit: RateLimit, title: str
 
     routes = [Route("/health", health), Route("/openapi.json", openapi)]
     routes += [Route(a.path, partial(answer, address=a)) for a in ADDRESSES]
+    routes += [] if desk is None else desk.routes()
     app = Starlette(
         routes=routes,
-        exception_handlers={HTTPException: _http_problem, VsdError: _problem, Exception: _unexpected},
+        exception_handlers={
+            HTTPException: partial(_http_problem, desk=desk),
+            VsdError: partial(_problem, desk=desk),
+            Exception: _unexpected,
+        },
     )
     app.router.redirect_slashes = False  # a redirect names the host that the caller named
     app.add_middleware(
         Guard,
-        may_ask=lambda request: is_allowed(request.headers.get("authorization"), token=token),
+        may_ask=lambda request: (
+            is_allowed(request.headers.get("authorization"), token=token)
+            or (desk is not None and is_at_desk(request))  # the desk asks for its own token
+        ),
         refuse=_problem_response,
         unknown=("the token is missing or wrong", _UNAUTHORISED),
         limit=limit,
@@ -85,15 +97,19 @@ def _answer(request: Request, body: bytes, media_type: str) -> Response:
     return Response(body, media_type=media_type, headers=headers)
 
 
-async def _problem(request: Request, error: Exception) -> Response:
+async def _problem(request: Request, error: Exception, *, desk: Desk | None) -> Response:
     """Return an error of the program as it is printed on a terminal: what, why, how to fix it, code."""
     assert isinstance(error, VsdError)
     status = 404 if isinstance(error, NotFoundError) else 503 if isinstance(error, StoreError | ConfigError) else 500
+    if desk is not None and is_at_desk(request):
+        return await run_in_threadpool(desk.problem, status)
     return _problem_response(status, error.what, detail=error.why, fix=error.fix, code=error.code)
 
 
-async def _http_problem(request: Request, error: Exception) -> Response:
+async def _http_problem(request: Request, error: Exception, *, desk: Desk | None) -> Response:
     assert isinstance(error, HTTPException)
+    if desk is not None and is_at_desk(request):
+        return await run_in_threadpool(desk.problem, error.status_code)
     said = {
         404: ("there is no such address", "/openapi.json lists all"),
         405: ("the service is read-only", "use GET"),

@@ -147,7 +147,10 @@ def test_the_page_opens_with_the_answer_and_says_what_came_of_it() -> None:
     assert asked_lines(report)[0].result.startswith("Cannot tell yet: anything between 30% less and 50% more")
     page = render_html(report)
     assert "Tried on Wed 4 Nov by Anna." in page
-    assert f"vsd log answer {choose(report).question_id}" in page
+    assert "vsd log" not in page  # who reads it needs no shell
+    for kind in ("tried", "later", "not-possible"):
+        assert f"mailto:?subject={choose(report).question_id}%3A%20{kind}&amp;body=" in page
+    assert "mailto:" not in render_html(report, is_at_desk=True)
 
 
 def test_what_was_so_in_most_weeks_before_is_said_in_a_shorter_line() -> None:

@@ -24,7 +24,6 @@ from vsd_analytics.report.model import remedies as rules
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.model.week_agenda import Agenda, PastQuestion, PlaceToAsk
 from vsd_analytics.site.model import Fixture
-from vsd_analytics.site.questions import QuestionAnswer
 
 WATCHED: Final = timedelta(days=28)
 """So long after a logged change nothing else is asked about its area: two changes at once cannot be separated."""

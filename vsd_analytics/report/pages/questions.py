@@ -28,6 +28,8 @@ FLOOR: Final = "floor"
 """Place of a question about the whole floor, its data, or the site."""
 FACTS: Final = ("where", "check")
 """Remedies that find something out: to do it is no change of the site."""
+OWN: Final = "own"
+"""The site's own question, `ask` of an area: it is asked whatever can be compared."""
 EVENT: Final = timedelta(weeks=4)
 """The same of what happened in a week: a rise, a camera that was down."""
 OPEN_MAX: Final = 3
@@ -35,7 +37,7 @@ OPEN_MAX: Final = 3
 
 
 def may_ask(report: WeekReport) -> bool:
-    """Tell whether a report has a question: other days, a week only begun and one whose question is answered have none."""
+    """Tell whether a report asks: other days, a week that is only begun, and one whose question is answered do not."""
     return report.week.is_week and not report.is_so_far and not _is_answered(report)
 
 
@@ -94,7 +96,7 @@ def candidates(report: WeekReport) -> Iterator[Candidate]:
         for place in free:
             if k < len(place.remedies):
                 r = place.remedies[k]
-                if not place.is_testable and r.key not in FACTS:
+                if not place.is_testable and r.key not in (*FACTS, OWN):
                     continue  # a change that no later week can judge is no question worth asking
                 yield Candidate(place=place.place, remedy=r.key, text=r.text, again=r.again, area_id=place.area_id,
                                 is_change=r.key not in FACTS)  # fmt: skip

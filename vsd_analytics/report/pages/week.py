@@ -25,6 +25,7 @@ from vsd_analytics.report.pages.json_and_csv import rounded
 from vsd_analytics.report.pages.key_figures import Tile, tiles
 from vsd_analytics.report.pages.logged_changes import AskedLine, LogRow, asked_lines, log_rows
 from vsd_analytics.report.pages.map_figures import MapFigures, map_figures
+from vsd_analytics.report.pages.replies import ReplyButton, reply_buttons
 from vsd_analytics.report.pages.spoken import in_its_words
 from vsd_analytics.report.pages.spot_cards import Cards, cards
 from vsd_analytics.report.pages.story import finish
@@ -112,6 +113,8 @@ class Page:
         messages: How many messages are missing, in words.
         further_figures: Rows of the table of further figures.
         asked: What earlier weeks asked, and what came of it.
+        is_at_desk: The page is served by the desk: its question has buttons, and it links to the other pages there.
+        replies: The answers to the question, each with what it leads to.
         privacy: What is stored about people, until when, and what was deleted.
     """
 
@@ -167,11 +170,13 @@ class Page:
     messages: str
     further_figures: tuple[FigureRow, ...]
     asked: tuple[AskedLine, ...]
+    is_at_desk: bool
+    replies: tuple[ReplyButton, ...]
     privacy: str
 
 
 @in_its_words
-def render_html(report: WeekReport, *, paper: str = "a4") -> str:
+def render_html(report: WeekReport, *, paper: str = "a4", is_at_desk: bool = False) -> str:
     """Return the page of a week as one self-contained HTML file.
 
     Floats are rounded as in the JSON file first, so that both have the same numbers.
@@ -179,11 +184,12 @@ def render_html(report: WeekReport, *, paper: str = "a4") -> str:
     Args:
         report: The figures; its story is made here when it has none.
         paper: a4 or letter: what the page is printed on.
+        is_at_desk: It is served by the desk, where its question is answered.
     """
-    return re.sub(r"\n\s*\n+", "\n", rendered("week.html.j2", make_page(report, paper=paper)))
+    return re.sub(r"\n\s*\n+", "\n", rendered("week.html.j2", make_page(report, paper=paper, is_at_desk=is_at_desk)))
 
 
-def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
+def make_page(report: WeekReport, *, paper: str = "a4", is_at_desk: bool = False) -> Page:
     """Return what the templates show; see `Page`."""
     report = finish(rounded(report))
     if report.story is None:
@@ -255,6 +261,8 @@ def make_page(report: WeekReport, *, paper: str = "a4") -> Page:
         messages=_messages(report),
         further_figures=further_figures(report),
         asked=asked_lines(report),
+        is_at_desk=is_at_desk,
+        replies=reply_buttons(report, is_at_desk=is_at_desk),
         privacy=privacy(report),
     )
 
@@ -354,7 +362,7 @@ def _drawn(shown: FloorMap, index: int, report: WeekReport, *, is_ranked: bool) 
 def _style(report: WeekReport, *, paper: str = "a4") -> str:
     """Return the style without comments and indents, with the printed footers of this report."""
     footer = say("page.footer", site=report.site.name, week=report.week.number, year=report.week.year)
-    return shipped_style() + printed_footers(footer) + (LETTER if paper == "letter" else "")
+    return shipped_style() + shipped_style("ask.css") + printed_footers(footer) + (LETTER if paper == "letter" else "")
 
 
 def printed_footers(text: str) -> str:

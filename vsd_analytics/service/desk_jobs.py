@@ -1,0 +1,124 @@
+"""What can be written at the desk, each by the function of its command: the answer to a question, a change, undo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Final
+
+from vsd_analytics.config.asked_questions import read_asked
+from vsd_analytics.config.change_log import add_answer, add_entry, remove_entry
+from vsd_analytics.config.log_records import ANSWERS, TEXT_MAX_CHARS
+from vsd_analytics.config.values import parse_instant
+from vsd_analytics.errors import CONTROL
+from vsd_analytics.service.desk_history import desk_history
+from vsd_analytics.site.model import Site
+from vsd_analytics.site.questions import AnswerKind
+from vsd_analytics.wording.catalogue import say
+
+FIELD_MAX_CHARS: Final = 2000
+"""Of any field; a longer one is no form of the desk."""
+FAR: Final = timedelta(days=5 * 366)
+"""A change so far from today has a wrong date."""
+
+
+class FormMistakeError(Exception):
+    """A form cannot be taken as it is.
+
+    Args:
+        name: Name of the field.
+        words: What is wrong with it, for its reader.
+    """
+
+    def __init__(self, name: str, words: str) -> None:
+        super().__init__(words)
+        self.name, self.words = name, words
+
+
+@dataclass(frozen=True, slots=True)
+class Writing:
+    """One form to be written.
+
+    Attributes:
+        site: The site as it is now.
+        fields: What was filled in, by name.
+        writer: Who writes.
+        now: The present.
+    """
+
+    site: Site
+    fields: Mapping[str, str]
+    writer: str
+    now: datetime
+
+    def text(self, name: str, *, is_needed: bool) -> str:
+        """Return a line of text."""
+        found = " ".join(self.fields.get(name, "").split())
+        if not found and is_needed:
+            raise FormMistakeError(name, say("desk.mistake.empty"))
+        if len(found) > TEXT_MAX_CHARS or CONTROL.search(found):
+            raise FormMistakeError(name, say("desk.mistake.text", n=TEXT_MAX_CHARS))
+        return found
+
+    def instant(self, name: str) -> datetime:
+        """Return a time of the site; an empty one is now."""
+        given = self.fields.get(name, "").strip()
+        if not given:
+            return self.now
+        try:
+            at = parse_instant(given, timezone=self.site.timezone)
+        except ValueError:
+            raise FormMistakeError(name, say("desk.mistake.time")) from None
+        if abs(at - self.now) > FAR:
+            raise FormMistakeError(name, say("desk.mistake.time"))
+        return at
+
+    def area(self, name: str) -> str | None:
+        """Return the id of an area; None for the whole site."""
+        given = self.fields.get(name, "")
+        if given and given not in {a.area_id for a in self.site.areas}:
+            raise FormMistakeError(name, say("desk.mistake.area"))
+        return given or None
+
+
+def answer_question(form: Writing) -> str:
+    """Store the answer to a question of the week; return what the page says then."""
+    kind: AnswerKind | None = next((kind for kind in ANSWERS if kind == form.fields.get("answer")), None)
+    asked = next((q for q in read_asked(form.site) if q.question_id == form.fields.get("question")), None)
+    if asked is None:
+        raise FormMistakeError("question", say("desk.mistake.question"))
+    if kind is None:
+        raise FormMistakeError("answer", say("desk.mistake.answer"))
+    text, at = form.text("text", is_needed=False), form.instant("at")
+    when = at if kind == "tried" else form.now
+    add_answer(form.site, asked.question_id, kind, at=when, text=text or None, by=form.writer)
+    return say(f"desk.done.{kind.replace('-', '_')}")
+
+
+def log_change(form: Writing) -> str:
+    """Log a change; return what the page says then."""
+    text, at, area = form.text("text", is_needed=True), form.instant("at"), form.area("area")
+    added = add_entry(form.site, text=text, at=at, area=area, by=form.writer)
+    return say("desk.done.logged" if added.is_new else "desk.done.logged_before")
+
+
+def take_back(form: Writing) -> str:
+    """Take back what one line of the log says; return what the page says then.
+
+    The line is named, not only its question: of two people who take back the last answer, one takes back nothing.
+    """
+    line = form.fields.get("line", "")
+    row = next((r for r in desk_history(form.site) if str(r.line) == line), None)
+    if row is None or row.undo is None:
+        return say("desk.done.undone_before")
+    remove_entry(form.site, row.undo, at=form.now, by=form.writer)
+    return say("desk.done.undone")
+
+
+JOBS: Final[dict[str, Callable[[Writing], str]]] = {
+    "answer": answer_question,
+    "log": log_change,
+    "undo": take_back,
+}
+"""By the last part of the address that a form is sent to."""
