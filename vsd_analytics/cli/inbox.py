@@ -1,0 +1,64 @@
+"""`vsd inbox`: answers to the question of the week that came by mail."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.output import emit_json, plain
+from vsd_analytics.cli.project import Project, pass_project
+
+
+@click.command()
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
+@click.option("--yes", is_flag=True, help="Store the answers; without it they are only printed.")
+@json_option
+@pass_project
+def inbox(project: Project, files: tuple[Path, ...], yes: bool, as_json: bool) -> int:
+    """Read answers to the question of the week from mails, saved as files or in a folder.
+
+    Readers write them by a button of the page, or reply to the weekly mail. Anybody can send a mail under any name:
+    look at what it says, then store it with --yes, as by vsd log answer. The same mail again changes nothing.
+
+    Exit code 1: a mail is no answer; the message says why. The others are read.
+
+    \b
+    Example:
+      vsd inbox answers/
+      vsd inbox answers/re-week-46.eml --yes
+    """
+    from vsd_analytics.config.change_log import add_answer
+    from vsd_analytics.report.send.mail_answers import MAIL_MAX_BYTES, NoAnswerError, mail_answer
+
+    rows, code = [], 0
+    for path in _mails(files):
+        try:
+            with path.open("rb") as file:
+                found = mail_answer(file.read(MAIL_MAX_BYTES + 1), project.site)
+        except NoAnswerError as error:
+            click.echo(f"{plain(path.name)} is no answer: {plain(str(error))}", err=True)
+            code = 1
+            continue
+        at = found.at
+        if yes:
+            add_answer(project.site, found.question_id, found.kind, at=at, text=found.text or None, by=found.by)
+        rows.append({"file": path.name, "at": at.isoformat(), "question": found.question_id, "answer": found.kind,
+                     "text": found.text, "by": found.by})  # fmt: skip
+        if not as_json:
+            who = f"  ({plain(found.by)})" if found.by else ""
+            said = f"  {plain(found.text)}" if found.text else ""
+            click.echo(f"{at.isoformat(timespec='minutes')}  {plain(found.question_id)}  {found.kind}{said}{who}")
+    if as_json:
+        emit_json({"answers": rows, "is_stored": yes})
+    elif rows and not yes:
+        project.say("nothing was stored; to store these answers, add --yes")
+    return code
+
+
+def _mails(files: tuple[Path, ...]) -> list[Path]:
+    """Return the files; of a folder, the files directly in it."""
+    return [
+        one for path in files for one in (sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path])
+    ]
