@@ -1,0 +1,168 @@
+"""The desk in a real browser: its jobs by keyboard alone, names for screen readers, room for fingers, never too wide.
+
+The table of docs/service.md has the numbers of `PRESSES`.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("starlette", reason="the extra serve is not installed")
+pytest.importorskip("httpx", reason="the extra test is not installed")
+
+from service.desk_site import DESK_TOKEN, desk_app, desk_site
+
+from vsd_analytics.config.change_log import read_answers, read_log
+from vsd_analytics.config.project import load_site
+from vsd_analytics.service.http_server import HttpServer
+
+pytestmark = pytest.mark.browser
+Open = Callable[..., Any]
+HOSTILE = "x" * 120 + ' <script>document.title = "taken"</script>'
+FINGER_PX = 44
+PAGE = "/desk/weeks/2026-W46/floors/ground/page"
+PRESSES = {"answer": 2, "log": 1, "undo": 1}
+"""Buttons and links that a job takes, from the page on which it begins."""
+
+
+@pytest.fixture
+def desk(tmp_path: Path) -> Iterator[tuple[str, Path]]:
+    """Return the address of a small site's desk, and its folder."""
+    root = tmp_path / "shop"
+    desk_site(root)
+    server = HttpServer(desk_app(root), host="127.0.0.1", port=0)
+    server.start()
+    yield f"http://127.0.0.1:{server.port}", root
+    server.close()
+
+
+@pytest.fixture
+def demo_desk(demo_project: Path, tmp_path: Path) -> Iterator[tuple[str, Path]]:
+    root = tmp_path / "vsd-demo"
+    shutil.copytree(demo_project, root)
+    server = HttpServer(desk_app(root), host="127.0.0.1", port=0)
+    server.start()
+    yield f"http://127.0.0.1:{server.port}", root
+    server.close()
+
+
+def tab_to(page: Any, name: str, *, most: int = 60) -> int:
+    """Press Tab until the element with a name has the focus; return how often."""
+    for n in range(most):
+        if page.evaluate(NAME) == name:
+            return n
+        page.keyboard.press("Tab")
+    raise AssertionError(f"{name!r} is not reached with the keyboard")
+
+
+NAME = """(e => e.type === 'radio' ? e.value
+  : e.labels && e.labels.length ? e.labels[0].querySelector('span').textContent : e.textContent.trim()
+)(document.activeElement)"""
+
+
+def sign_in(page: Any, writer: str = "Anna") -> None:
+    tab_to(page, "Your name")
+    page.keyboard.type(writer)
+    tab_to(page, "Token of the desk")
+    page.keyboard.type(DESK_TOKEN)
+    page.keyboard.press("Enter")
+    page.wait_for_selector("h1:has-text('What was decided')")
+
+
+def press(page: Any, key: str = "Enter") -> None:
+    with page.expect_navigation():
+        page.keyboard.press(key)
+
+
+def test_the_jobs_are_done_by_keyboard_without_script(tab: Open, desk: tuple[str, Path]) -> None:
+    address, root = desk
+    page = tab(f"{address}/desk", java_script_enabled=True, bypass_csp=False)
+    sign_in(page)
+    tab_to(page, "What was changed")
+    page.keyboard.type("Mat moved")
+    tab_to(page, "Where")
+    page.keyboard.press("ArrowDown")
+    tab_to(page, "Log the change")
+    press(page)
+    assert page.locator("[role=status]").text_content() == "The change is in the log."
+    tab_to(page, "Take back: Mat moved")
+    press(page)
+    assert page.locator("[role=status]").text_content() == "Taken back."
+    tab_to(page, "tried")
+    page.keyboard.press("ArrowDown")
+    tab_to(page, "Save the answer")
+    press(page)
+    site = load_site(root)
+    assert read_log(site) == ()
+    assert [(a.kind, a.by) for a in read_answers(site)] == [("later", "Anna")]
+    assert page.errors == []
+    assert DESK_TOKEN not in "".join(page.seen)
+
+
+def test_from_the_question_of_the_page_to_its_answer(tab: Open, demo_desk: tuple[str, Path]) -> None:
+    address, root = demo_desk
+    page = tab(f"{address}{PAGE}", bypass_csp=False)
+    tab_to(page, "Your name")
+    page.keyboard.type("Anna")
+    tab_to(page, "Token of the desk")
+    page.keyboard.type(DESK_TOKEN)
+    press(page)
+    assert page.url.endswith(PAGE)
+    n_presses = 0
+    tab_to(page, "Not possible")
+    for name in (None, "Save the answer"):
+        if name is not None:
+            tab_to(page, name)
+        press(page)
+        n_presses += 1
+    assert n_presses == PRESSES["answer"]
+    assert [a.kind for a in read_answers(load_site(root))] == ["not-possible"]
+    assert [u for u in page.seen if not u.startswith((address, "data:"))] == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_every_page_is_accessible_fits_and_has_room_for_fingers(
+    tab: Open, axe: Open, desk: tuple[str, Path], scheme: str
+) -> None:
+    address, _ = desk
+    page = tab(f"{address}/desk", color_scheme=scheme, bypass_csp=True)
+    check(page, axe, "sign in")
+    sign_in(page, "<b>" + "y" * 90)
+    check(page, axe, "open")
+    page.locator("form[action='/desk/log'] [name=text]").fill(HOSTILE)
+    page.locator("form[action='/desk/log'] button").click()
+    page.wait_for_selector("[role=status]")
+    assert page.title() == "Shop <b>: site desk"
+    page.locator("form[action='/desk/log'] [name=text]").fill("again")
+    page.evaluate("document.querySelector(\"form[action='/desk/log'] [name=at]\").type = 'text'")
+    page.locator("form[action='/desk/log'] [name=at]").fill("never")
+    page.locator("form[action='/desk/log'] button").click()
+    page.wait_for_selector("[role=alert]")
+    check(page, axe, "mistake")
+    page.locator("[value=tried]").check()
+    page.locator("form[action='/desk/answer'] button").click()
+    page.wait_for_selector("[role=status]")
+    page.locator(".undo button").last.click()
+    page.wait_for_selector("[role=status]")
+    check(page, axe, "written")
+    page.goto(f"{address}/desk/weeks/last/floors/attic/page")
+    check(page, axe, "problem")
+
+
+def check(page: Any, axe: Open, what: str) -> None:
+    for width in (1280, 720, 390, 320):
+        page.set_viewport_size({"width": width, "height": 900})
+        assert page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0, what
+        if width in (1280, 320):
+            assert axe(page) == [], (what, width)
+    small = page.evaluate(
+        "least => [...document.querySelectorAll('button, select, input:not([type=hidden], [type=radio]), .pick')]"
+        ".filter(e => e.getBoundingClientRect().height < least).map(e => e.outerHTML)",
+        FINGER_PX,
+    )
+    assert small == [], what
