@@ -28,7 +28,7 @@ const hoursFigure = h => nf(h, 1).replace(/[.,]0$/, '');
 const verdict = e => { const said = word(`words.${e.verdict}`); return e.theta === null ? said : word('change', { verdict: said, change: fewer(e.theta) }); };
 const share = v => { if (v === null || !Number.isFinite(v)) return NONE; const n = Math.round(v * 100); return n === 0 && v > 0 ? word('format.nearly_none', { percent: percent(1) }) : n === 100 && v < 1 ? word('format.nearly_all', { percent: percent(99) }) : percent(n); };
 const signed = v => { const n = Math.round(v * 100); return (n > 0 ? '+' : n < 0 ? MINUS : '') + percent(n); };
-const KINDS = ['often', 'close', 'risky'];
+const KINDS = ['violationRate', 'close', 'encounterRate'];
 const shownRate = (k, v) => k === 'close' ? share(v) : fig(v);
 const shownRange = (k, e) => k !== 'close' ? between(e) : e.lo === null || e.hi === null ? '' : range(share(e.lo), share(e.hi));
 const shownChange = (k, e) => k !== 'close' ? [verdict(e), likely(e)] : [word('change', { verdict: word(`words.${e.verdict}`), change: signed(e.theta - 1) }), e.lo === null || e.hi === null ? '' : word('format.likely_signed', { low: signed(e.lo - 1), high: signed(e.hi - 1) })];
@@ -41,18 +41,18 @@ function sentences(t) {
   if (noDay()) return [word('no_day_chosen')];
   if (t.place.id !== 'floor') say('place', { name: t.place.name });
   if (M.isShared && t.place.index && !isWhole()) say('whole_week');
-  if (compare && c && c.often.rateA !== null && c.often.rateB !== null && c.often.nA + c.often.nB > 0) {
-    say('both', { before, now, a: fig(c.often.rateA), b: fig(c.often.rateB) });
-    if (isTold(c.often)) say('changed', { change: withLikely(verdict(c.often), likely(c.often)) }); else if (c.often.isPlain) { say('changed', { change: fewer(c.often.theta) }); say('no_interval', { reason: c.often.reason }); } else say('too_little', { reason: c.often.reason });
+  if (compare && c && c.violationRate.rateA !== null && c.violationRate.rateB !== null && c.violationRate.nA + c.violationRate.nB > 0) {
+    say('both', { before, now, a: fig(c.violationRate.rateA), b: fig(c.violationRate.rateB) });
+    if (isTold(c.violationRate)) say('changed', { change: withLikely(verdict(c.violationRate), likely(c.violationRate)) }); else if (c.violationRate.isPlain) { say('changed', { change: fewer(c.violationRate.theta) }); say('no_interval', { reason: c.violationRate.reason }); } else say('too_little', { reason: c.violationRate.reason });
     say('hours_both', { hours: hoursText(c.hours) });
     if (c.hours < M.rules.rough) say('rough');
     return parts;
   }
-  const o = t.often;
+  const o = t.violationRate;
   if (o.rate === null) say('refused', { week: now, reason: o.reason });
   else {
-    const often = withLikely(word('often', { rate: fig(o.rate) }), between(o));
-    say('level', { week: now, rates: t.close.rate === null ? often : word('with_close', { often, share: share(t.close.rate) }) });
+    const rate = withLikely(word('violation_rate', { rate: fig(o.rate) }), between(o));
+    say('level', { week: now, rates: t.close.rate === null ? rate : word('with_close', { rate, share: share(t.close.rate) }) });
     if (o.lo === null && o.reason) say('no_interval', { reason: o.reason });
   }
   say('hours', { hours: hoursText(t.hours) });
@@ -73,10 +73,10 @@ function tellWeeks() {
     fill(`now-${k}`, [shownRate(k, e.rate), shownRange(k, e) || (e.rate === null ? e.reason : '')], { rate: e.rate, lo: e.lo, hi: e.hi });
   }
   $('now-hours').textContent = hoursFigure(t.hours);
-  if ($('was-often')) {
+  if ($('was-violationRate')) {
     $('was-hours').textContent = c ? hoursFigure(c.hours) : NONE;
     for (const k of KINDS) {
-      const e = c && c[k], isShown = e && e.rateA !== null && (k === 'often' || e.xA >= M.rules.minExposure);
+      const e = c && c[k], isShown = e && e.rateA !== null && (k === 'violationRate' || e.xA >= M.rules.minExposure);
       fill(`was-${k}`, [isShown ? shownRate(k, e.rateA) : NONE, isShown ? word('same_hours') : '']);
       fill(`change-${k}`, isTold(e) ? shownChange(k, e) : e && e.isPlain ? [fewer(e.theta), e.reason] : [word('words.too_little_data'), e ? e.reason : M.notCompared], e ? { rate: e.theta, lo: e.lo, hi: e.hi, a: e.rateA, b: e.rateB } : { rate: null, lo: null, hi: null, a: null, b: null });
     }

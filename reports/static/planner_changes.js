@@ -31,7 +31,7 @@ function pairNow() {
 
 /* The plain rates of a place on one side of a change: sums divided by sums. */
 function sideRates(p, place) {
-  const C = M.cameras, k = place.index * C, told = { often: 0, close: null, risky: null }, g = M.grid;
+  const C = M.cameras, k = place.index * C, told = { violationRate: 0, close: null, encounterRate: null }, g = M.grid;
   let n = 0, time = 0, close = 0, any = false;
   const perCamera = new Float64Array(C);
   if (place.index >= 0) for (let c = 0; c < C; c++) { perCamera[c] = p.n[k + c]; time += p.time[k + c]; close += p.close[k + c]; } else {
@@ -39,9 +39,9 @@ function sideRates(p, place) {
     for (let i = 0; i < v.n; i++) if (place.squares[Math.floor(Math.floor(v.cell[i] / wide) / A) * g.nx + Math.floor(v.cell[i] % wide / A)]) perCamera[v.camera[i]] += v.v[i];
     for (let i = 0; i < t.n; i++) if (place.squares[t.cell[i]]) { time += t.v[i]; close += t.w[i] * 3600; }
   }
-  for (let c = 0; c < C; c++) if (place.cameras[c] && p.hours[c] > 0) { any = true; n += perCamera[c]; told.often += perCamera[c] / p.hours[c]; }
-  if (!any) told.often = null;
-  if (time > 0) { told.risky = n / time; told.close = Math.min(1, close / 3600 / time); }
+  for (let c = 0; c < C; c++) if (place.cameras[c] && p.hours[c] > 0) { any = true; n += perCamera[c]; told.violationRate += perCamera[c] / p.hours[c]; }
+  if (!any) told.violationRate = null;
+  if (time > 0) { told.encounterRate = n / time; told.close = Math.min(1, close / 3600 / time); }
   told.hours = sum(p.hours.filter((_, c) => place.cameras[c])) / Math.max(1, sum(place.cameras)); told.n = n;
   return told;
 }
@@ -53,7 +53,7 @@ function tellChange(c) {
   const few = hide || M.noViolations || (!was || was.n < M.rules.mask || now.n < M.rules.mask ? word('reason.masked', { n: M.rules.mask }) : null);
   const shown = (e, kind) => few ? NONE : kind === 'close' ? share(e.close) : fig(e[kind]);
   for (const kind of KINDS) {
-    fill(`now-${kind}`, [shown(now, kind), kind === 'often' && few || ''], { rate: few ? null : now[kind], lo: null, hi: null });
+    fill(`now-${kind}`, [shown(now, kind), kind === 'violationRate' && few || ''], { rate: few ? null : now[kind], lo: null, hi: null });
     if (!$(`was-${kind}`)) continue;
     fill(`was-${kind}`, [shown(was, kind), '']);
     const ratio = few || !was[kind] ? null : now[kind] / was[kind];

@@ -136,7 +136,7 @@ function pairHours() {
   }
 }
 
-/* Sums by camera and day of a place over some camera-hours: {n, x} for how often, {n, x} of one row for how risky. */
+/* Sums by camera and day of a place over some camera-hours: {n, x} for the violation rate, {n, x} of one row for the encounter rate. */
 function panelOf(p, used, place, close_cameras = closeCameras(place, p)) {
   const on = chosen(p), C = M.rows, S = p.S, days = [], weekday = [], column = new Int32Array(S).fill(-1);
   for (let i = 0; i < S; i++) if (on[i]) {
@@ -166,7 +166,7 @@ function panelOf(p, used, place, close_cameras = closeCameras(place, p)) {
     }
   }
   const total = time.map((_, d) => sum(n.map(row => row[d])));
-  return { often: { n, x }, risky: { n: [total], x: [time] }, close: { n: [close], x: [closeTime] }, weekday, hours: sum(x.map(sum)) / Math.max(1, sum(place.rows)) };
+  return { violationRate: { n, x }, encounterRate: { n: [total], x: [time] }, close: { n: [close], x: [closeTime] }, weekday, hours: sum(x.map(sum)) / Math.max(1, sum(place.rows)) };
 }
 
 /* Some squares of the floor as a place: the cameras that ever counted anybody in them. */
@@ -203,7 +203,7 @@ const nothing = reason => ({ rate: null, lo: null, hi: null, n: null, ok: false,
 function weekRates(place) {
   const isSquares = place.index < 0, plain = p => isSquares && p ? sideRates(p, place) : null, now = plain(week.sums), [a, b] = [before && before.pair, week.pair].map(plain);
   const few = isSquares && now.n < M.rules.mask ? word('reason.masked', { n: M.rules.mask }) : null, hide = place.hidden[0] || (sum(place.cameras) ? few : word('reason.nobody'));
-  const none = k => M.noViolations || k !== 'often' && M.noExposure || hide, hoursOf = p => sum(p.hours.filter((_, c) => place.cameras[c])) / Math.max(1, sum(place.cameras));
+  const none = k => M.noViolations || k !== 'violationRate' && M.noExposure || hide, hoursOf = p => sum(p.hours.filter((_, c) => place.cameras[c])) / Math.max(1, sum(place.cameras));
   const told = { place, hours: hoursOf(week.sums), change: null };
   for (const k of KINDS) told[k] = none(k) ? nothing(none(k)) : isSquares ? { rate: now[k], lo: null, hi: null, n: now.n, ok: true, reason: word('no_range') } : { ...place.week[k], n: null, ok: true };
   if (!before || M.notCompared || hide || place.hidden[1] || M.noViolations) return told;
@@ -224,21 +224,21 @@ function rates(place) {
   const history = (kind, k) => usual && { n: usual[kind].n, x: usual[kind].x, weekday: usual.weekday };
   const told = {
     place, hours: now.hours,
-    often: M.noViolations ? nothing(M.noViolations) : hide ? nothing(hide) : howOften(now.often, M.rules, now.weekday, history('often')),
-    risky: M.noViolations || M.noExposure ? nothing(M.noViolations || M.noExposure) : hide ? nothing(hide) : howRisky(now.risky, M.rules, now.weekday, history('risky')),
+    violationRate: M.noViolations ? nothing(M.noViolations) : hide ? nothing(hide) : violationRateOf(now.violationRate, M.rules, now.weekday, history('violationRate')),
+    encounterRate: M.noViolations || M.noExposure ? nothing(M.noViolations || M.noExposure) : hide ? nothing(hide) : encounterRateOf(now.encounterRate, M.rules, now.weekday, history('encounterRate')),
     close: M.noExposure ? nothing(M.noExposure) : hide ? nothing(hide) : !sum(closeCameras(place, week)) ? nothing(word('no_close')) : howClose(now.close, M.rules, now.weekday, history('close')),
     change: null,
   };
-  if (noDay()) { told.often = told.close = told.risky = nothing(word('no_day')); return told; }
-  if (told.often.rate === 0 && M.rules.mask > 1 && !(isWhole() && place.index >= 0)) told.often = told.close = told.risky = nothing(word('reason.masked', { n: M.rules.mask }));
+  if (noDay()) { told.violationRate = told.close = told.encounterRate = nothing(word('no_day')); return told; }
+  if (told.violationRate.rate === 0 && M.rules.mask > 1 && !(isWhole() && place.index >= 0)) told.violationRate = told.close = told.encounterRate = nothing(word('reason.masked', { n: M.rules.mask }));
   if (before && !M.notCompared && !hide && !place.hidden[1] && !M.noViolations) {
     const inBoth = closeInBoth(place), a = panelOf(before, before.same, place, inBoth), b = panelOf(week, week.same, place, inBoth);
     told.change = {
-      hours: b.hours, often: compareRates(a.often, b.often, M.rules, false),
-      risky: M.noExposure ? null : compareRates(a.risky, b.risky, M.rules, true),
+      hours: b.hours, violationRate: compareRates(a.violationRate, b.violationRate, M.rules, false),
+      encounterRate: M.noExposure ? null : compareRates(a.encounterRate, b.encounterRate, M.rules, true),
       close: M.noExposure || !sum(inBoth) ? null : inSeconds(compareRates(a.close, b.close, M.rules, true)),
     };
-    if (isWhole() && place.report) for (const k of ['often', 'close', 'risky']) if (told.change[k] && place.report[k]) Object.assign(told.change[k], place.report[k]);
+    if (isWhole() && place.report) for (const k of ['violationRate', 'close', 'encounterRate']) if (told.change[k] && place.report[k]) Object.assign(told.change[k], place.report[k]);
   }
   return told;
 }
@@ -279,8 +279,8 @@ function field(p, used) {
   if (map.kind === 'exposure') return smooth(spread(p, used, t, 'v', 1, true), fine, M.grid.sigma).map(h => h * 60);
   if (map.kind === 'burden') return smooth(spread(p, used, t, 'w', 1, true), fine, M.grid.sigma).map(h => h * 3600);
   if (map.kind === 'risk') {
-    const inView = spread(p, used, t, 'v', 1, false), near = smooth(inView, fine, M.grid.sigmaRisk), risky = smooth(spread(p, used, t, 'w', 1, false), fine, M.grid.sigmaRisk);
-    return filled(risky.map((w, i) => near[i] >= M.grid.leastRisk && inView[i] > 0 ? Math.min(1, w / near[i]) * 100 : NaN));
+    const inView = spread(p, used, t, 'v', 1, false), near = smooth(inView, fine, M.grid.sigmaRisk), tooClose = smooth(spread(p, used, t, 'w', 1, false), fine, M.grid.sigmaRisk);
+    return filled(tooClose.map((w, i) => near[i] >= M.grid.leastRisk && inView[i] > 0 ? Math.min(1, w / near[i]) * 100 : NaN));
   }
   const e = p.cells.excess, k = M.grid.fineAcross, out = new Float64Array(fine.nx * fine.ny).fill(NaN);
   for (let j = 0; j < e.ny; j++) for (let i = 0; i < e.nx; i++) for (let b = 0; b < k; b++) for (let a = 0; a < k; a++) {

@@ -140,25 +140,25 @@ function profileOf(k, past, weekday, R) {
   return profile;
 }
 
-/* How often (M0): sum over cameras of violations / recorded open hours. */
-function howOften(panel, R, weekday, past) {
+/* Violation rate (M0): sum over cameras of violations / recorded open hours. */
+function violationRateOf(panel, R, weekday, past) {
   const k = asCounts(panel);
   if (!k.kept.length) return refused(k, null, word('reason.unrecorded'));
-  return level(k, profileOf(k, past, weekday, R), R, R.q, 'often');
+  return level(k, profileOf(k, past, weekday, R), R, R.q, 'per_open_h');
 }
 
-/* How risky (M7): violations per person-hour; the panel has one row. */
-function howRisky(panel, R, weekday, past) {
+/* Encounter rate (M7): violations per person-hour; the panel has one row. */
+function encounterRateOf(panel, R, weekday, past) {
   const k = asCounts(panel), hours = sum(k.x.map(sum));
   if (!k.kept.length || hours < R.minExposure) return refused(k, null, word('reason.person_hours', { n: R.minExposure, has: nf(hours, 1) }));
-  return level(k, profileOf(k, past, weekday, R), R, R.q, 'risky');
+  return level(k, profileOf(k, past, weekday, R), R, R.q, 'per_person_h');
 }
 
 /* Share of time too close (M6): person-seconds in violation stand for events, see figures/close_time.py. */
 function howClose(panel, R, weekday, past) {
   const k = asCounts(panel), hours = sum(k.x.map(sum));
   if (!k.kept.length) return refused(k, null, word('reason.nobody_seen'));
-  const e = level(k, profileOf(k, past, weekday, R), R, R.q, 'risky'), part = v => v === null ? null : Math.min(1, v / 3600);
+  const e = level(k, profileOf(k, past, weekday, R), R, R.q, 'per_person_h'), part = v => v === null ? null : Math.min(1, v / 3600);
   if (e.n === 0) return { ...e, lo: null, hi: null, ok: true, reason: word('reason.nobody_close') };
   const least = hours < R.minExposure && e.lo !== null;
   return { ...e, rate: part(e.rate), lo: least || e.lo === null ? null : e.lo / 3600, hi: least ? null : part(e.hi), reason: least ? word('reason.interval_person_hours', { n: R.minExposure, has: nf(hours, 1) }) : e.reason };
@@ -181,7 +181,7 @@ function changed(a, b, more) {
 
 /* Limits of one side of a change: days as clusters, or exact Poisson limits of very few violations. */
 function limits(k, R) {
-  if (k.events >= R.minEvents) { const e = level(k, null, R, R.q2, 'often'); return [e.lo || 0, e.hi === null ? Infinity : e.hi]; }
+  if (k.events >= R.minEvents) { const e = level(k, null, R, R.q2, 'per_open_h'); return [e.lo || 0, e.hi === null ? Infinity : e.hi]; }
   const hours = k.x.map(sum), each = k.events ? rateOf(k) / k.events : 1 / Math.min(...hours), [lo, hi] = R.poisson[k.events];
   return [lo * each, hi * each];
 }

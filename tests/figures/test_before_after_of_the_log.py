@@ -91,7 +91,7 @@ def test_whole_weeks_equally_many_on_both_sides(tmp_path: Path) -> None:
     assert figure.effect is not None
     assert figure.effect.trend is not None, "the trend is told over all weeks before, not only those compared"
     assert figure.effect.trend.n_weeks == 4
-    assert figure.notes == (Reason("redesign.stored", n=1, weeks=4),)
+    assert figure.notes == (Reason("logged_change.stored", n=1, weeks=4),)
 
 
 def test_less_than_a_week_after_is_refused(tmp_path: Path) -> None:
@@ -136,7 +136,7 @@ def test_only_areas_of_a_recalibrated_camera_are_no_comparison(tmp_path: Path) -
         tmp_path, site=site, rate=changed(0.6), calibrations=anew, camera_of=lambda a: "cam-2" if a in other else "cam"
     )
     assert (figure.state, figure.comparison_areas) == ("ok", ("fruit", "bakery", "back"))
-    assert dict(figure.areas_left_out) == dict.fromkeys(other, Reason("redesign.calibrated_there"))
+    assert dict(figure.areas_left_out) == dict.fromkeys(other, Reason("logged_change.calibrated_there"))
 
 
 def test_too_little_recorded_is_refused(tmp_path: Path) -> None:
@@ -187,7 +187,7 @@ def test_near_and_changed_areas_are_no_comparison(tmp_path: Path) -> None:
 def test_another_change_in_the_same_area_is_a_doubt(tmp_path: Path) -> None:
     figure = found(tmp_path, (CHANGE, "queue"), (45, "queue"), rate=changed(0.6))
     assert not figure.is_credible
-    assert figure.doubts == (Reason("redesign.other_change", day=str(FIRST + timedelta(days=45))),)
+    assert figure.doubts == (Reason("logged_change.other_change", day=str(FIRST + timedelta(days=45))),)
 
 
 def test_without_a_comparison_area_only_the_area_itself_is_reported_and_called_weak(tmp_path: Path) -> None:

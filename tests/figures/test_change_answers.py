@@ -56,19 +56,19 @@ def test_each_range_behind_an_effect_is_of_that_effect_or_says_why_there_is_none
     assert (by_day.value, by_day.lo, by_day.hi) == pytest.approx((-0.2, -0.28, -0.12))
     for name, code in (("by_placebo", "no_placebo"), ("by_week", "no_week"), ("shrunken_change", "not_shrunken")):
         missing = value_of(row, name)
-        assert (missing.value, missing.reason) == (None, Reason(f"redesign.{code}"))
+        assert (missing.value, missing.reason) == (None, Reason(f"logged_change.{code}"))
 
 
 def test_doubts_of_an_effect_are_notes(answers: Any) -> None:
-    doubt = Reason("redesign.other_change", day="2026-10-20")
+    doubt = Reason("logged_change.other_change", day="2026-10-20")
     told = answers(change(burden=burden(), is_credible=False, doubts=(doubt,)))
     [row] = told["change_effects"].rows
     assert value_of(row, "effect_change").value == pytest.approx(-0.2)
-    assert (None, Reason("redesign.doubt", why=doubt)) in told["logged_change"].notes
+    assert (None, Reason("logged_change.doubt", why=doubt)) in told["logged_change"].notes
 
 
 def test_a_change_without_result_says_why_in_each_table(answers: Any) -> None:
-    why = Reason("redesign.week_after", days=6)
+    why = Reason("logged_change.week_after", days=6)
     told = answers(change(state="not_enough_data", reason=why, is_credible=False))
     without: list[Answer] = [
         told[name] for name in ("change_effects", "change_so_far", "change_parts", "change_places")
@@ -81,7 +81,7 @@ def test_where_no_effect_is_excluded_yet_the_running_verdict_says_so(answers: An
     so_far = RunningVerdict(0.9, None, None, 1.5, (1.5,), None, 6, 1, "cannot_tell", "ok", None)
     [row] = answers(change(burden=burden(), running=so_far))["change_so_far"].rows
     effect = value_of(row, "so_far_change")
-    assert (effect.value, effect.lo, effect.reason) == (pytest.approx(-0.1), None, Reason("redesign.any_effect"))
+    assert (effect.value, effect.lo, effect.reason) == (pytest.approx(-0.1), None, Reason("logged_change.any_effect"))
     assert row["so_far_verdict"] == "cannot_tell"
 
 
@@ -102,4 +102,4 @@ def test_a_plan_is_scored_beside_what_it_predicted(answers: Any) -> None:
 def test_a_stored_plan_that_never_gets_clear_says_so(tmp_path: Path) -> None:
     (tmp_path / "vsd.toml").write_text(w.toml(), encoding="utf-8")
     [row] = plans_answer([PLAN], load_site(tmp_path), today=date(2026, 10, 1)).rows
-    assert value_of(row, "weeks_after").reason == Reason("redesign.never_clear")
+    assert value_of(row, "weeks_after").reason == Reason("logged_change.never_clear")

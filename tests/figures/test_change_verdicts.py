@@ -84,7 +84,7 @@ def test_time_that_moved_to_other_areas_at_any_distance_is_no_fall_of_the_floor(
     assert figure.burden.verdict == "clear_fall"
     assert figure.floor.net.verdict != "clear_fall"
     assert figure.floor.moved_elsewhere == pytest.approx(1.0, abs=0.25)
-    assert "redesign.moved_elsewhere" in [c.code for c in figure.cautions]
+    assert "logged_change.moved_elsewhere" in [c.code for c in figure.cautions]
     assert math.fsum(figure.floor.net.contributions) == pytest.approx((figure.floor.net.value or 0) - 1)
     assert figure.floor.places[-1] is None
 
@@ -103,7 +103,7 @@ def test_a_crowd_that_moves_into_one_comparison_area_does_not_make_the_fall_larg
     assert so_far.lo < 0.2
     assert so_far.value == pytest.approx(0.2, rel=0.15)
     assert so_far.verdict == "clear_fall"
-    (caution,) = [c for c in figure.cautions if c.code == "redesign.rests_on"]
+    (caution,) = [c for c in figure.cautions if c.code == "logged_change.rests_on"]
     assert caution.values["area"] == "Fruit"
 
 
@@ -114,12 +114,12 @@ def test_the_slope_that_would_have_shown_is_given_and_a_small_effect_is_cautione
     assert figure.burden.trend.n_weeks == 12
     assert figure.burden.trend.detectable_per_week is not None
     assert 0 < figure.burden.trend.detectable_per_week < 0.1
-    assert "redesign.unseen_trend" in [c.code for c in figure.cautions]
+    assert "logged_change.unseen_trend" in [c.code for c in figure.cautions]
 
 
 def test_entries_of_the_whole_site_and_elsewhere_are_cautions(tmp_path: Path) -> None:
     figure = found(tmp_path, (CHANGE, "queue"), (CHANGE + 9, None), (CHANGE + 10, "door"))
-    assert [c.code for c in figure.cautions][:2] == ["redesign.site_wide", "redesign.change_elsewhere"]
+    assert [c.code for c in figure.cautions][:2] == ["logged_change.site_wide", "logged_change.change_elsewhere"]
     assert figure.is_credible
     assert "door" not in figure.comparison_areas
 
@@ -147,7 +147,7 @@ def test_a_camera_calibrated_anew_in_the_weeks_watched_leaves_no_running_verdict
     assert figure.state == "ok"
     assert figure.running is not None
     assert figure.running.reason is not None
-    assert figure.running.reason.code == "redesign.not_alike"
+    assert figure.running.reason.code == "logged_change.not_alike"
 
 
 def test_a_week_that_recorded_little_is_left_out_of_the_weeks_read(tmp_path: Path) -> None:

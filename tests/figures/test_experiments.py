@@ -67,8 +67,8 @@ def test_near_and_changed_areas_do_not_serve(tmp_path: Path) -> None:
     log(tmp_path, 40, "door")
     found = planned(tmp_path, site=site_of(tmp_path, areas=(*AREAS[:4], area("near", 8.0))))
     left_out = dict(found.areas_left_out)
-    assert left_out["near"].code == "redesign.near"
-    assert left_out["door"].code == "redesign.changed_too"
+    assert left_out["near"].code == "logged_change.near"
+    assert left_out["door"].code == "logged_change.changed_too"
 
 
 def test_weeks_before_an_earlier_change_of_the_area_do_not_count(tmp_path: Path) -> None:
@@ -81,10 +81,10 @@ def test_weeks_before_an_earlier_change_of_the_area_do_not_count(tmp_path: Path)
 def test_too_few_weeks_and_no_areas_have_their_reason(tmp_path: Path) -> None:
     few = planned(tmp_path, weeks=3)
     assert few.reason is not None
-    assert few.reason.code == "redesign.reference_weeks"
+    assert few.reason.code == "logged_change.reference_weeks"
     alone = planned(tmp_path, site=site_of(tmp_path, areas=AREAS[:1]))
     assert alone.reason is not None
-    assert alone.reason.code == "redesign.no_comparison"
+    assert alone.reason.code == "logged_change.no_comparison"
     assert stored_plan(few, made=FIRST) is None
     with (
         pytest.raises(UsageError, match="no area"),

@@ -100,7 +100,7 @@ def test_an_event_on_one_side_of_a_logged_change_is_a_doubt(
         watched=(date(2026, 11, 9), date(2026, 12, 20)),
     )
     site = Site("shop", "Shop", "Europe/Rome", Path(), calendar=Calendar(events=(Event(name, *days),)))
-    assert [doubt.code for doubt in events_beside(site, windows)] == ["redesign.event"] * is_doubt
+    assert [doubt.code for doubt in events_beside(site, windows)] == ["logged_change.event"] * is_doubt
 
 
 def test_what_the_calendar_says_of_a_week_leaves_out_days_on_which_the_site_is_closed() -> None:

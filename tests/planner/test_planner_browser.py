@@ -296,7 +296,7 @@ def test_the_sentence_speaks_of_the_selection(opened: Open) -> None:
 def test_a_selection_with_few_violations_is_not_counted_out(opened: Open) -> None:
     page = opened("masked", address="#place=rect&rect=14,8,16,10")
     assert "fewer than 5 violations were counted" in said(page)
-    assert page.get_attribute("#now-often", "data-rate") == ""
+    assert page.get_attribute("#now-violationRate", "data-rate") == ""
     nobody = opened("masked", address="#place=rect&rect=16,1,18,3")
     assert "no camera counted anybody there" in said(nobody)
 
@@ -417,7 +417,7 @@ def test_an_area_is_chosen_on_the_map_by_pointer_and_by_key(opened: Open) -> Non
     page.locator("path[data-area='area:door']").click()
     assert page.input_value("#place") == "area:door"
     assert page.text_content("#side-name") == "Door Shop" or "Door" in page.text_content("#side-name")
-    for kind in ("often", "close", "risky"):
+    for kind in ("violationRate", "close", "encounterRate"):
         shown = page.text_content(f"#side-{kind}")
         assert shown == page.locator(f"#now-{kind} b").text_content()
         assert re.search(r"\d", shown)
@@ -456,7 +456,7 @@ def test_fixtures_have_their_names_where_there_is_room(opened: Open) -> None:
 def test_no_day_chosen_is_said_in_words(opened: Open) -> None:
     page = opened(address="#days=0000000")
     assert said(page) == "No day is chosen. Choose at least one day."
-    assert page.locator("#now-often small").text_content() == "no day is chosen"
+    assert page.locator("#now-violationRate small").text_content() == "no day is chosen"
     assert "no open hour was recorded" not in page.inner_text("main")
 
 

@@ -234,7 +234,7 @@ def test_one_click_answers_whether_a_change_helped(opened: Any, known: PlannerDa
     assert change.before is not None
     door = next(k for k, p in enumerate(known.places) if p.place_id == "area:door")
     rate = sum(n / ms * 3.6e6 for n, ms in zip(change.before.n[door], change.before.recorded_ms, strict=True) if n)
-    assert float(page.get_attribute("#change-often", "data-a")) == pytest.approx(rate)
+    assert float(page.get_attribute("#change-violationRate", "data-a")) == pytest.approx(rate)
     assert page.is_disabled("[data-day='0']")
     kept = page.url
     page.click(f"[data-change='{change.number}']")

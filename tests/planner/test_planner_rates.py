@@ -32,7 +32,7 @@ RECTANGLE = (1, 1, 6, 6)
 READ = """hash => {
   history.replaceState(null, '', '#' + hash); dispatchEvent(new HashChangeEvent('hashchange'));
   const told = {};
-  for (const id of ['now-often', 'now-close', 'now-risky', 'change-often', 'change-close', 'change-risky'])
+  for (const id of ['now-violationRate', 'now-close', 'now-encounterRate', 'change-violationRate', 'change-close', 'change-encounterRate'])
     told[id] = {...document.getElementById(id).dataset};
   return told;
 }"""
@@ -96,14 +96,16 @@ def test_the_whole_week_has_the_report_s_rates_for_the_floor_and_each_area(
     assert len(places) == 4
     for place, per_open_h, per_person_h in places:
         told = page_of(name).evaluate(READ, f"place={place}")
-        assert_same(told["now-often"], per_open_h.value, per_open_h.lo, per_open_h.hi)
+        assert_same(told["now-violationRate"], per_open_h.value, per_open_h.lo, per_open_h.hi)
         assert per_person_h is not None
-        assert_same(told["now-risky"], per_person_h.value, per_person_h.lo, per_person_h.hi)
+        assert_same(told["now-encounterRate"], per_person_h.value, per_person_h.lo, per_person_h.hi)
         assert per_open_h.change is not None
         assert per_open_h.change_lo is not None
         assert per_open_h.change_hi is not None
-        assert_same(told["change-often"], 1 + per_open_h.change, 1 + per_open_h.change_lo, 1 + per_open_h.change_hi)
-        assert number(told["change-often"]["a"]) == pytest.approx(per_open_h.previous, rel=SIX_DIGITS)
+        assert_same(
+            told["change-violationRate"], 1 + per_open_h.change, 1 + per_open_h.change_lo, 1 + per_open_h.change_hi
+        )
+        assert number(told["change-violationRate"]["a"]) == pytest.approx(per_open_h.previous, rel=SIX_DIGITS)
 
 
 @pytest.mark.parametrize("name", ["exact", "masked"])
@@ -244,12 +246,14 @@ def test_any_days_and_hours_have_the_rates_of_the_analysis(page_of: Any, oracle:
     for (address, days, hours), (name, place) in itertools.product(selections(), places.items()):
         told = page.evaluate(READ, f"{address}&place={name}")
         per_open_h, per_person_h = oracle.rates(place, days, hours)
-        assert_same(told["now-often"], per_open_h.value, per_open_h.lo, per_open_h.hi)
-        assert_same(told["now-risky"], per_person_h.value, per_person_h.lo, per_person_h.hi)
+        assert_same(told["now-violationRate"], per_open_h.value, per_open_h.lo, per_open_h.hi)
+        assert_same(told["now-encounterRate"], per_person_h.value, per_person_h.lo, per_person_h.hi)
         n_intervals += per_open_h.lo is not None
         if len(days) == 7 and len(hours) == 2:
             continue  # there the page tells the report's own change
-        for kind, change in zip(("change-often", "change-risky"), oracle.change(place, days, hours), strict=True):
+        for kind, change in zip(
+            ("change-violationRate", "change-encounterRate"), oracle.change(place, days, hours), strict=True
+        ):
             if change.value is not None and change.n_a and change.n_b:
                 assert_same(told[kind], change.value, change.lo, change.hi)
     assert n_intervals > 20
@@ -262,8 +266,8 @@ def test_a_rectangle_has_the_rates_of_what_lies_in_it(page_of: Any, oracle: Orac
         for address, days, hours in selections()[:6]:
             told = page.evaluate(READ, f"{address}&place=rect&rect={','.join(map(str, box))}")
             per_open_h, per_person_h = oracle.rates(place, days, hours, has_history=False)
-            assert_same(told["now-often"], per_open_h.value, per_open_h.lo, per_open_h.hi)
-            assert_same(told["now-risky"], per_person_h.value, per_person_h.lo, per_person_h.hi)
+            assert_same(told["now-violationRate"], per_open_h.value, per_open_h.lo, per_open_h.hi)
+            assert_same(told["now-encounterRate"], per_person_h.value, per_person_h.lo, per_person_h.hi)
 
 
 def test_a_hotspot_has_the_rates_of_its_squares(page_of: Any, oracle: Oracle, exact: PlannerData) -> None:
@@ -284,8 +288,8 @@ def test_a_hotspot_has_the_rates_of_its_squares(page_of: Any, oracle: Oracle, ex
         for address, days, hours in selections()[:3]:
             told = page_of("exact").evaluate(READ, f"{address}&place=spot%3A{spot.number}")
             per_open_h, per_person_h = oracle.rates(place, days, hours, has_history=False)
-            assert_same(told["now-often"], per_open_h.value, per_open_h.lo, per_open_h.hi)
-            assert_same(told["now-risky"], per_person_h.value, per_person_h.lo, per_person_h.hi)
+            assert_same(told["now-violationRate"], per_open_h.value, per_open_h.lo, per_open_h.hi)
+            assert_same(told["now-encounterRate"], per_person_h.value, per_person_h.lo, per_person_h.hi)
 
 
 def test_small_counts_put_together_move_rectangles_by_little(page_of: Any, oracle: Oracle, masked: PlannerData) -> None:
@@ -293,7 +297,7 @@ def test_small_counts_put_together_move_rectangles_by_little(page_of: Any, oracl
     for box in (RECTANGLE, (7, 1, 12, 6)):
         address = f"place=rect&rect={','.join(map(str, box))}"
         exact, given = (page_of(name).evaluate(READ, address) for name in ("exact", "masked"))
-        rates = [float(told["now-often"]["rate"]) for told in (exact, given)]
+        rates = [float(told["now-violationRate"]["rate"]) for told in (exact, given)]
         n_squares = (box[2] - box[0]) * (box[3] - box[1])
         assert abs(rates[0] - rates[1]) * 14 <= 2 * below * math.sqrt(n_squares)
 

@@ -52,7 +52,7 @@ def test_the_script_says_what_is_there_and_all_of_it() -> None:
     code, known = script(), sentences()
     asked = set(re.findall(r"(?:\bword|\bsay)\('([\w.]+)'", code))
     asked |= {key for pair in re.findall(r"\? '([\w.]+)' : '([\w.]+)'", code) for key in pair} & set(known)
-    asked |= {f"reason.none_{kind}" for kind in ("often", "risky")}
+    asked |= {f"reason.none_{kind}" for kind in ("per_open_h", "per_person_h")}
     asked |= {f"words.{verdict}" for verdict in get_args(Verdict)}
     assert asked == set(known)
 

@@ -220,4 +220,7 @@ def test_violations_are_needed_before_and_in_the_areas_compared_with() -> None:
         before_after(period(rng, weeks=4, rate=0.0), period(rng, weeks=4, first=4)),
         before_after(period(rng, weeks=4), period(rng, weeks=4, season=0.0, first=4)),
     ]
-    assert [f.reason and f.reason.code for f in codes] == ["redesign.events_before", "redesign.comparison_events_after"]
+    assert [f.reason and f.reason.code for f in codes] == [
+        "logged_change.events_before",
+        "logged_change.comparison_events_after",
+    ]

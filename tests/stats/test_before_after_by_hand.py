@@ -282,7 +282,7 @@ def test_any_rate_will_do_and_its_violations_say_how_much_is_known() -> None:
     few = before_after(*(replace(p, events=p.events * 0 + 1) for p in hours))
     assert few.value is None
     assert few.reason is not None
-    assert few.reason.code == "redesign.events_before"
+    assert few.reason.code == "logged_change.events_before"
 
 
 CHANGED = [-0.08, -0.099, 0.042, 0.142, 0.247, 0.178, 0.145, 0.155, 0.342, 0.463]

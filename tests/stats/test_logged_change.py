@@ -54,7 +54,7 @@ def test_few_weeks_of_one_violation_say_nothing_when_there_are_none_after() -> N
 def test_an_area_that_never_had_any_is_refused_for_the_weeks_before() -> None:
     found = verdict_of_weeks(weeks([0.0, 1.0, 1.0], n=12, seed=1), weeks([0.0, 1.0, 1.0], n=4, seed=2))
     assert found.reason is not None
-    assert found.reason.code == "redesign.events_before"
+    assert found.reason.code == "logged_change.events_before"
 
 
 def test_exact_limits_are_those_of_the_binomial_and_none_has_one_side() -> None:

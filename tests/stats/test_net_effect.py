@@ -87,10 +87,10 @@ def test_too_few_weeks_or_nothing_at_all_have_their_reason() -> None:
     few = net_effect([[1.0, 2.0]], [70, 70], [[1.0]], [70])
     assert (few.value, few.verdict) == (None, "too_little_data")
     assert few.reason is not None
-    assert few.reason.code == "redesign.reference_weeks"
+    assert few.reason.code == "logged_change.reference_weeks"
     none = net_effect([[0.0] * 4], [70] * 4, [[1.0]], [70])
     assert none.reason is not None
-    assert none.reason.code == "redesign.floor_without"
+    assert none.reason.code == "logged_change.floor_without"
     with pytest.raises(ValueError, match="same places"):
         net_effect(BEFORE, HOURS_BEFORE, AFTER[:2], HOURS_AFTER)
     with pytest.raises(ValueError, match="not negative"):

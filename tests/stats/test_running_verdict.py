@@ -136,7 +136,7 @@ def test_too_few_weeks_are_refused_with_their_number(reference: list[float], wee
     found = running_verdict(reference, weeks)
     assert (found.value, found.verdict, found.state) == (None, "too_little_data", "not_enough_data")
     assert found.reason is not None
-    assert found.reason.code == f"redesign.{code}"
+    assert found.reason.code == f"logged_change.{code}"
 
 
 def test_reading_half_a_year_long_says_clear_of_nothing_in_at_most_one_of_twenty_changes() -> None:

@@ -65,9 +65,9 @@ MOVED: Final = 0.5
 Per = Literal["exposure_h", "x_h"]
 
 ASSUMPTIONS: Final = tuple(
-    Reason(f"redesign.assumes_{name}") for name in ("parallel", "left_alone", "nothing_else", "no_bad_spell")
+    Reason(f"logged_change.assumes_{name}") for name in ("parallel", "left_alone", "nothing_else", "no_bad_spell")
 )
-ASSUMPTIONS_ALONE: Final = (Reason("redesign.assumes_as_it_was"), Reason("redesign.assumes_no_chance"))
+ASSUMPTIONS_ALONE: Final = (Reason("logged_change.assumes_as_it_was"), Reason("logged_change.assumes_no_chance"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,13 +213,13 @@ def before_after(
     doubts = [*other_changes(site, entry, area, windows), *events_beside(site, windows)]
     place = pair.now.area(area.area_id)
     alone, people = rates.encounter_rate_change(pair, place), rates.change_people(pair, place)
-    few = Reason("redesign.stored", n=windows.n_weeks, weeks=weeks)
+    few = Reason("logged_change.stored", n=windows.n_weeks, weeks=weeks)
     notes = (few,) if windows.n_weeks < weeks else ()
     if not chosen:
         if (why := _too_few(alone, site.settings)) is not None:
             return replace(made, reason=why)
         return replace(
-            made, state="ok", reason=None, design="alone", outcome="alone", doubts=(Reason("redesign.weak"), *doubts),
+            made, state="ok", reason=None, design="alone", outcome="alone", doubts=(Reason("logged_change.weak"), *doubts),
             cautions=tuple(changes_elsewhere(site, entry, area, windows)),
             floor=floor_effect(data, area, windows), alone=alone, people=people,
             neighbours=_neighbours(pair, area, []),
@@ -238,9 +238,9 @@ def before_after(
         return replace(made, reason=effect.reason, areas_left_out=tuple(left_out.items()))
     trend = effect.trend or violation_rate.trend
     if trend is not None and not trend.is_flat:
-        doubts = [Reason("redesign.trend", per_week=trend.value, lo=trend.lo, hi=trend.hi), *doubts]
+        doubts = [Reason("logged_change.trend", per_week=trend.value, lo=trend.lo, hi=trend.hi), *doubts]
     if trend is None:
-        notes = (*notes, Reason("redesign.no_trend"))
+        notes = (*notes, Reason("logged_change.no_trend"))
     doubt, unsteady = rests_on(so_far, left_alone(data, chosen, windows))
     doubts = [*doubts, doubt] if doubt is not None else doubts
     found = replace(
@@ -271,11 +271,11 @@ def _guard(pair: TwoPeriods, area: Area) -> tuple[State, Reason | None]:
     anew = [r for r in pair.recalibrated if r.camera_id in cameras]
     if anew or not pair.is_comparable[_at(pair, cameras)].all():
         cameras_on = tuple(
-            Reason("redesign.camera_on", camera=r.camera_id, day=f"{pair.data.local(r.at_ms):%Y-%m-%d}")
+            Reason("logged_change.camera_on", camera=r.camera_id, day=f"{pair.data.local(r.at_ms):%Y-%m-%d}")
             for r in anew or pair.recalibrated
         )
-        why = Reason("redesign.calibrated", cameras=cameras_on)
-        return "not_measurable", why if cameras_on else Reason("redesign.not_alike")
+        why = Reason("logged_change.calibrated", cameras=cameras_on)
+        return "not_measurable", why if cameras_on else Reason("logged_change.not_alike")
     least, at = pair.data.site.settings.min_coverage, _at(pair, cameras)
     for period in (pair.before, pair.now):
         hours = pair.data.hours
@@ -283,7 +283,7 @@ def _guard(pair: TwoPeriods, area: Area) -> tuple[State, Reason | None]:
         share = float(recorded_s / open_s) if open_s else 1.0
         if share < least:
             days = span((period.first, period.last))
-            return "not_enough_data", Reason("redesign.coverage", share=share, days=days, least=least)
+            return "not_enough_data", Reason("logged_change.coverage", share=share, days=days, least=least)
     return "ok", None
 
 
@@ -306,9 +306,9 @@ def comparison_areas(
         if other.area_id == area.area_id:
             continue
         if apart_m < least_m:
-            left_out[other.area_id] = Reason("redesign.near", apart_m=apart_m, least_m=least_m)
+            left_out[other.area_id] = Reason("logged_change.near", apart_m=apart_m, least_m=least_m)
         elif other.area_id in changed:
-            left_out[other.area_id] = Reason("redesign.changed_too", day=str(changed[other.area_id]))
+            left_out[other.area_id] = Reason("logged_change.changed_too", day=str(changed[other.area_id]))
         elif (why := why_not(other)) is not None:
             left_out[other.area_id] = why
         else:
@@ -320,8 +320,8 @@ def _why_no_comparison(pair: TwoPeriods, other: Area) -> Reason | None:
     """Return why an area cannot be compared with another one: its cameras changed, or nobody was there."""
     at = _at(pair, _cameras(pair, other))
     if not pair.is_comparable[at].all():
-        return Reason("redesign.calibrated_there")
-    return None if len(at) else Reason("redesign.nobody_there")
+        return Reason("logged_change.calibrated_there")
+    return None if len(at) else Reason("logged_change.nobody_there")
 
 
 def _effect(
@@ -382,11 +382,11 @@ def _cautions(
         apart_weeks = (windows.after[0] - windows.before[0]).days / 7
         if abs(np.log(effect.value)) < apart_weeks * np.log1p(trend.detectable_per_week):
             slope = trend.detectable_per_week
-            found.append(Reason("redesign.unseen_trend", per_week=slope, n=trend.n_weeks))
+            found.append(Reason("logged_change.unseen_trend", per_week=slope, n=trend.n_weeks))
     if effect.value is not None and 1 < effect.n_areas < test.MIN_PLACEBO_AREAS:
-        found.append(Reason("redesign.few_areas", n=effect.n_areas, least=test.MIN_PLACEBO_AREAS))
+        found.append(Reason("logged_change.few_areas", n=effect.n_areas, least=test.MIN_PLACEBO_AREAS))
     if floor is not None and effect.verdict == "clear_fall" and (floor.moved_elsewhere or 0.0) >= MOVED:
-        found.append(Reason("redesign.moved_elsewhere", share=min(1.0, floor.moved_elsewhere or 0.0)))
+        found.append(Reason("logged_change.moved_elsewhere", share=min(1.0, floor.moved_elsewhere or 0.0)))
     return tuple(found)
 
 
@@ -443,8 +443,8 @@ def _at(pair: TwoPeriods, cameras: set[str]) -> Ints:
 def _too_few(alone: ChangeEstimate, settings: Settings) -> Reason | None:
     """Return why an area by itself has too little for before and after, or None."""
     if alone.n_b and alone.n_days < settings.change_min_days:
-        return Reason("redesign.pairs", least=settings.change_min_days, has=alone.n_days)
+        return Reason("logged_change.pairs", least=settings.change_min_days, has=alone.n_days)
     least, has = settings.change_min_violations, alone.n_a or 0.0
     if has < least:  # after the change none at all is a result
-        return Reason("redesign.events_before", least=least, has=has)
+        return Reason("logged_change.events_before", least=least, has=has)
     return None if alone.state == "ok" or alone.n_b == 0 else alone.reason

@@ -19,10 +19,10 @@ from vsd_analytics.stats.before_after import BeforeAfter
 from vsd_analytics.stats.estimates import ChangeEstimate
 from vsd_analytics.stats.running_verdict import RunningVerdict
 
-_NO_TREND: Final = Reason("redesign.no_trend")
+_NO_TREND: Final = Reason("logged_change.no_trend")
 _FEW: Final = Reason("change.few")
-_NO_FALL: Final = Reason("redesign.no_fall")
-NO_RECEIVER: Final = Reason("redesign.no_receiver")
+_NO_FALL: Final = Reason("logged_change.no_fall")
+NO_RECEIVER: Final = Reason("logged_change.no_receiver")
 _RANGES: Final = ("day", "week", "placebo", "line", "without")
 CHANGE: Final = (
     Column("entry", "key"),
@@ -144,7 +144,7 @@ def _answer(name: str, columns: Sequence[Column], rows: Iterable[Row], holds: Ho
 
 
 def _why_alone(found: BeforeAfterFigure) -> Value | None:
-    return Value.missing(Reason("redesign.alone")) if found.design == "alone" else None
+    return Value.missing(Reason("logged_change.alone")) if found.design == "alone" else None
 
 
 def _entry(found: BeforeAfterFigure, site: Site) -> Row:
@@ -171,12 +171,12 @@ def _entry(found: BeforeAfterFigure, site: Site) -> Row:
 def _notes(found: BeforeAfterFigure) -> list[Reason]:
     """Return what a reader must know: why there is no effect, doubts, cautions, areas left out, what must hold."""
     notes = [] if found.state == "ok" or found.reason is None else [found.reason]
-    notes += [Reason("redesign.doubt", why=doubt) for doubt in found.doubts]
-    notes += [Reason("redesign.caution", why=caution) for caution in found.cautions]
+    notes += [Reason("logged_change.doubt", why=doubt) for doubt in found.doubts]
+    notes += [Reason("logged_change.caution", why=caution) for caution in found.cautions]
     if found.effect is not None:
-        notes.append(Reason("redesign.rises"))
-    notes += [Reason("redesign.left_out", area=area_id, why=why) for area_id, why in found.areas_left_out]
-    return [*notes, *found.notes, *(Reason("redesign.holds_if", what=what) for what in found.assumptions)]
+        notes.append(Reason("logged_change.rises"))
+    notes += [Reason("logged_change.left_out", area=area_id, why=why) for area_id, why in found.areas_left_out]
+    return [*notes, *found.notes, *(Reason("logged_change.holds_if", what=what) for what in found.assumptions)]
 
 
 def _effects(found: BeforeAfterFigure) -> Iterable[Row]:
@@ -191,11 +191,11 @@ def _effects(found: BeforeAfterFigure) -> Iterable[Row]:
             continue
         trend, change = effect.trend, relative(effect, reason=_FEW)
         placebo = [theta - 1 for theta in effect.placebo]
-        few = Reason("redesign.no_placebo")
+        few = Reason("logged_change.no_placebo")
         yield {
             "effect": name,
             "effect_change": change,
-            "shrunken_change": relative(effect.shrunken, reason=Reason("redesign.not_shrunken")),
+            "shrunken_change": relative(effect.shrunken, reason=Reason("logged_change.not_shrunken")),
             **{f"by_{part}": _range(change, effect, part) for part in _RANGES},
             "placebo_least": known(min(placebo, default=None), few),
             "placebo_most": known(max(placebo, default=None), few),
@@ -210,7 +210,7 @@ def _range(change: Value, effect: BeforeAfter, part: str) -> Value:
     """Return an effect with one of the ranges that its own is made of, or why there is none."""
     lo, hi = getattr(effect, f"{part}_lo"), getattr(effect, f"{part}_hi")
     if change.value is None or lo is None or hi is None:
-        return Value.missing(change.reason or Reason(f"redesign.no_{part}"))
+        return Value.missing(change.reason or Reason(f"logged_change.no_{part}"))
     return Value(change.value, lo - 1, hi - 1)
 
 
@@ -218,11 +218,11 @@ def _so_far(found: BeforeAfterFigure) -> Iterable[Row]:
     so_far: RunningVerdict | None = found.running
     if so_far is None:
         return
-    reason = so_far.reason or Reason("redesign.any_effect")
+    reason = so_far.reason or Reason("logged_change.any_effect")
     beside_all = Value.missing(so_far.reason or _FEW)
     if so_far.all_value is not None:
         all_lo, all_hi = (None if n is None else n - 1 for n in (so_far.all_lo, so_far.all_hi))
-        no_range = Reason("redesign.any_effect") if all_lo is None and all_hi is None else None
+        no_range = Reason("logged_change.any_effect") if all_lo is None and all_hi is None else None
         beside_all = Value(so_far.all_value - 1, all_lo, all_hi, reason=no_range)
     without = [theta - 1 for theta in so_far.without if theta is not None]
     yield {
@@ -263,12 +263,12 @@ def _places(found: BeforeAfterFigure) -> Iterable[Row]:
         ("comparison", found.comparison, None),
         ("around", None if near is None else near.encounter_rate, None if near is None else near.people),
     )
-    itself = Reason("redesign.itself")
+    itself = Reason("logged_change.itself")
     for place, rate, people in places:
         if rate is None:
             continue
         beside = found.effect if place == "area" else near.effect if near and place == "around" else None
-        why_none = itself if place == "comparison" else Reason("redesign.alone")
+        why_none = itself if place == "comparison" else Reason("logged_change.alone")
         yield {
             "place": place,
             "place_rate_change": relative(rate, reason=_FEW),

@@ -96,9 +96,9 @@ def running(data: FloorHours, area: Area, others: Sequence[Area], windows: Windo
         return None
     left = left_alone(data, others, windows)
     if not left:
-        return no_verdict(Reason("redesign.no_comparison"))
+        return no_verdict(Reason("logged_change.no_comparison"))
     if _is_recalibrated(data, (area, *left), windows.trend[0], windows.watched[1]):
-        return no_verdict(Reason("redesign.not_alike"))
+        return no_verdict(Reason("logged_change.not_alike"))
     places = [a.area_id for a in (area, *left)]
     before, after = (area_weeks(data, places, span) for span in (windows.trend, windows.watched))
     return verdict_of_weeks(before, after, confidence=data.site.settings.confidence)
@@ -166,16 +166,16 @@ def rests_on(found: RunningVerdict | None, left: Sequence[Area]) -> tuple[Reason
     It is a doubt where the area would not have changed, or the other way, beside the others.
     """
     if len(left) == 1:
-        return None, [Reason("redesign.one_area", area=left[0].name)]
+        return None, [Reason("logged_change.one_area", area=left[0].name)]
     if found is None or found.all_value is None:
         return None, []
     if (k := found.rests_on) is not None and (theta := found.without[k]) is not None:
         is_turned = found.unclear_without is not None and (theta < 1) != (found.all_value < 1)
-        code = "redesign.rests_wholly" if is_turned else "redesign.rests_on"
+        code = "logged_change.rests_wholly" if is_turned else "logged_change.rests_on"
         why = Reason(code, area=left[k].name, without=theta - 1, beside=found.all_value - 1)
         return (why, []) if is_turned else (None, [why])
     if found.unclear_without is not None:
-        return None, [Reason("redesign.unclear_without", area=left[found.unclear_without].name)]
+        return None, [Reason("logged_change.unclear_without", area=left[found.unclear_without].name)]
     return None, []
 
 

@@ -101,8 +101,8 @@ def windows_of(
     n = min(n_before, n_after, weeks)
     if n < 1:
         side, days = ("before", end_before - first) if n_before < 1 else ("after", last - start_after)
-        why = Reason(f"redesign.week_{side}", days=max(0, days.days + 1))
-        return None, Reason("redesign.washout", reason=why, days=n_out) if n_out else why
+        why = Reason(f"logged_change.week_{side}", days=max(0, days.days + 1))
+        return None, Reason("logged_change.washout", reason=why, days=n_out) if n_out else why
     # an entry for the whole site moves the comparison areas as well: it is a caution, and ends no window
     own = [local_day(site, e) for e in read_log(site) if e != entry and e.area_id == area_id]
     earlier, later = max((d for d in own if d <= end_before), default=None), [d for d in own if d >= start_after]
@@ -133,7 +133,7 @@ def changed_areas(site: Site, first: date, last: date) -> dict[str, date]:
 def other_changes(site: Site, entry: LogEntry, area: Area, windows: Windows) -> list[Reason]:
     """Return what else the log says of the area in the weeks compared, as doubts."""
     return [
-        Reason("redesign.other_change", day=str(local_day(site, other)))
+        Reason("logged_change.other_change", day=str(local_day(site, other)))
         for other in _others(site, entry, windows)
         if other.area_id == area.area_id
     ]
@@ -152,7 +152,7 @@ def events_beside(site: Site, windows: Windows) -> list[Reason]:
 
     pairs = ((windows.before, windows.after), (windows.trend, windows.watched))
     return [
-        Reason("redesign.event", name=event.name, first=event.first, last=event.last)
+        Reason("logged_change.event", name=event.name, first=event.first, last=event.last)
         for event in site.calendar.events
         if any(abs(share(event, one) - share(event, other)) > EVENT_SHARE for one, other in pairs)
     ]
@@ -165,9 +165,11 @@ def changes_elsewhere(site: Site, entry: LogEntry, area: Area, windows: Windows)
     for other in _others(site, entry, windows):
         day = str(local_day(site, other))
         if other.area_id is None:
-            found.append(Reason("redesign.site_wide", day=day))
+            found.append(Reason("logged_change.site_wide", day=day))
         elif other.area_id != area.area_id:
-            found.append(Reason("redesign.change_elsewhere", day=day, area=names.get(other.area_id, other.area_id)))
+            found.append(
+                Reason("logged_change.change_elsewhere", day=day, area=names.get(other.area_id, other.area_id))
+            )
     return found
 
 

@@ -165,7 +165,7 @@ def plan_experiment(
     unknown = ExperimentPlan(area.area_id, area.name, effect, power, weeks_max)
     n_weeks = ((warehouse.last - warehouse.first).days + 1) // WEEK.days
     if n_weeks == 0 or not np.isfinite(data.violation_h).all():
-        why = Reason("redesign.week_before", days=(warehouse.last - warehouse.first).days + 1)
+        why = Reason("logged_change.week_before", days=(warehouse.last - warehouse.first).days + 1)
         return replace(unknown, reason=why if n_weeks == 0 else Reason("engine.no_positions"))
     known = (warehouse.last - n_weeks * WEEK + timedelta(days=1), warehouse.last)
 
@@ -176,12 +176,12 @@ def plan_experiment(
         n_weeks = min(n_weeks, days // WEEK.days)
         known = (warehouse.last - n_weeks * WEEK + timedelta(days=1), warehouse.last)
     if not chosen or n_weeks == 0:
-        few = Reason("redesign.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
-        reason = few if chosen else Reason("redesign.no_comparison")
+        few = Reason("logged_change.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
+        reason = few if chosen else Reason("logged_change.no_comparison")
         return replace(unknown, known=known, reason=reason, areas_left_out=tuple(left_out.items()))
     variation = variation_of(history_of(data, area, chosen, known), None)
     if variation is None:
-        reason = Reason("redesign.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
+        reason = Reason("logged_change.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
         return replace(unknown, known=known, reason=reason, areas_left_out=tuple(left_out.items()))
     ways = choices(variation, 1 + effect, power=power, weeks_max=weeks_max, confidence=site.settings.confidence)
     serve = [_served(data, area, other, known) for other in chosen]
@@ -204,7 +204,7 @@ def areas_that_serve(data: FloorHours, area: Area, days: Days) -> tuple[list[Are
     """
 
     def why_not(other: Area) -> Reason | None:
-        return None if data.violation_in(other.area_id).any() else Reason("redesign.nobody_there")
+        return None if data.violation_in(other.area_id).any() else Reason("logged_change.nobody_there")
 
     return comparison_areas(data, area, days, why_not=why_not)
 

@@ -41,7 +41,7 @@ HOURS: Final = 100.0
 """Gatherings are reported per so many recorded open hours."""
 N_TOP: Final = 5
 """Rows on a page; all gatherings are counted."""
-COUNTED: Final = {f"level.{name}": f"gatherings.{name}" for name in ("none_often", "events", "camera")}
+COUNTED: Final = {f"level.{name}": f"gatherings.{name}" for name in ("none_per_open_h", "events", "camera")}
 """Reasons of a rate that name violations: those of gatherings name gatherings."""
 PURGED: Final = Reason("purged.clusters")
 

@@ -73,18 +73,20 @@ def plan_answers(found: ExperimentPlan, site: Site, *, days: tuple[date, date], 
     floor_id = next(a.floor_id for a in site.areas if a.area_id == found.area_id)
     holds = HoldsFor(site.site_id, floor_id, *days, settings=site.settings.settings_id(), inputs=inputs)
     why = None if found.state == "ok" else lack(found.state, found.reason)
-    notes = tuple((None, Reason("redesign.cannot_serve", area=a, why=reason)) for a, reason in found.areas_left_out)
+    notes = tuple(
+        (None, Reason("logged_change.cannot_serve", area=a, why=reason)) for a, reason in found.areas_left_out
+    )
     choices: list[Row] = [
         {
             "weeks_before": way.weeks_before,
             "weeks_to_wait": way.weeks_to_wait,
-            "weeks_after": known(way.weeks_after, Reason("redesign.more_weeks", most=found.weeks_max)),
+            "weeks_after": known(way.weeks_after, Reason("logged_change.more_weeks", most=found.weeks_max)),
             "power_then": Value(way.power),
             "measured_then": Value(found.effect, way.theta_lo - 1, way.theta_hi - 1),
         }
         for way in found.choices
     ]
-    few = Reason("redesign.few_weeks_alike")
+    few = Reason("logged_change.few_weeks_alike")
     serve: list[Row] = [
         {
             "area_id": area.area_id,
@@ -114,7 +116,7 @@ def plans_answer(plans: Sequence[Plan], site: Site, *, today: date) -> Answer:
             "planned_change": Value(plan.effect),
             "power_asked": Value(plan.power),
             "weeks_before": plan.weeks_before,
-            "weeks_after": known(plan.weeks_after, Reason("redesign.never_clear")),
+            "weeks_after": known(plan.weeks_after, Reason("logged_change.never_clear")),
             "power_then": Value(plan.power_then),
             "measured_then": Value(plan.effect, plan.theta_lo - 1, plan.theta_hi - 1),
             "first_date": plan.first,

@@ -24,7 +24,7 @@ from vsd_analytics.stats.rates import violation_rate
 
 NO_TRACK_IDS: Final = Reason("engine.no_track_ids")
 NOBODY: Final = Reason("nobody.on_camera")
-_OWN_WORDS: Final = frozenset({"level.none_often", "level.events", "level.camera"})
+_OWN_WORDS: Final = frozenset({"level.none_per_open_h", "level.events", "level.camera"})
 """Reasons of a rate that name what is counted: visits have them under their own code."""
 _VISITS: Final = """
 select

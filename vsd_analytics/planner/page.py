@@ -307,7 +307,7 @@ def _grid_meta(data: PlannerData, grid: cell_counts.CellGrid) -> dict[str, Any]:
 def _place_meta(data: PlannerData, index: int, row: PlaceRow) -> dict[str, Any]:
     hidden = [w.hidden.get(index) if w is not None else None for w in (data.week, data.before)]
     changes: dict[str, Any] = {}
-    measured = {"often": row.violation_rate, "close": row.close_time_share, "risky": row.encounter_rate}
+    measured = {"violationRate": row.violation_rate, "close": row.close_time_share, "encounterRate": row.encounter_rate}
     if data.before is not None and data.why_not_compared is None and not any(hidden):
         changes = {name: _change_meta(estimate) for name, estimate in measured.items()}
     return {

@@ -231,17 +231,17 @@ def _limits(log_theta: float, half: float | None) -> tuple[float | None, float |
 
 def _refusal(b: PeriodDays, a: PeriodDays, *, min_days: int, min_events: int, min_exposure_h: float) -> Reason | None:
     if not b.n_areas:
-        return Reason("redesign.no_comparison")
+        return Reason("logged_change.no_comparison")
     for name, period in (("before", b), ("after", a)):
         if len(period.n) < min_days:
-            return Reason(f"redesign.days_{name}", least=min_days, has=len(period.n))
+            return Reason(f"logged_change.days_{name}", least=min_days, has=len(period.n))
         if period.x_h.sum() < min_exposure_h:
-            return Reason(f"redesign.person_hours_{name}", least=min_exposure_h, has=float(period.x_h.sum()))
+            return Reason(f"logged_change.person_hours_{name}", least=min_exposure_h, has=float(period.x_h.sum()))
         is_before, least = period is b, min_events if period is b else 1
         if is_before and (period.n_events < least or not period.n.any()):
-            return Reason("redesign.events_before", least=least, has=period.n_events)
+            return Reason("logged_change.events_before", least=least, has=period.n_events)
         if period.n_comparison_events < least or not period.comparison_n.any():
-            return Reason(f"redesign.comparison_events_{name}", least=least, has=period.n_comparison_events)
+            return Reason(f"logged_change.comparison_events_{name}", least=least, has=period.n_comparison_events)
     return None
 
 

@@ -89,7 +89,7 @@ def verdict_of_weeks(before: AreaWeeks, after: AreaWeeks, *, confidence: float =
     if (reason := too_few_weeks(m, n)) is not None:
         return no_verdict(reason, m, n)
     if not b.n[0].any():
-        return no_verdict(Reason("redesign.events_before", least=1, has=0), m, n)
+        return no_verdict(Reason("logged_change.events_before", least=1, has=0), m, n)
     each = range(1, len(b.n))
     kept = [[0, *(j for j in each if j != k)] for k in each]
     half = _spread(b, a, confidence=confidence) if each else None

@@ -113,11 +113,11 @@ def net_effect(
         raise ValueError("both periods must have the same places")
     m, n = len(x_b), len(x_a)
     if m < MIN_REFERENCE_WEEKS:
-        return _refused(Reason("redesign.reference_weeks", least=MIN_REFERENCE_WEEKS, has=m), m, n)
+        return _refused(Reason("logged_change.reference_weeks", least=MIN_REFERENCE_WEEKS, has=m), m, n)
     if n == 0:
-        return _refused(Reason("redesign.week_after", days=0), m, n)
+        return _refused(Reason("logged_change.week_after", days=0), m, n)
     if not n_b.any():
-        return _refused(Reason("redesign.floor_without"), m, n)
+        return _refused(Reason("logged_change.floor_without"), m, n)
     rates_b, rates_a = n_b.sum(axis=1) / x_b.sum(), n_a.sum(axis=1) / x_a.sum()
     before, after = float(rates_b.sum()), float(rates_a.sum())
     logs_b, logs_a = _log_rates((n_b, x_b), (n_a, x_a))

@@ -173,7 +173,9 @@ def level(
     if n_events == 0:
         least_h = float(counts.x.sum(axis=1).min())
         hi = zero_events_limit(confidence=confidence) / least_h
-        reason = Reason("level.none_often" if kind == "violation_rate" else "level.none_risky", hours=least_h)
+        reason = Reason(
+            "level.none_per_open_h" if kind == "violation_rate" else "level.none_per_person_h", hours=least_h
+        )
         return replace(_without_interval(counts, 0.0, reason), lo=0.0, hi=hi, state="ok")
     if n_events < MIN_EVENTS:
         return _without_interval(counts, rate, Reason("level.events", least=MIN_EVENTS, has=n_events))

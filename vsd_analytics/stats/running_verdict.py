@@ -140,8 +140,8 @@ def running_verdict(
 def too_few_weeks(m: int, n: int, *, min_reference_weeks: int = MIN_REFERENCE_WEEKS) -> Reason | None:
     """Return why m reference weeks and n weeks since a change give no verdict, or None."""
     if m < min_reference_weeks:
-        return Reason("redesign.reference_weeks", least=min_reference_weeks, has=m)
-    return None if n else Reason("redesign.week_after", days=0)
+        return Reason("logged_change.reference_weeks", least=min_reference_weeks, has=m)
+    return None if n else Reason("logged_change.week_after", days=0)
 
 
 def no_verdict(reason: Reason, n_reference: int = 0, n_weeks: int = 0) -> RunningVerdict:

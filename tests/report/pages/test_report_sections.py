@@ -49,7 +49,7 @@ def seen(page: str) -> str:
 @pytest.mark.parametrize("width", [WIDE, NARROW])
 def test_weeks_are_never_joined_over_a_gap_and_start_at_zero(width: int) -> None:
     trend = sections.trend(weeks.normal())
-    drawing = chart(trend, "often", width=width, label="weeks")
+    drawing = chart(trend, "violation_rate", width=width, label="weeks")
     assert drawing.count('class="tl"') == 10 - 1 - 2  # nine steps, less the two beside the gap
     assert drawing.count('class="tg"') == 1
     assert drawing.count("<circle") == 9
@@ -60,7 +60,7 @@ def test_weeks_are_never_joined_over_a_gap_and_start_at_zero(width: int) -> None
 
 def test_a_higher_week_is_drawn_higher_and_by_the_same_scale() -> None:
     trend = sections.trend(weeks.normal())
-    drawing = chart(trend, "often", width=WIDE, label="weeks")
+    drawing = chart(trend, "violation_rate", width=WIDE, label="weeks")
     y = [float(v) for v in re.findall(r'<circle[^>]*cy="([\d.]+)"', drawing)]
     values = [w.violation_rate.value for w in trend.weeks if w.violation_rate is not None]
     zero = float(re.findall(r'class="zero"[^>]*y1="(\d+)"', drawing)[0])
@@ -74,26 +74,28 @@ def test_a_change_is_marked_where_it_lies_in_its_week() -> None:
     sunday = replace(trend.marks[1], at=datetime(2026, 11, 15, 23, 0, tzinfo=weeks.ROME))
 
     def x(mark: m.TrendMark) -> int:
-        drawing = chart(replace(trend, marks=(mark,)), "often", width=WIDE, label="weeks")
+        drawing = chart(replace(trend, marks=(mark,)), "violation_rate", width=WIDE, label="weeks")
         return int(re.findall(r'class="tm"[^>]*x1="(\d+)"', drawing)[0])
 
-    dots = [int(v) for v in re.findall(r'<circle[^>]*cx="(\d+)"', chart(trend, "often", width=WIDE, label="weeks"))]
+    dots = [
+        int(v) for v in re.findall(r'<circle[^>]*cx="(\d+)"', chart(trend, "violation_rate", width=WIDE, label="weeks"))
+    ]
     assert dots[-2] < x(monday) < dots[-1] < x(sunday)
 
 
 def test_a_whisker_that_would_flatten_all_others_is_cut_with_an_arrow() -> None:
     trend = sections.trend(weeks.normal())
     wild = replace(trend.weeks[0], violation_rate=m.Estimate(value=139.0, lo=20.0, hi=9000.0))
-    drawing = chart(replace(trend, weeks=(wild, *trend.weeks[1:])), "often", width=WIDE, label="weeks")
+    drawing = chart(replace(trend, weeks=(wild, *trend.weeks[1:])), "violation_rate", width=WIDE, label="weeks")
     assert drawing.count('class="tn" fill="#1b2430"') == 1
     assert "9,000" not in drawing
 
 
 def test_the_small_line_is_broken_at_the_gap_and_absent_with_two_weeks() -> None:
     trend = sections.trend(weeks.normal())
-    assert len(re.findall(r'd="([^"]*)"', spark(trend, "often"))[0].split("M")) == 3
-    assert spark(sections.trend(weeks.normal(), n=2), "often") == ""
-    assert spark(None, "risky") == ""
+    assert len(re.findall(r'd="([^"]*)"', spark(trend, "violation_rate"))[0].split("M")) == 3
+    assert spark(sections.trend(weeks.normal(), n=2), "violation_rate") == ""
+    assert spark(None, "close") == ""
 
 
 @pytest.mark.parametrize(
@@ -108,12 +110,15 @@ def test_a_week_is_notable_by_the_range_of_the_weeks_before(value: float, said: 
     report = weeks.normal()
     level = replace(report.level, violation_rate=m.Estimate(value=value, lo=value - 10, hi=value + 10))
     report = replace(report, level=level)
-    assert page_sections.trend_title(replace(report, trend=sections.trend(report)), "often") == said
+    assert page_sections.trend_title(replace(report, trend=sections.trend(report)), "violation_rate") == said
 
 
 def test_before_four_weeks_there_is_no_usual_range() -> None:
     report = weeks.normal()
-    assert page_sections.trend_title(replace(report, trend=sections.trend(report, n=4)), "often") == "4 weeks so far"
+    assert (
+        page_sections.trend_title(replace(report, trend=sections.trend(report, n=4)), "violation_rate")
+        == "4 weeks so far"
+    )
     page = render_html(replace(report, trend=sections.trend(report, n=4)))
     assert "usual range" not in seen(page)
 

@@ -76,7 +76,7 @@ def test_without_a_target_there_is_no_line() -> None:
 def test_the_axis_reaches_the_target_and_only_one_chart_has_it(width: int) -> None:
     trend = with_target(Target(value=1000.0, position="below")).trend
     assert trend is not None
-    assert ">1,000</text>" in chart(trend, "often", width=width, label="")
+    assert ">1,000</text>" in chart(trend, "violation_rate", width=width, label="")
     assert 'class="tt1"' not in chart(trend, "close", width=width, label="")
 
 

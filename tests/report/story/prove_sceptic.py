@@ -42,7 +42,7 @@ PARTS: Mapping[str, tuple[str, ...]] = {
     "key figures": ("tiles.",),
     "titles": ("titles.", "when.unusual", "contributions.title", "trend.", "next.", "nothing."),
     "cards": ("spots.", "ask."),
-    "ledger": ("ledger.", "came_of."),
+    "ledger": ("logged_changes.", "came_of."),
     "answers": ("came_of.",),
     "planner": ("planner.log.", "came_of."),
 }
@@ -197,8 +197,8 @@ def _by_verdict(report: WeekReport) -> Iterator[Said]:
         for kind, e in kinds:
             if e is not None and e.change is not None and change.state == "ok" and change.effect is not None:
                 name = f"{change.area_name} {kind}"
-                yield said("redesigns", f"redesign.{kind}.{e.verdict}", name, estimate=e, change=change)
-                yield said("redesigns", f"redesign.{kind}.range", name, estimate=e, change=change)
+                yield said("redesigns", f"change_effects.{kind}.{e.verdict}", name, estimate=e, change=change)
+                yield said("redesigns", f"change_effects.{kind}.range", name, estimate=e, change=change)
 
 
 @dataclass

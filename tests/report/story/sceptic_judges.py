@@ -400,7 +400,7 @@ def since_range(said: Said, truth: Truth) -> bool | None:
 
 def on_floor(said: Said, truth: Truth) -> bool | None:
     """Judge what is said of the whole floor since an entry."""
-    verdict, net = said.key.removeprefix("ledger.floor_"), said.change.net if said.change is not None else None
+    verdict, net = said.key.removeprefix("logged_changes.floor_"), said.change.net if said.change is not None else None
     true = truth.effect(None)
     return both(allows(verdict, true), covers(net, true))
 
@@ -550,12 +550,12 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "things.not_compared*": not_compared,
     "things.weak_camera": same_recorded,
     "things.not_counted": never,
-    "things.no_often": never,
+    "things.no_violation_rate": never,
     "things.no_risk": never,
     "things.inferred*": never,
     "question.rose": of_area("clear_rise"),
     "again.rose": of_area("clear_rise"),
-    "tiles.often.*": by_word,
+    "tiles.violation_rate.*": by_word,
     "tiles.close.*": by_word,
     "tiles.usual": usual_range,
     "tiles.in_that_hour*": busiest_day,
@@ -583,14 +583,14 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "trend.left_out": is_silent,
     "trend.left_out_little": is_silent,
     "trend.one": is_first,
-    "ledger.works": both_of(works, since_range),
-    "ledger.moved": moved,
-    "ledger.fell": both_of(since("clear_fall"), since_range),
-    "ledger.doubtful": both_of(since("clear_fall"), since_range),
-    "ledger.rose": both_of(since("clear_rise"), since_range),
-    "ledger.about_same": both_of(since("about_same"), since_range),
-    "ledger.cannot_tell": since_range,
-    "ledger.floor_*": on_floor,
+    "logged_changes.works": both_of(works, since_range),
+    "logged_changes.moved": moved,
+    "logged_changes.fell": both_of(since("clear_fall"), since_range),
+    "logged_changes.doubtful": both_of(since("clear_fall"), since_range),
+    "logged_changes.rose": both_of(since("clear_rise"), since_range),
+    "logged_changes.about_same": both_of(since("about_same"), since_range),
+    "logged_changes.cannot_tell": since_range,
+    "logged_changes.floor_*": on_floor,
     "came_of.works": both_of(works, since_range),
     "came_of.works_none": both_of(works, since_range),
     "came_of.moved": moved,
@@ -607,8 +607,8 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "planner.log.rose": since("clear_rise"),
     "planner.log.about_same": since("about_same"),
     "planner.log.cannot_tell": since_range,
-    "redesign.*.range": redesign_range,
-    "redesign.*.*": redesign_word,
+    "change_effects.*.range": redesign_range,
+    "change_effects.*.*": redesign_word,
 }  # fmt: skip
 WORKED: Final = ("*.works*", "*.moved*", "headline.after")
 """Keys that lay a change to what was done: none of these may claim too much."""
@@ -620,7 +620,7 @@ SPOKEN: Final = (
     "floor.*",
     "tiles.*",
     "spots.level",
-    "redesign.*",
+    "change_effects.*",
 )
 """Keys of `JUDGES` that are no entry of the catalogue, by how they begin."""
 
@@ -631,7 +631,7 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "headline.after_area": "part of `headline.after`, which is judged",
     "headline.since": "names the week before",
     "headline.on_day": "names a day",
-    "ledger.others": "title of the entries without a result",
+    "logged_changes.others": "title of the entries without a result",
     "reason.*": "says why a figure is missing",
     "lead.people_came": _DEFINITION,
     "lead.close_share": _DEFINITION,
@@ -656,8 +656,8 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "headline.changed": "stands where no size is known",
     "things.title_*": "a heading",
     "things.enough_part": "says of which hours it speaks",
-    "ledger.title": "a heading",
-    "ledger.sub": _DEFINITION,
+    "logged_changes.title": "a heading",
+    "logged_changes.sub": _DEFINITION,
     "spots.busiest_recorded": "names the cards",
     "spots.title": "a heading",
     "spots.two": "a number",
@@ -724,15 +724,15 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "when.unusual_why": _ASKS,
     "when.unusual_sub": _DEFINITION,
     "trend.too_few": "says what a trend needs",
-    "trend.often": "joins a measure and its title, which is judged",
+    "trend.violation_rate": "joins a measure and its title, which is judged",
     "trend.close": "joins a measure and its title, which is judged",
     "next.why": _ASKS,
-    "ledger.too_early": _ASKS,
-    "ledger.until": "a date",
+    "logged_changes.too_early": _ASKS,
+    "logged_changes.until": "a date",
     "spots.excess_little": "less than a minute, of no consequence",
-    "ledger.fewer": "part of a range that is judged",
-    "ledger.more": "part of a range that is judged",
-    "ledger.none": "part of a range that is judged",
+    "logged_changes.fewer": "part of a range that is judged",
+    "logged_changes.more": "part of a range that is judged",
+    "logged_changes.none": "part of a range that is judged",
     "came_of.none": "part of a range that is judged",
     "came_of.took_up*": "who took people up, who do not move in these worlds",
     "came_of.nobody_took_up": "no clear change is claimed",

@@ -113,7 +113,7 @@ def test_what_came_of_a_change_is_its_outcome_with_its_range_and_who_took_people
         ),
         (change("alone", *FALL), "Cannot tell: no other area was left alone"),
         (change("too_early", *FALL, running=None), "Cannot tell yet."),
-        (change("too_early", *FALL, state="not_enough_data", reason=Reason("redesign.nobody_there")), "No result"),
+        (change("too_early", *FALL, state="not_enough_data", reason=Reason("logged_change.nobody_there")), "No result"),
     ],
 )
 def test_the_planner_says_of_a_change_what_the_page_says(made: m.LoggedChangeEffect, begins: str) -> None:

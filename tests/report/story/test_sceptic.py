@@ -137,8 +137,8 @@ def test_a_false_success_is_seen_wherever_it_is_said(tmp_path: Path) -> None:
         "things.works",
         "came_of.works",
         "planner.log.works",
-        "ledger.works",
-        "redesign.running.clear_fall",
+        "logged_changes.works",
+        "change_effects.running.clear_fall",
     } <= wrong
 
 

@@ -38,7 +38,7 @@ def changes(inputs: FigureInputs) -> tuple[Answer, ...]:
     """
     found = inputs.found.change_effects
     if not found:
-        none = Value.missing(Reason("redesign.none"))
+        none = Value.missing(Reason("logged_change.none"))
         return (inputs.list_answer("changes", CHANGES, (), nothing=none),)
     notes = [
         (k, Reason("joined", reasons=reasons))
@@ -55,7 +55,7 @@ def _change(inputs: FigureInputs, found: BeforeAfterFigure) -> Row:
     effect = found.effect
     shrunken = None if effect is None else effect.shrunken
     violation_rate = found.violation_rate
-    alone = Reason("redesign.alone")
+    alone = Reason("logged_change.alone")
     return {
         "entry": found.number,
         "at": found.at,

@@ -20,7 +20,7 @@ from vsd_analytics.figures.week.model_sections import Trend, TrendMark, TrendWee
 from vsd_analytics.report.draw.svg import ACCENT, BAND, HATCH, INK, MUTED, RULE, WHITE, Look, chart_text, drawing, el
 from vsd_analytics.wording import format as fmt
 
-Measure = Literal["often", "close"]
+Measure = Literal["violation_rate", "close"]
 WIDE: Final = 720
 NARROW: Final = 356
 """Two drawings of one chart, so that its letters keep their size on a phone."""
@@ -67,7 +67,9 @@ def chart(trend: Trend, measure: Measure, *, width: int, label: str) -> Markup:
     weeks = trend.weeks
     values = [known(w, measure) for w in weeks]
     target = (
-        trend.target_violation_rate.value if measure == "often" and trend.target_violation_rate is not None else None
+        trend.target_violation_rate.value
+        if measure == "violation_rate" and trend.target_violation_rate is not None
+        else None
     )
     most = max((e.value or 0.0 for e in values if e is not None), default=0.0)
     ends = [min(e.hi or 0.0, WHISKER_MAX * most) for e in values if e is not None]
@@ -75,7 +77,7 @@ def chart(trend: Trend, measure: Measure, *, width: int, label: str) -> Markup:
     step = _step(highest)
     n_steps = max(1, math.ceil(highest / step - 1e-9))
     axes = _Axes(width, len(weeks), step * n_steps)
-    usual = trend.usual_violation_rate if measure == "often" else trend.usual_close
+    usual = trend.usual_violation_rate if measure == "violation_rate" else trend.usual_close
     parts = [] if usual is None else [_usual(axes, usual)]
     parts += [_grid(axes, step * k, measure) for k in range(n_steps + 1)]
     parts += [] if target is None else _target(axes, target, beside=values[-1])
@@ -111,7 +113,7 @@ def spark(trend: Trend | None, measure: Measure) -> Markup:
 
 def known(week: TrendWeek, measure: Measure) -> Estimate | None:
     """Return what a week measured of violations or of time too close; None where it has no value."""
-    found = week.violation_rate if measure == "often" else week.close
+    found = week.violation_rate if measure == "violation_rate" else week.close
     return found if found is not None and found.value is not None else None
 
 
@@ -144,7 +146,7 @@ def _grid(axes: _Axes, value: float, measure: Measure) -> Markup:
     style, stroke = ("zero", INK) if value == 0 else ("ax", RULE)
     line = el("line", class_=style, stroke=stroke, x1=LEFT, x2=axes.width - RIGHT, y1=y, y2=y)
     plain = fmt.number(value) if value >= 10 or value == 0 else fmt.plain(value)
-    return line + chart_text(plain if measure == "often" else f"{value:.0%}", LEFT - 8, y + 4, anchor="end")
+    return line + chart_text(plain if measure == "violation_rate" else f"{value:.0%}", LEFT - 8, y + 4, anchor="end")
 
 
 def _week_labels(axes: _Axes, weeks: Sequence[TrendWeek]) -> list[Markup]:
@@ -209,6 +211,6 @@ def _dots(
         ring: Look = {"stroke": INK, "stroke_width": 1.6, "stroke_dasharray": "2 2" if is_other[i] else None}
         parts.append(el("circle", class_=style, fill=fill, **ring, cx=x, cy=round(y, 1), r=r))
         if is_last:
-            said = fmt.number(e.value) if measure == "often" else fmt.percent(e.value)
+            said = fmt.number(e.value) if measure == "violation_rate" else fmt.percent(e.value)
             parts.append(chart_text(said, x + 13, y + 5, anchor="start", class_="tv", font_weight="700"))
     return parts

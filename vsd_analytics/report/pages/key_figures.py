@@ -124,7 +124,7 @@ def _between(report: WeekReport) -> str:
 
 
 def _violation_rate(report: WeekReport) -> Tile:
-    violation_rate, title = report.level.violation_rate, say("tiles.often")
+    violation_rate, title = report.level.violation_rate, say("tiles.violation_rate")
     if violation_rate.value is None:
         value = say("tiles.not_measurable") if violation_rate.state == "not_measurable" else say("tiles.too_few")
         return Tile(title=title, value=value, note=sentences([reason_text(violation_rate.reason)]), is_wordy=True)
@@ -139,7 +139,7 @@ def _violation_rate(report: WeekReport) -> Tile:
         delta=delta,
         direction=direction,
         also=_between(report),
-        line=spark(report.trend, "often"),
+        line=spark(report.trend, "violation_rate"),
     )
 
 
@@ -207,7 +207,7 @@ def _rough(report: WeekReport) -> Tile:
     violation_rate = report.level.violation_rate
     is_known = violation_rate.value is not None
     return Tile(
-        title=say("tiles.often"),
+        title=say("tiles.violation_rate"),
         unit=say("tiles.violations_per_recorded_hour") if is_known else "",
         value=say("tiles.about", rate=fmt.number(violation_rate.value)) if is_known else say("tiles.too_little"),
         note=sentences([reason_text(violation_rate.reason) or say("tiles.rough")]),
@@ -219,7 +219,7 @@ def _none(report: WeekReport) -> Tile:
     violation_rate = report.level.violation_rate
     note = say("tiles.fewer_than", rate=fmt.one_in(violation_rate.hi)) if violation_rate.hi else ""
     unit = say("tiles.violations_per_open_hour")
-    return Tile(title=say("tiles.often"), unit=unit, value="0", note=sentences([note]))
+    return Tile(title=say("tiles.violation_rate"), unit=unit, value="0", note=sentences([note]))
 
 
 def _seen(report: WeekReport) -> Tile:

@@ -66,7 +66,7 @@ def result_words(line: LoggedChangeResult) -> str:
         return ""
     parts = [_in_area(line), _on_floor(line)]
     if line.watched_until is not None:
-        parts.append(say("ledger.until", date=fmt.date_short(line.watched_until)))
+        parts.append(say("logged_changes.until", date=fmt.date_short(line.watched_until)))
     return " ".join(part for part in parts if part)
 
 
@@ -80,7 +80,7 @@ def _in_area(line: LoggedChangeResult) -> str:
     n = fmt.count(_rounded(abs(line.avoided_min)))
     least, most = (fmt.count(_rounded(abs(end))) for end in (line.avoided_lo, line.avoided_hi))
     return say(
-        f"ledger.{line.outcome}",
+        f"logged_changes.{line.outcome}",
         least=least,
         most=most, n=n, low=low, high=high, usual=fmt.count(_rounded(line.usual_min or 0.0)),
         areas=terms.joined(line.compared_with), receivers=received(line),
@@ -94,15 +94,15 @@ def _on_floor(line: LoggedChangeResult) -> str:
     if line.outcome == "cannot_tell" and not is_clear:  # what nobody can tell of the area has not moved the floor
         return ""
     low, high = _minutes(line.floor_avoided_lo), _minutes(line.floor_avoided_hi)
-    return say(f"ledger.floor_{line.floor_verdict or 'cannot_tell'}", low=low, high=high)
+    return say(f"logged_changes.floor_{line.floor_verdict or 'cannot_tell'}", low=low, high=high)
 
 
 def _minutes(avoided: float) -> str:
     """Return an end of a range: 120 fewer, 80 more, no fewer."""
     n = _rounded(abs(avoided))
     if not n:
-        return say("ledger.none")
-    return say("ledger.fewer" if avoided > 0 else "ledger.more", n=fmt.count(n))
+        return say("logged_changes.none")
+    return say("logged_changes.fewer" if avoided > 0 else "logged_changes.more", n=fmt.count(n))
 
 
 def _rounded(minutes: float) -> float:

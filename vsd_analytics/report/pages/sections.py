@@ -116,7 +116,7 @@ def trend(report: WeekReport) -> TrendView | None:
         return None
     weeks = found.weeks
     panels = []
-    for measure in ("often", "close"):
+    for measure in ("violation_rate", "close"):
         n = sum(known(w, measure) is not None for w in weeks)
         if n >= 2:
             panels.append(_panel(report, measure))
@@ -161,7 +161,7 @@ def trend_title(report: WeekReport, measure: Measure) -> str:
     weeks = report.trend.weeks if report.trend is not None else ()
     if report.trend is None or not weeks or known(weeks[-1], measure) is None:
         return say("titles.trend_gap", week=report.week.number)
-    usual = report.trend.usual_violation_rate if measure == "often" else report.trend.usual_close
+    usual = report.trend.usual_violation_rate if measure == "violation_rate" else report.trend.usual_close
     if usual is None:
         if report.trend.holidays:
             return say("titles.trend_holiday", week=report.week.number)
@@ -211,15 +211,15 @@ def change_effects(report: WeekReport) -> BarTable | None:
         return None
     computed = [r for r in found if r.effect is not None and r.state == "ok"]
     limit = svg.change_limit(e for r in computed for _, e in _measured(r))
-    assumed = dict.fromkeys(say(f"redesign.assumes_{r.design}") for r in computed)
+    assumed = dict.fromkeys(say(f"change_effects.assumes_{r.design}") for r in computed)
     refused = [
-        say("redesign.refused", area=r.area_name, reason=terms.sentence(reason_text(r.reason)).rstrip("."))
+        say("change_effects.refused", area=r.area_name, reason=terms.sentence(reason_text(r.reason)).rstrip("."))
         for r in found
         if r not in computed
     ]
     return BarTable(
-        title=say("redesign.title"),
-        sub=say("redesign.sub", confidence=fmt.percent(report.rules.confidence)) if computed else "",
+        title=say("change_effects.title"),
+        sub=say("change_effects.sub", confidence=fmt.percent(report.rules.confidence)) if computed else "",
         axis=svg.change_axis(limit),
         rows=tuple(row for r in computed for row in _change_effect(r, limit)),
         notes=(*assumed, *refused),
@@ -314,7 +314,7 @@ def _panel(report: WeekReport, measure: Measure) -> TrendPanel:
         sub=sub
         + (
             _target(found.target_violation_rate)
-            if measure == "often" and found.target_violation_rate is not None
+            if measure == "violation_rate" and found.target_violation_rate is not None
             else ""
         ),
         wide=chart(found, measure, width=WIDE, label=label),
@@ -329,7 +329,7 @@ def _target(target: Target) -> str:
 
 
 def _row(week: TrendWeek) -> TrendRow:
-    violation_rate, close = known(week, "often"), known(week, "close")
+    violation_rate, close = known(week, "violation_rate"), known(week, "close")
     note = reason_text(week.reason)
     if week.missing:
         cameras = terms.joined(terms.camera_name(c) for c in week.missing)
@@ -357,7 +357,7 @@ def _range(e: Estimate | None, *, written: Callable[[float | None], str] = fmt.n
 def _differs(report: WeekReport) -> str:
     """Say why the week before reads otherwise in the comparison, where it does."""
     before = report.trend.weeks[-2] if report.trend is not None and len(report.trend.weeks) > 1 else None
-    violation_rate = known(before, "often") if before is not None else None
+    violation_rate = known(before, "violation_rate") if before is not None else None
     there = report.level.violation_rate.previous
     if violation_rate is None or there is None or fmt.number(violation_rate.value) == fmt.number(there):
         return ""
@@ -388,23 +388,30 @@ def _cause(found: Causes, distance: str) -> str:
 
 def _measured(found: LoggedChangeEffect) -> list[tuple[str, Estimate]]:
     """Return the figures that a change is judged by; encounters per person-hour (M7) rise where people stand less."""
-    figures = (("often", found.violation_rate), ("close", found.close), ("running", found.running), ("net", found.net))
+    figures = (
+        ("violation_rate", found.violation_rate),
+        ("close", found.close),
+        ("running", found.running),
+        ("net", found.net),
+    )
     return [(kind, e) for kind, e in figures if e is not None and (e.change is not None or kind != "running")]
 
 
 def _change_effect(found: LoggedChangeEffect, limit: float) -> tuple[BarRow, ...]:
     """Return what a change did: people who stay away make an area no riskier, so both how often and time too close."""
     n = found.n_weeks or 0
-    parts = [say(f"redesign.{found.design}", plural=n, n=n, areas=terms.joined(found.compared_with))]
+    parts = [say(f"change_effects.{found.design}", plural=n, n=n, areas=terms.joined(found.compared_with))]
     people = found.people
     if people is not None and people.change is not None:
         is_same = round(people.change * 100) == 0
         parts.append(
-            say("redesign.people_same") if is_same else say("redesign.people", change=fmt.fewer_more(people.change))
+            say("change_effects.people_same")
+            if is_same
+            else say("change_effects.people", change=fmt.fewer_more(people.change))
         )
     if found.doubts:
-        parts.append(say("redesign.doubt", doubts="; ".join(reason_text(d).rstrip(".") for d in found.doubts)))
-    about = say("redesign.what", area=found.area_name, date=fmt.date_short(found.at.date()))
+        parts.append(say("change_effects.doubt", doubts="; ".join(reason_text(d).rstrip(".") for d in found.doubts)))
+    about = say("change_effects.what", area=found.area_name, date=fmt.date_short(found.at.date()))
     rows = [BarRow(name=fmt.ended(found.text), note=" ".join([about, *parts]), is_head=True)]
     for kind, e in _measured(found):
         # a change has one verdict, the running one: other figures have their ranges
@@ -414,7 +421,7 @@ def _change_effect(found: LoggedChangeEffect, limit: float) -> tuple[BarRow, ...
         clear = clear and is_judged
         rows.append(
             BarRow(
-                name=say(f"redesign.{kind}"),
+                name=say(f"change_effects.{kind}"),
                 bar=svg.change_bar(e, limit=limit),
                 words=say("changed.clear", verdict=verdict, change=fmt.signed(e.change)) if clear else verdict,
                 detail=fmt.likely_signed(e) or reason_text(e.reason),

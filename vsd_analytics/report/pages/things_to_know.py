@@ -244,7 +244,9 @@ def _distrust(report: WeekReport) -> Thing:
         title = say("things.not_counted", plural=len(left_out), cameras=_named(left_out))
         return _doubt(title, terms.sentence(reason_text(left_out[0].not_counted)), "data")
     if report.level.violation_rate.state == "not_measurable":
-        return _doubt(say("things.no_often"), terms.sentence(reason_text(report.level.violation_rate.reason)), "about")
+        return _doubt(
+            say("things.no_violation_rate"), terms.sentence(reason_text(report.level.violation_rate.reason)), "about"
+        )
     apart = [c for c in report.coverage.cameras if c.not_compared is not None]
     if apart and report.state == "normal":
         title = say("things.not_compared", plural=len(apart), cameras=_named(apart))
