@@ -1,4 +1,4 @@
-"""The twelve tasks of docs/python.md: three lines at most, typed, and right by plain pandas over stored files."""
+"""The twelve tasks of docs/python.md: three lines at most, typed, and right by plain pandas over stored files; lists of violations by the relation behind the tables."""
 
 from __future__ import annotations
 

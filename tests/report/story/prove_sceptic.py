@@ -197,7 +197,8 @@ def _by_verdict(report: WeekReport) -> Iterator[Said]:
         for kind, e in kinds:
             if e is not None and e.change is not None and change.state == "ok" and change.effect is not None:
                 name = f"{change.area_name} {kind}"
-                yield said("redesigns", f"change_effects.{kind}.{e.verdict}", name, estimate=e, change=change)
+                if e.verdict is not None:
+                    yield said("redesigns", f"change_effects.{kind}.{e.verdict}", name, estimate=e, change=change)
                 yield said("redesigns", f"change_effects.{kind}.range", name, estimate=e, change=change)
 
 

@@ -400,7 +400,8 @@ def since_range(said: Said, truth: Truth) -> bool | None:
 
 def on_floor(said: Said, truth: Truth) -> bool | None:
     """Judge what is said of the whole floor since an entry."""
-    verdict, net = said.key.removeprefix("logged_changes.floor_"), said.change.net if said.change is not None else None
+    way, net = said.key.removeprefix("logged_changes.floor_"), said.change.net if said.change is not None else None
+    verdict = {"fewer": "clear_fall", "more": "clear_rise"}.get(way, "cannot_tell")
     true = truth.effect(None)
     return both(allows(verdict, true), covers(net, true))
 

@@ -126,7 +126,7 @@ def test_a_change_that_works_says_what_it_avoids_a_week_with_its_range() -> None
     words = result_words(
         line(
             outcome="works", usual_min=1868.3, avoided_min=1701.0, avoided_lo=1638.0, avoided_hi=1746.0,
-            compared_with=("Pharmacy",), floor_verdict="cannot_tell", floor_avoided_min=-317.0,
+            compared_with=("Pharmacy",), floor_avoided_min=-317.0,
             floor_avoided_lo=-1030.0, floor_avoided_hi=366.0,
         )
     )  # fmt: skip
@@ -154,10 +154,9 @@ def test_a_change_that_cannot_be_told_speaks_of_the_floor_only_where_that_is_cle
         "avoided_lo": -360.0,
         "avoided_hi": 279.0,
     }
-    floor = {"floor_avoided_min": 300.0, "floor_avoided_lo": 100.0, "floor_avoided_hi": 500.0}
-    assert "Whole floor: fewer" in result_words(line(**said, **floor, floor_verdict="clear_fall"))
-    for vague in ("about_same", "cannot_tell"):
-        assert "Whole floor" not in result_words(line(**said, **floor, floor_verdict=vague))
+    clear = {"floor_avoided_min": 300.0, "floor_avoided_lo": 100.0, "floor_avoided_hi": 500.0}
+    assert "Whole floor: fewer" in result_words(line(**said, **clear))
+    assert "Whole floor" not in result_words(line(**said, **{**clear, "floor_avoided_lo": -20.0}))
 
 
 def test_a_change_of_the_whole_site_claims_nothing() -> None:

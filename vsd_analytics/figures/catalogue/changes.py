@@ -16,8 +16,8 @@ CHANGES: Final = (
     Column("area_id", "fact"),
     Column("name", "fact"),
     Column("design", "fact"),
+    Column("outcome", "fact", "outcome"),
     Column("encounter_rate_ratio", "rate", "ratio", "M27"),
-    Column("encounter_rate_ratio_verdict", "fact"),
     Column("violation_rate_ratio", "rate", "ratio", "M27"),
     Column("placebo_lo", "rate", "ratio"),
     Column("placebo_hi", "rate", "ratio"),
@@ -32,8 +32,8 @@ CHANGES: Final = (
 def changes(inputs: FigureInputs) -> tuple[Answer, ...]:
     """Return what each logged change of the floor did to its area, beside areas that were left alone (M27).
 
-    Columns: violations per person-hour after over before, relative to the comparison areas where there are any, and
-    its verdict; the same of violations per open hour; the range of ratios without a change; the ratio shrunken towards
+    Columns: what may be said of it, the one verdict; violations per person-hour after over before, relative to the
+    comparison areas where there are any; the same of violations per open hour; the range of ratios without a change; the ratio shrunken towards
     1. Notes of a row: what speaks against it, and what it takes for granted.
     """
     found = inputs.found.change_effects
@@ -62,8 +62,8 @@ def _change(inputs: FigureInputs, found: BeforeAfterFigure) -> Row:
         "area_id": found.area_id,
         "name": found.area_name,
         "design": found.design,
+        "outcome": None if why else found.outcome,
         "encounter_rate_ratio": why or measured(ratio),
-        "encounter_rate_ratio_verdict": None if why or ratio is None else ratio.verdict,
         "violation_rate_ratio": why or measured(violation_rate),
         "placebo_lo": why or known(None if effect is None else effect.placebo_lo, alone),
         "placebo_hi": why or known(None if effect is None else effect.placebo_hi, alone),

@@ -83,7 +83,7 @@ def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffec
         measured |= {"effect": _change(found.effect or found.alone), "people": _change(found.people)}
         if is_held_back(data, found):
             why = data.mask.why if _is_few(found, data.mask) else GIVES_AWAY
-            hidden = Estimate(value=None, verdict="too_little_data", state="not_enough_data", reason=why)
+            hidden = Estimate(value=None, state="not_enough_data", reason=why)
             measured |= {"effect": hidden}
         else:
             is_known = found.violation_rate is not None and found.violation_rate.value is not None

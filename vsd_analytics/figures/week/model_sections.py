@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from datetime import date, datetime
 from typing import Literal
 
-from vsd_analytics.answer import Design, Outcome, Reason, State, Verdict
+from vsd_analytics.answer import Design, Outcome, Reason, State
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_estimate import described as _f
 from vsd_analytics.figures.week.model_estimate import optional as _o
@@ -298,8 +298,7 @@ class LoggedChangeResult:
     )  # fmt: skip
     avoided_lo: float | None = _o("Lower end of its range.", "person-minutes a week", "M27")
     avoided_hi: float | None = _o("Upper end of its range.", "person-minutes a week", "M27")
-    floor_verdict: Verdict | None = _o("What became of the whole floor, by itself.", metric="M27")
-    floor_avoided_min: float | None = _o("The same of the whole floor.", "person-minutes a week", "M27")
+    floor_avoided_min: float | None = _o("The same of the whole floor, by itself.", "person-minutes a week", "M27")
     floor_avoided_lo: float | None = _o("Lower end of its range.", "person-minutes a week", "M27")
     floor_avoided_hi: float | None = _o("Upper end of its range.", "person-minutes a week", "M27")
     n_watched: int | None = _o("Weeks since the change that were read.", "weeks", "M27")

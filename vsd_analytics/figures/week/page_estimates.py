@@ -28,15 +28,16 @@ def level(rate: RateEstimate | None, *, mask: Mask) -> Estimate | None:
 
 
 def change(ratio: ChangeEstimate | BeforeAfter | RunningVerdict | NetEffect) -> Estimate:
-    """Return a ratio as an estimate that has a change and no level."""
+    """Return a ratio as an estimate that has a change and no level; a change of the log has one verdict, the running one."""
+    verdict = ratio.verdict if isinstance(ratio, RunningVerdict) else None
     if ratio.value is None:
-        return Estimate(value=None, verdict="too_little_data", state=_missing(ratio.state), reason=ratio.reason)
+        return Estimate(value=None, verdict=verdict, state=_missing(ratio.state), reason=ratio.reason)
     return Estimate(
         value=None,
         change=ratio.value - 1,
         change_lo=None if ratio.lo is None else ratio.lo - 1,
         change_hi=None if ratio.hi is None else ratio.hi - 1,
-        verdict=ratio.verdict,
+        verdict=verdict,
         reason=ratio.reason if ratio.lo is None else None,
     )
 

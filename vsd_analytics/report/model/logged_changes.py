@@ -61,7 +61,6 @@ def _measured(data: WeekData, line: LoggedChangeResult, found: BeforeAfterFigure
         avoided_min=value,
         avoided_lo=lo,
         avoided_hi=hi,
-        floor_verdict=None if net is None else net.verdict,
         floor_avoided_min=whole,
         floor_avoided_lo=whole_lo,
         floor_avoided_hi=whole_hi,

@@ -88,13 +88,13 @@ def _in_area(line: LoggedChangeResult) -> str:
 
 
 def _on_floor(line: LoggedChangeResult) -> str:
-    if line.floor_avoided_lo is None or line.floor_avoided_hi is None:
+    lo, hi = line.floor_avoided_lo, line.floor_avoided_hi
+    if lo is None or hi is None:
         return ""
-    is_clear = line.floor_verdict in ("clear_fall", "clear_rise")
-    if line.outcome == "cannot_tell" and not is_clear:  # what nobody can tell of the area has not moved the floor
+    way = "fewer" if lo > 0 else "more" if hi < 0 else "either"
+    if line.outcome == "cannot_tell" and way == "either":  # what nobody can tell of the area has not moved the floor
         return ""
-    low, high = _minutes(line.floor_avoided_lo), _minutes(line.floor_avoided_hi)
-    return say(f"logged_changes.floor_{line.floor_verdict or 'cannot_tell'}", low=low, high=high)
+    return say(f"logged_changes.floor_{way}", low=_minutes(lo), high=_minutes(hi))
 
 
 def _minutes(avoided: float) -> str:
