@@ -1,4 +1,7 @@
-"""The twelve tasks of docs/python.md: three lines at most, typed, and right by plain pandas over stored files; lists of violations by the relation behind the tables."""
+"""The twelve tasks of docs/python.md: three lines at most, typed, and right by plain pandas over stored files.
+
+Violations are those of the relation behind the tables; what that has is tested in tests/sql and tests/invariances.
+"""
 
 from __future__ import annotations
 

@@ -32,8 +32,10 @@ RECTANGLE = (1, 1, 6, 6)
 READ = """hash => {
   history.replaceState(null, '', '#' + hash); dispatchEvent(new HashChangeEvent('hashchange'));
   const told = {};
-  for (const id of ['now-violationRate', 'now-close', 'now-encounterRate', 'change-violationRate', 'change-close', 'change-encounterRate'])
+  for (const row of ['now', 'change']) for (const kind of ['violationRate', 'close', 'encounterRate']) {
+    const id = `${row}-${kind}`;
     told[id] = {...document.getElementById(id).dataset};
+  }
   return told;
 }"""
 

@@ -22,7 +22,8 @@ from vsd_analytics.site.model import Site
 from vsd_analytics.wording.catalogue import say
 
 AT = """hash => { history.replaceState(null, '', '#' + hash); dispatchEvent(new HashChangeEvent('hashchange'));
-  return {said: document.getElementById('out').textContent, ...document.getElementById('now-violationRate').dataset}; }"""
+  const said = document.getElementById('out').textContent;
+  return {said, ...document.getElementById('now-violationRate').dataset}; }"""
 CHOSEN = "days=1101111&from=9&to=10"
 
 

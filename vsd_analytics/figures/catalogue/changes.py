@@ -33,8 +33,8 @@ def changes(inputs: FigureInputs) -> tuple[Answer, ...]:
     """Return what each logged change of the floor did to its area, beside areas that were left alone (M27).
 
     Columns: what may be said of it, the one verdict; violations per person-hour after over before, relative to the
-    comparison areas where there are any; the same of violations per open hour; the range of ratios without a change; the ratio shrunken towards
-    1. Notes of a row: what speaks against it, and what it takes for granted.
+    comparison areas where there are any; the same of violations per open hour; the range of ratios without a change;
+    the ratio shrunken towards 1. Notes of a row: what speaks against it, and what it takes for granted.
     """
     found = inputs.found.change_effects
     if not found:

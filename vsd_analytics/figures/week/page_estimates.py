@@ -28,7 +28,7 @@ def level(rate: RateEstimate | None, *, mask: Mask) -> Estimate | None:
 
 
 def change(ratio: ChangeEstimate | BeforeAfter | RunningVerdict | NetEffect) -> Estimate:
-    """Return a ratio as an estimate that has a change and no level; a change of the log has one verdict, the running one."""
+    """Return a ratio as an estimate that has a change and no level; only the running one has a verdict."""
     verdict = ratio.verdict if isinstance(ratio, RunningVerdict) else None
     if ratio.value is None:
         return Estimate(value=None, verdict=verdict, state=_missing(ratio.state), reason=ratio.reason)
