@@ -219,10 +219,9 @@ def before_after(
         if (why := _too_few(alone, site.settings)) is not None:
             return replace(made, reason=why)
         return replace(
-            made, state="ok", reason=None, design="alone", outcome="alone",
-            doubts=(Reason("logged_change.weak"), *doubts),
+            made, state="ok", reason=None, design="alone", outcome="alone", alone=alone, people=people,
+            doubts=(Reason("logged_change.weak"), *doubts), floor=floor_effect(data, area, windows),
             cautions=tuple(changes_elsewhere(site, entry, area, windows)),
-            floor=floor_effect(data, area, windows), alone=alone, people=people,
             neighbours=_neighbours(pair, area, []),
             areas_left_out=tuple(left_out.items()), assumptions=ASSUMPTIONS_ALONE, notes=notes,
         )  # fmt: skip
