@@ -14,11 +14,11 @@
 --   sends_pairs    the engine measures pairs itself
 -- figure: M29 Data quality
 --   definition   share of records without ids, seen twice, or without a place; lives of ids; lost messages; inferred time;
---                recalibrations; other rules; frame intervals
+--                recalibrations; other rules; frame intervals; cameras that lose or gain people beside their neighbours
 --   unit         list
 --   denominator  person records
 --   needs        always shown
---   uncertainty  none
+--   uncertainty  none; of the cameras' people a CUSUM of weeks
 --   by           vsd_analytics.figures.catalogue.recording.recording
 -- steps:
 --   seen      an engine that reports n_pairs sends pairs, also on a day without any

@@ -27,6 +27,7 @@ LAYOUTS: Final[dict[str, Layout]] = {
     "camera_outages": (TableLayout((*_WHEN, "open_h", "is_inferred")),),
     "message_gaps": (TableLayout((*_WHEN, "n_missing", "first_missing", "last_missing")),),
     "restarts": (TableLayout(_WHEN),),
+    "camera_watch": (TableLayout(("camera_id", "share_verdict", "since", "people_change")),),
 }
 
 
@@ -36,6 +37,9 @@ LAYOUTS: Final[dict[str, Layout]] = {
 @pass_project
 def coverage(project: Project, week: str | None, days: str | None, as_json: bool) -> None:
     """Print how much of the opening hours each camera recorded, and what is missing.
+
+    Cameras are watched over weeks, too: one that loses or gains people beside its neighbours is named. Either fewer
+    people were there, or fewer were detected.
 
     Of a week that is not over, hours that are not over count neither as recorded nor as missing. Text shows the last
     14 days and the first 20 gaps; JSON has all.

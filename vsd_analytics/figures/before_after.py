@@ -20,6 +20,7 @@ import shapely
 from vsd_analytics.answer import Design, Outcome, Reason, State
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import rates
+from vsd_analytics.figures.change_doubts import doubts_and_cautions
 from vsd_analytics.figures.change_outcome import outcome
 from vsd_analytics.figures.change_verdicts import (
     FloorEffect,
@@ -38,10 +39,7 @@ from vsd_analytics.figures.change_weeks import (
     WEEKS,
     Windows,
     changed_areas,
-    changes_elsewhere,
-    events_beside,
     log_entry,
-    other_changes,
     windows_of,
 )
 from vsd_analytics.figures.compare import span, why_not
@@ -210,7 +208,7 @@ def before_after(
         return replace(made, state=state, reason=why)
     since_trend = windows.trend[0], windows.after[1]
     chosen, left_out = comparison_areas(data, area, since_trend, why_not=partial(_why_no_comparison, pair))
-    doubts = [*other_changes(site, entry, area, windows), *events_beside(site, windows)]
+    doubts, elsewhere = doubts_and_cautions(data, entry, area, windows, cameras=_cameras(pair, area))
     place = pair.now.area(area.area_id)
     alone, people = rates.encounter_rate_change(pair, place), rates.change_people(pair, place)
     few = Reason("logged_change.stored", n=windows.n_weeks, weeks=weeks)
@@ -221,7 +219,7 @@ def before_after(
         return replace(
             made, state="ok", reason=None, design="alone", outcome="alone", alone=alone, people=people,
             doubts=(Reason("logged_change.weak"), *doubts), floor=floor_effect(data, area, windows),
-            cautions=tuple(changes_elsewhere(site, entry, area, windows)),
+            cautions=tuple(elsewhere),
             neighbours=_neighbours(pair, area, []),
             areas_left_out=tuple(left_out.items()), assumptions=ASSUMPTIONS_ALONE, notes=notes,
         )  # fmt: skip
@@ -246,7 +244,7 @@ def before_after(
     found = replace(
         made, state="ok", reason=None, is_credible=not doubts, doubts=tuple(doubts),
         cautions=_cautions(
-            burden or effect, whole, windows, [*unsteady, *changes_elsewhere(site, entry, area, windows)]
+            burden or effect, whole, windows, [*unsteady, *elsewhere]
         ),
         burden=burden, close=close, routes=_routes(burden, close), running=so_far,
         floor=whole, effect=effect, violation_rate=violation_rate, alone=alone,

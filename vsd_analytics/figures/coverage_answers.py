@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import date, datetime
+from datetime import date, datetime, timedelta
 from typing import Any, Final
 
 from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, Value
+from vsd_analytics.figures.camera_watch import WATCH, floor_watch, watch_notes, watch_rows
 from vsd_analytics.figures.operator_counts import coverage
-from vsd_analytics.site.model import Camera
+from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 
+DAY: Final = timedelta(days=1)
 CLOSED: Final = Reason("recorded.closed_then")
 NOT_THERE: Final = Reason("camera.not_there")
 _ANY_RECORDED: Final = "select 1 from camera_hours where recorded_s > 0 limit 1"
@@ -56,7 +58,8 @@ def coverage_answers(warehouse: Warehouse, *, until_ms: int | None = None) -> tu
 
     `recorded`: by camera, and of all where `camera_id` is null; `recorded_days`: by camera and day; `camera_outages`:
     open hours without data; `message_gaps`: messages that never arrived or are in quarantine, by the engine's running
-    numbers, from the last message before to the first after; `restarts` of its count, around which losses are unknown.
+    numbers, from the last message before to the first after; `restarts` of its count, around which losses are unknown;
+    `camera_watch`: which cameras lose or gain people beside their neighbours, in the half-year up to the last Sunday.
 
     Args:
         warehouse: The range.
@@ -98,7 +101,20 @@ def coverage_answers(warehouse: Warehouse, *, until_ms: int | None = None) -> tu
         ),
         _gaps(found, holds, is_recorded=bool(warehouse.rows(_ANY_RECORDED))),
         Answer("restarts", RESTARTS, restarts, holds),
+        _watched(site, warehouse.last if until is None else min(warehouse.last, until.date() - DAY), holds),
     )
+
+
+def _watched(site: Site, last: date, holds: HoldsFor) -> Answer:
+    """Return the watch on the cameras up to the last Sunday."""
+    sunday = last - (last.weekday() + 1) % 7 * DAY
+    rows: list[Row] = []
+    notes: list[tuple[int | None, Reason]] = []
+    for floor in site.floors:
+        found = floor_watch(site, floor, sunday)
+        notes += [(len(rows) + k, why) for k, why in watch_notes(found) if k is not None]
+        rows += [{"floor_id": floor.floor_id, **row} for row in watch_rows(found)]
+    return Answer("camera_watch", (Column("floor_id", "key"), *WATCH), tuple(rows), holds, notes=tuple(notes))
 
 
 def _gaps(found: Mapping[str, Any], holds: HoldsFor, *, is_recorded: bool) -> Answer:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from vsd_analytics.answer import Answer, Column, Reason, Row, Value
+from vsd_analytics.figures.camera_watch import WATCH, watch_notes, watch_rows
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.figures.values import known
@@ -60,8 +61,10 @@ def recording(inputs: FigureInputs) -> tuple[Answer, ...]:
     of the records (M29): their number, shares without an id, seen by two cameras and without a place, the median life
     of a track id, the share of ids that end inside the view and go on under another one, messages lost by the engine's
     numbers, cameras recalibrated since the week before, and purged hours computed by other rules. Of `outages`: which
-    cameras were silent, from when to when (M2).
+    cameras were silent, from when to when (M2). Of `camera_watch`: which cameras lose or gain people beside their
+    neighbours, since when (M29).
     """
+    watched = inputs.found.camera_watch
     outages: list[Row] = [
         {
             "outage": number,
@@ -76,6 +79,7 @@ def recording(inputs: FigureInputs) -> tuple[Answer, ...]:
     return (
         inputs.floor_answer("recording", RECORDING, {**_coverage(inputs), **_quality(inputs)}),
         inputs.list_answer("outages", OUTAGES, outages),
+        inputs.list_answer("camera_watch", WATCH, watch_rows(watched), *watch_notes(watched)),
     )
 
 

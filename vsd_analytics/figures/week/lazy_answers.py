@@ -23,6 +23,7 @@ from vsd_analytics.figures import (
 )
 from vsd_analytics.figures import hour_of_week as week_hours
 from vsd_analytics.figures import unusual as unusual_hours
+from vsd_analytics.figures.camera_watch import CameraWatch, floor_watch
 from vsd_analytics.figures.change_weeks import days_needed
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.share.weeks import revealing_spots
@@ -140,6 +141,14 @@ class LazyAnswers:
     def maps(self) -> maps.CellMaps:
         """The four maps of the week, by square metre (M16 to M19)."""
         return maps.cell_maps(self._long, floor=self._data.floor, cell_m=1.0, first=self._days[0], last=self._days[1])
+
+    @cached_property
+    def camera_watch(self) -> tuple[CameraWatch, ...]:
+        """Which cameras lose or gain people beside their neighbours, up to the last week that is over (M29)."""
+        monday = self._data.monday - timedelta(days=self._data.monday.weekday())
+        is_whole = self._data.is_week and self._data.not_over_ms is None
+        until = monday + WEEK if is_whole else monday
+        return floor_watch(self._data.site, self._data.floor, until - timedelta(days=1))
 
     @cached_property
     def person_time(self) -> person_time.PersonTime:

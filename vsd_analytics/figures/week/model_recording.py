@@ -44,6 +44,7 @@ class CameraRecord:
     )
     not_counted: Reason | None = _o("Why its violations cannot be counted, so that rates leave it out.")
     not_compared: Reason | None = _o("Why the comparison with the week before leaves it out.")
+    moved: Reason | None = _o("In words, that it loses or gains people beside its neighbours.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

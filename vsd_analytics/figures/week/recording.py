@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import date
 from itertools import groupby
 
 import numpy as np
 import shapely
 
+from vsd_analytics.figures.camera_watch import CameraWatch
 from vsd_analytics.figures.panels import Ints
 from vsd_analytics.figures.week.changes import not_compared
 from vsd_analytics.figures.week.data import WeekData
@@ -17,8 +19,14 @@ from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.warehouse.provenance import last_records
 
 
-def coverage(data: WeekData) -> Coverage:
-    """Return how much of the week's opening hours each camera recorded; hours that are not over are not among them."""
+def coverage(data: WeekData, watched: Sequence[CameraWatch] = ()) -> Coverage:
+    """Return how much of the week's opening hours each camera recorded; hours that are not over are not among them.
+
+    Args:
+        data: The week.
+        watched: What became of the cameras beside their neighbours.
+    """
+    moved = {c.camera_id: c.reason for c in watched if c.is_moved}
     now = np.flatnonzero(data.week_so_far())
     last = last_records(data.site, data.ids, until=data.sunday)
     left_out = not_compared(data)
@@ -42,6 +50,7 @@ def coverage(data: WeekData) -> Coverage:
                 last_record=last.get(camera.camera_id),
                 not_counted=data.not_counted.get(camera.camera_id),
                 not_compared=left_out.get(camera.camera_id),
+                moved=moved.get(camera.camera_id),
             )
         )
     scheduled_h, recorded_h = sum(c.scheduled_h for c in cameras), sum(c.recorded_h for c in cameras)

@@ -142,7 +142,7 @@ def _first_day(site: Site, monday: date) -> date:
 def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | None) -> WeekReport:
     site, settings = data.site, data.site.settings
     sent = engines(site, data.monday, data.sunday)
-    coverage = recording.coverage(data)
+    coverage = recording.coverage(data, found.camera_watch)
     is_alike = data.is_week or data.span % WEEK == timedelta()
     has_before = is_alike and bool(data.hours.recorded_s[:, data.week(data.monday - data.span)].any())
     has_before = has_before and data.hidden_before.why_floor != CHANGED  # people and times of it would tell the change

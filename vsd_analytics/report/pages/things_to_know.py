@@ -252,6 +252,10 @@ def _distrust(report: WeekReport) -> Thing:
         title = say("things.not_compared", plural=len(apart), cameras=_named(apart))
         text = say("things.not_compared_text", reason=terms.sentence(reason_text(apart[0].not_compared)))
         return _doubt(title, text, "changed")
+    moved = [c for c in report.coverage.cameras if c.moved is not None]
+    if moved and report.state == "normal":
+        title = say("things.moved_camera", plural=len(moved), cameras=_named(moved))
+        return _doubt(title, terms.sentence(reason_text(moved[0].moved)), "data")
     camera = weakest_camera(report)
     is_reported = (
         report.state != "normal" and len(report.coverage.cameras) == 1

@@ -35,6 +35,7 @@ from vsd_analytics.resources import shipped
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.reasons import reason_text
 
 WIDE = 1.8
 LETTER = "@page { size: letter; margin: 10mm 14mm 14mm }@media print { :root { --paper: 254.9mm } }"
@@ -294,6 +295,7 @@ def _messages(report: WeekReport) -> str:
         n_gaps = report.coverage.message_gaps
         gaps = say("data.gaps", plural=n_gaps, n=fmt.count(n_gaps))
         lines.append(say("data.messages", plural=n, n=fmt.count(n), gaps=gaps))
+    lines += [terms.sentence(reason_text(c.moved)) for c in report.coverage.cameras if c.moved is not None]
     if report.figures.keys() & _SHOWN_FROM_ANSWERS and not len(report.answers):
         lines.append(say("data.version_1"))
     return " ".join(lines)
