@@ -1,8 +1,8 @@
 -- name: facts/track_pairs
 -- One row per pair of tracks and UTC hour in which they were closer than distance_m: records, time, and first and last midpoint.
 -- grain: hour, camera_id, track_a, track_b
--- reads: pairs
--- params: distance_mm, together_mm
+-- reads: pairs, standing_tracks
+-- params: distance_mm, together_mm, company_window_ms
 -- columns:
 --   hour          UTC hour number
 --   camera_id
@@ -11,6 +11,7 @@
 --   n_records     violation records, also those another camera counts
 --   n_near        those at most together_m apart
 --   violation_ms  time the pair was in violation: sum of the weights of its records
+--   standing_ms   that in windows in which they stand in one company; null in hours sealed by older versions
 --   first_ms      first violation record with positions, milliseconds since 1970, UTC; null without any
 --   first_x2_mm   x_a + x_b of it: its midpoint is half of that
 --   first_y2_mm   y_a + y_b of it
@@ -26,11 +27,18 @@ with close as (
         greatest(p.track_a, p.track_b) as track_b,
         p.ts_ms,
         p.weight_ms,
+        case when a.group_id = b.group_id then p.weight_ms else 0 end as standing_ms,
         cast(p.x_a_mm + p.x_b_mm as bigint) as x2_mm,
         cast(p.y_a_mm + p.y_b_mm as bigint) as y2_mm,
         case when p.distance_mm <= s.together_mm then 1 else 0 end as is_near
     from pairs as p
     cross join params as s
+    left join standing_tracks as a
+        on
+            p.camera_id = a.camera_id
+            and cast(floor(p.ts_ms / s.company_window_ms) as bigint) * s.company_window_ms = a.window_ms
+            and p.track_a = a.track_id
+    left join standing_tracks as b on a.camera_id = b.camera_id and a.window_ms = b.window_ms and p.track_b = b.track_id
     where p.distance_mm < s.distance_mm and p.track_a <> p.track_b
 )
 
@@ -42,6 +50,7 @@ select
     count(*) as n_records,
     cast(sum(is_near) as bigint) as n_near,
     cast(sum(weight_ms) as bigint) as violation_ms,
+    cast(sum(standing_ms) as bigint) as standing_ms,
     min(ts_ms) filter (where x2_mm is not null) as first_ms,
     min_by(x2_mm, ts_ms) filter (where x2_mm is not null) as first_x2_mm,
     min_by(y2_mm, ts_ms) filter (where x2_mm is not null) as first_y2_mm,

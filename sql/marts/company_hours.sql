@@ -9,7 +9,7 @@
 --   hour_start_ms  UTC instant the local hour starts
 --   local_date
 --   violation_s    person-seconds in violation
---   between_s      those in which somebody closer than distance_m is not of the person's own group
+--   between_s      those in which somebody closer than distance_m is neither of the person's own group nor of its company
 -- figure: M30 Time too close between groups
 --   definition   person-minutes with somebody of another group closer than distance_m: in all, and per stay (M6 between groups times
 --                the mean time of a track id in one camera's view)
@@ -31,6 +31,7 @@ with timed as materialized (
         calendar.local_date,
         site_days.site_day,
         company_times.company,
+        company_times.is_standing,
         company_times.violation_ms,
         own.group_id
     from company_times
@@ -53,7 +54,7 @@ others as (
         group_id,
         unnest(string_split(company, chr(1))) as other_id
     from timed
-    where group_id is not null and company is not null
+    where group_id is not null and company is not null and not coalesce(is_standing, false)
 ),
 
 within_group as (
@@ -74,7 +75,7 @@ select
     timed.hour_start_ms,
     min(timed.local_date) as local_date,
     sum(timed.violation_ms) / 1000 as violation_s,
-    sum(case when within_group.row_no is null then timed.violation_ms else 0 end) / 1000 as between_s
+    sum(case when within_group.row_no is null and not coalesce(timed.is_standing, false) then timed.violation_ms else 0 end) / 1000 as between_s
 from timed
 left join within_group on timed.row_no = within_group.row_no
 group by timed.camera_id, timed.floor_id, timed.hour_start_ms

@@ -2,7 +2,7 @@
 -- One row per episode of a pair, from meeting to parting (joined_segments), over hours, midnight, id switches, doubles and cameras.
 -- stored_by: local_date
 -- grain: camera_id, track_a, track_b, started_ms
--- reads: whole_episodes, calendar, site_days, track_groups
+-- reads: whole_episodes, calendar, site_days, track_groups, standing_episodes
 -- params: cell_mm
 -- columns:
 --   camera_id        the camera that counts it: of those that saw it, the one with most records that count
@@ -25,7 +25,7 @@
 --   local_date
 --   local_hour       0 to 23
 --   is_open          it started in opening hours
---   is_together      the two move in one group, by all that was seen of these two ids that site day; null where that cannot be known
+--   is_together      the two walk in one group of that site day, or stand in one company for half of it; null where unknown
 -- figure: M8 Violations counted
 --   definition   violations in camera-hours that enter rates, and beside them episodes of any length
 --   unit         violations
@@ -63,7 +63,8 @@ select
     calendar.local_hour,
     calendar.is_open,
     case
-        when s.x_mm is not null and a.track_id is not null and b.track_id is not null then coalesce(a.group_id = b.group_id, false)
+        when s.x_mm is not null and a.track_id is not null and b.track_id is not null
+            then coalesce(a.group_id = b.group_id, false) or standing.started_ms is not null
     end as is_together
 from whole_episodes as s
 cross join params
@@ -73,4 +74,10 @@ left join track_groups as a
     on s.camera_id = a.camera_id and site_days.site_day = a.site_day and s.track_a = a.track_id
 left join track_groups as b
     on s.camera_id = b.camera_id and site_days.site_day = b.site_day and s.track_b = b.track_id
+left join standing_episodes as standing
+    on
+        s.camera_id = standing.camera_id
+        and s.track_a = standing.track_a
+        and s.track_b = standing.track_b
+        and s.started_ms = standing.started_ms
 order by s.started_ms, s.camera_id, s.track_a, s.track_b

@@ -11,6 +11,7 @@
 --   track_b         the greater track id
 --   n_records       violation records
 --   violation_s     time in violation
+--   standing_s      that in windows in which they stand in one company
 --   near_share      share of the violation records at most together_m apart
 --   life_share      violation records / records that have either of them; null where no persons are sent
 --   walked_m        from the midpoint of the first violation record to that of the last; null without positions
@@ -27,6 +28,7 @@ with days as (
         sum(track_pairs.n_records)::bigint as n_records,
         sum(track_pairs.n_near)::bigint as n_near,
         sum(track_pairs.violation_ms)::bigint as violation_ms,
+        coalesce(sum(track_pairs.standing_ms), 0)::bigint as standing_ms,
         max_by(track_pairs.last_x2_mm, track_pairs.last_ms) - min_by(track_pairs.first_x2_mm, track_pairs.first_ms) as x2_mm,
         max_by(track_pairs.last_y2_mm, track_pairs.last_ms) - min_by(track_pairs.first_y2_mm, track_pairs.first_ms) as y2_mm
     from track_pairs
@@ -43,6 +45,7 @@ joined as (
         days.n_records,
         days.n_near,
         days.violation_ms,
+        days.standing_ms,
         a.n_records + b.n_records - days.n_records as n_either,
         sqrt(days.x2_mm * days.x2_mm + days.y2_mm * days.y2_mm) / 2 as walked_mm
     from days
@@ -59,6 +62,7 @@ select
     joined.track_b,
     joined.n_records,
     joined.violation_ms / 1000 as violation_s,
+    joined.standing_ms / 1000 as standing_s,
     joined.n_near / joined.n_records as near_share,
     joined.n_records / joined.n_either as life_share,
     joined.walked_mm / 1000 as walked_m,

@@ -10,10 +10,11 @@
 --   group_id   the least track id of the group; null for a track that moves with nobody
 --   n_members  tracks of the group; 1 for a track that moves with nobody
 -- figure: M9 Between-groups share
---   definition   violations of people who do not move together / violations; M0 and M7 in both readings
+--   definition   violations of people who neither walk together nor stand in company / violations; M0 and M7 in both readings
 --   unit         share of violations
 --   denominator  violations
---   needs        ids that last (half of person-time in ids of 20 s, or ids that are not cut)
+--   needs        ids that last (half of person-time in ids of 20 s, or ids that are not cut); at most half of the violations
+--                in queues, where it cannot be known
 --   uncertainty  day-clustered 95 % interval; the rule's accuracy is stated
 --   by           vsd_analytics.figures.groups.groups
 -- steps:

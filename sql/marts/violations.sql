@@ -2,7 +2,7 @@
 -- One row per violation: an episode of at least episode_min_s, counted once, whichever cameras saw it.
 -- stored_by: local_date
 -- grain: camera_id, started_ms, track_a, track_b
--- reads: episodes, episode_areas, cameras
+-- reads: episodes, episode_areas, cameras, areas
 -- columns:
 --   camera_id        the camera that counts it, as in episodes
 --   floor_id
@@ -20,7 +20,7 @@
 --   local_date
 --   local_hour       0 to 23
 --   is_open          it started in opening hours
---   is_together      the two move in one group; null where that cannot be known
+--   is_together      the two walk in one group or stand in one company; null where that cannot be known, as in a queue
 -- figure: M7 Encounters per person-hour
 --   definition   violations / person-hours
 --   unit         violations per person-hour
@@ -35,7 +35,7 @@
 --   needs        30 violations; 5 days for intervals
 --   uncertainty  day-block bootstrap; "at least" where over 20 % were seen in part only
 --   by           vsd_analytics.figures.episodes.episode_figures
--- assumes: a violation in a report is a row here
+-- assumes: a violation in a report is a row here; in a queue people stand close whoever they came with
 select
     episodes.camera_id,
     cameras.floor_id,
@@ -53,7 +53,7 @@ select
     episodes.local_date,
     episodes.local_hour,
     episodes.is_open,
-    episodes.is_together
+    case when not coalesce(areas.is_queue, false) then episodes.is_together end as is_together
 from episodes
 inner join cameras on episodes.camera_id = cameras.camera_id
 left join episode_areas
@@ -62,5 +62,6 @@ left join episode_areas
         and episodes.track_a = episode_areas.track_a
         and episodes.track_b = episode_areas.track_b
         and episodes.started_ms = episode_areas.started_ms
+left join areas on episode_areas.area_id = areas.area_id
 where episodes.is_violation and episodes.is_owned
 order by episodes.started_ms, episodes.camera_id, episodes.track_a, episodes.track_b

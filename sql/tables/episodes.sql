@@ -20,7 +20,7 @@
 --   track_a          the lesser track id
 --   track_b          the greater track id
 --   is_open          it started in opening hours
---   is_together      the two move in one group; null where that cannot be known
+--   is_together      the two walk in one group or stand in one company for half of it; null where that cannot be known
 --   recorded_s       recorded time of the camera in the hour, seconds
 -- assumes: an episode whose records another camera counts is left out
 select

@@ -16,7 +16,7 @@
 --   track_a          the lesser track id
 --   track_b          the greater track id
 --   is_open          it started in opening hours
---   is_together      the two move in one group; null where that cannot be known
+--   is_together      the two walk in one group or stand in one company; null where that cannot be known, as in a queue
 --   recorded_s       recorded time of the camera in the hour, seconds
 -- assumes: numbers at different distances do not compare: a short distance cuts one meeting into several violations
 select

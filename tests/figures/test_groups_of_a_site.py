@@ -23,7 +23,7 @@ from vsd_analytics.figures.groups import PURGED, between_groups, groups
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.retention import purge, sealing
-from vsd_analytics.site.model import Camera, Site
+from vsd_analytics.site.model import Area, Camera, Site
 from vsd_analytics.store.duck import connect
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -75,7 +75,7 @@ def recount(rows: Sequence[Person], *, weight_ms: int = 1000) -> tuple[dict, set
 
 
 def called(warehouse: Warehouse) -> set[Call]:
-    return {(g.day, g.camera_id, frozenset(g.tracks)) for g in groups(warehouse).groups}
+    return {(g.day, g.camera_id, frozenset(g.tracks)) for g in groups(warehouse).groups if not g.is_standing}
 
 
 def pairs_of(warehouse: Warehouse) -> dict:
@@ -313,7 +313,7 @@ def test_what_cannot_tell_says_why(tmp_path: Path, records: list, state: str, wo
     put(site, records)
     with open_days(site) as warehouse:
         found = groups(warehouse)
-    assert (found.state, found.between.value, found.people_share, found.groups) == (state, None, None, ())
+    assert (found.state, found.between.value, found.people_share, found.n_by_size) == (state, None, None, {})
     assert words in reason_text(found.reason)
 
 
@@ -395,3 +395,52 @@ def test_the_command_exits_with_1_when_it_cannot_tell(tmp_path: Path, capsys: py
     [together] = json.loads(text)["answers"]["together"]["rows"]
     assert (code, together["people_share"]["state"], together["people_share"]["value"]) == (1, "not_measurable", None)
     assert run(["-C", str(tmp_path), "groups", "--camera", "=nope"], capsys)[0] == 2
+
+
+# --- people who stand ---
+
+
+def standing(places: dict[str, tuple[int, int]], first_s: int, last_s: int) -> list[Person]:
+    """Return people who stand, one record a second."""
+    return [Person(T0 + s * 1000, track, x, y) for s in range(first_s, last_s) for track, (x, y) in places.items()]
+
+
+def test_company_that_stands_is_within_a_group_while_it_lasts(tmp_path: Path) -> None:
+    """Two talk, then one goes over to a third; a fourth stands two steps away."""
+    site = make_site(tmp_path)
+    first = standing({"a": (0, 0), "b": (1000, 0), "c": (9000, 0), "d": (9000, 1800)}, 0, 240)
+    then = standing({"a": (0, 0), "b": (8000, 0), "c": (9000, 0), "d": (9000, 1800)}, 240, 480)
+    put(site, [*first, *then, *beats(T0, T0 + HOUR)])
+    with open_days(site) as warehouse:
+        found = groups(warehouse)
+        told = warehouse.rows("select track_a, track_b, is_together from violations order by all")
+        [hours] = warehouse.rows("select violation_s, between_s from company_hours")
+    assert [g.is_standing for g in found.groups] == [True, True]
+    assert {(g.tracks, (g.end - g.start).total_seconds()) for g in found.groups} == {
+        (("a", "b"), 240.0),
+        (("b", "c"), 240.0),
+    }
+    together = {(row["track_a"], row["track_b"]): row["is_together"] for row in told}
+    assert together == {("a", "b"): True, ("b", "c"): True, ("c", "d"): False}
+    # a and b, then b and c; c and d are close all the time, and c has a stranger beside whom it talks to
+    assert hours == {"violation_s": 480 + 480 + 3 * 240, "between_s": 240 + 240 + 480}
+
+
+def test_in_a_queue_nobody_knows_who_is_together(tmp_path: Path) -> None:
+    ring = ((-1.0, -1.0), (3.0, -1.0), (3.0, 3.0), (-1.0, 3.0))
+    site = replace(make_site(tmp_path), areas=(Area("tills", "Tills", "ground", ring, is_queue=True),))
+    put(site, [*standing({"a": (0, 0), "b": (1000, 0)}, 0, 240), *beats(T0, T0 + HOUR)])
+    with open_days(site) as warehouse:
+        assert [row["is_together"] for row in warehouse.rows("select is_together from violations")] == [None]
+        between = groups(warehouse).between
+    assert (between.value, between.state, between.n) == (None, "not_measurable", 0)
+    assert between.reason is not None
+    assert between.reason.code == "groups.unknown"
+
+
+def test_frames_too_rare_to_tell_say_so(tmp_path: Path) -> None:
+    site = make_site(tmp_path, cameras=[Camera("cam", "Cam", "ground")])
+    put(site, [r for r in standing({"a": (0, 0), "b": (1000, 0)}, 0, 3600) if (r.ts - T0) % 60_000 == 0])
+    with open_days(site) as warehouse:
+        found = groups(warehouse)
+    assert (found.state, found.reason and found.reason.code) == ("not_measurable", "groups.rare_frames")

@@ -266,13 +266,16 @@ def test_a_couple_that_walks_together_is_no_contact() -> None:
     assert run(make_site(CONTACT), then) == []
 
 
-def test_strangers_who_stop_beside_each_other_are() -> None:
-    there = stand([(5.0, 5.0)], 100)
-    comes = walk([((20.0, 5.0), (6.0, 5.0))], 14, start_s=20, first_id=2)
-    stays = stand([(6.0, 5.0)], 45, start_s=35, first_id=2)
-    events = run(make_site(CONTACT), merge(there, comes, stays, quiet(120)))
-    assert told(events) == [("start", 64), ("end", 80)]
-    assert (events[0].x_mm, events[0].y_mm, events[0].n_people, events[1].nearest_mm) == (5500, 5000, 2, 1000)
+@pytest.mark.parametrize(("apart_m", "end_s"), [(1.5, 200), (1.0, 149)])
+def test_strangers_who_stop_beside_each_other_are_until_they_stand_in_company(apart_m: float, end_s: int) -> None:
+    """In the window of two minutes in which one of them came they do not; 30 s of the next one tell."""
+    there = stand([(5.0, 5.0)], 220)
+    comes = walk([((20.0, 5.0), (5.0 + apart_m, 5.0))], 14, start_s=20, first_id=2)
+    stays = stand([(5.0 + apart_m, 5.0)], 165, start_s=35, first_id=2)
+    events = [e for e in run(make_site(CONTACT), merge(there, comes, stays, quiet(240))) if e.event != "update"]
+    assert told(events) == [("start", 64), ("end", end_s)]
+    place = (events[0].x_mm, events[0].y_mm, events[0].n_people, events[1].nearest_mm)
+    assert place == (5000 + 500 * apart_m, 5000, 2, 1000 * apart_m)
 
 
 def test_strangers_who_pass_are_not() -> None:

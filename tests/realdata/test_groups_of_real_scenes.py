@@ -8,7 +8,21 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from stats.group_scenes import DAY, FPS, Scores, cut, project, read_groups, read_scene, score, write
+from stats.group_scenes import (
+    DAY,
+    FPS,
+    STANDING,
+    Scores,
+    cut,
+    project,
+    read_groups,
+    read_scene,
+    read_standing,
+    score,
+    standing_scores,
+    through,
+    write,
+)
 
 from vsd_analytics.cli import main
 from vsd_analytics.figures.groups import groups
@@ -65,8 +79,8 @@ def test_one_rule_finds_the_true_groups(
     assert (made, code) == (0, 0)
     assert {(g["date"], g["camera_id"]) for g in told["groups"]} == {("2026-01-01", "street")}
     with open_warehouse(project(tmp_path), DAY, DAY) as warehouse:
-        pairs = warehouse.frame("select track_a, track_b, violation_s from pair_days")
-    called = [frozenset(g["tracks"]) for g in told["groups"]]
+        pairs = warehouse.frame("select track_a, track_b, violation_s, standing_s from pair_days")
+    called = [frozenset(g["tracks"]) for g in told["groups"] if not g["is_standing"]]
     tracks = set(read_scene(folder)["track"])
     assert set().union(*called) <= tracks
     found: Scores = score(pairs, called, read_groups(folder), tracks=tracks)
@@ -96,3 +110,17 @@ def test_with_ids_cut_to_10_s_the_filter_declares_itself_not_applicable(
     assert (code, share["state"]) == (1, "not_measurable")
     assert "group filter not applicable: track ids last" in share["reason"]
     assert (together["people_share"]["value"], share["value"]) == (None, None)
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_company_of_people_who_stand_is_found_better_than_by_distance_alone(
+    realdata: Find, tmp_path: Path, name: str
+) -> None:
+    scene, truth = read_standing(realdata(f"standing_groups/{name}.csv.gz").parent, name)
+    found, _ = through(scene, tmp_path)
+    scores = standing_scores(found, scene, truth)
+    precision, recall, f1 = scores["rule"]
+    assert f1 >= scores["naive"][2] + 0.05
+    told = (found.accuracy.f1, found.accuracy.time_precision, found.accuracy.time_recall)
+    values = [round(v, 2) for v in (f1, precision, recall)]
+    assert all(a <= v <= b for (a, b), v in zip(told, values, strict=True)), "the accuracy that is printed"

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import gzip
+import json
+import math
 from collections.abc import Collection, Hashable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +25,7 @@ from vsd_analytics.warehouse.warehouse import open_warehouse
 START_MS = 1_767_258_000_000  # 2026-01-01 09:00 UTC
 DAY = date(2026, 1, 1)
 INTERVAL_S = 0.4
+STANDING = ("CocktailParty", "CoffeeBreak_Seq1", "CoffeeBreak_Seq2")
 FPS = {"seq_eth": 15.0, "seq_hotel": 25.0, "zara01": 25.0}
 Partition = list[frozenset[str]]
 
@@ -86,9 +90,56 @@ def write(scene: pd.DataFrame, path: Path) -> None:
     table.to_csv(path, columns=["ts", "track_id", "x_m", "y_m"], index=False)
 
 
-def through(scene: pd.DataFrame, root: Path) -> tuple[Groups, pd.DataFrame]:
+def read_standing(folder: Path, name: str) -> tuple[pd.DataFrame, dict[float, Partition]]:
+    """Return a recording of people who stand, one place a second, and its true companies by second"""
+    per_second = 1e6 if name == "CocktailParty" else 1.0
+    rows = pd.read_csv(folder / f"{name}.csv.gz")
+    start = rows["t"].min()
+    scene = pd.DataFrame(
+        {
+            "t": ((rows["t"] - start) // per_second).astype(float),
+            "track": rows["person"].astype(str),
+            "x": rows["x_cm"] / 100,
+            "y": rows["y_cm"] / 100,
+        }
+    )
+    truth = json.loads((folder / f"{name}.gt.json").read_text())
+    companies = {
+        float((int(t) - start) // per_second): [frozenset(map(str, members)) for members in groups_then]
+        for t, groups_then in truth.items()
+    }
+    return scene.drop_duplicates(["t", "track"]), companies
+
+
+def standing_scores(
+    found: Groups, scene: pd.DataFrame, truth: Mapping[float, Partition], *, naive_m: float = 1.25
+) -> dict[str, tuple[float, float, float]]:
+    """Return precision, recall and F1 over the pairs of each annotated instant: of our rule, and of closeness then."""
+    n_true, sums = 0, {"rule": [0, 0], "naive": [0, 0]}  # called, called and true
+    for t, companies in truth.items():
+        instant = datetime.fromtimestamp(START_MS / 1000 + t, tz=UTC)
+        here = scene[scene["t"] == t]
+        place = dict(zip(here["track"], zip(here["x"], here["y"], strict=True), strict=True))
+        everybody = set(combinations(sorted(place), 2))
+        true = pairs_in(companies) & everybody
+        n_true += len(true)
+        now = [frozenset(g.tracks) for g in found.groups if g.start <= instant < g.end]
+        near = {(a, b) for a, b in everybody if math.dist(place[a], place[b]) < naive_m}
+        for rule, pairs in (("rule", pairs_in(now) & everybody), ("naive", near)):
+            sums[rule][0] += len(pairs)
+            sums[rule][1] += len(pairs & true)
+    return {k: (right / max(1, n), right / n_true, 2 * right / (n_true + n)) for k, (n, right) in sums.items()}
+
+
+def pairs_in(partition: Iterable[Iterable[str]]) -> set[tuple[str, ...]]:
+    """Return the pairs of members of groups."""
+    return {pair for members in partition for pair in combinations(sorted(members), 2)}
+
+
+def through(scene: pd.DataFrame, root: Path, **settings: float) -> tuple[Groups, pd.DataFrame]:
     """Ingest a recording and return what is said of its groups, and the mart `pair_days`."""
     site = project(root)
+    site = replace(site, settings=site.settings.with_values(settings))
     path = root / "scene.csv"
     write(scene, path)
     result = ingest(site, [path], IngestOptions(format="positions"), now=datetime(2026, 11, 20, tzinfo=UTC))
@@ -126,8 +177,8 @@ def score(pairs: pd.DataFrame, called: Collection[frozenset], truth: Collection[
     """Return how called groups agree with true ones.
 
     Args:
-        pairs: track_a, track_b, violation_s of every pair ever closer than 2 m.
-        called: Groups called, disjoint.
+        pairs: track_a, track_b, violation_s, standing_s of every pair ever closer than 2 m.
+        called: Groups that walk, disjoint; of all other pairs the time they stand in company is called within groups.
         truth: True groups, disjoint.
         tracks: Everybody.
     """
@@ -136,15 +187,16 @@ def score(pairs: pd.DataFrame, called: Collection[frozenset], truth: Collection[
     found = np.array([_same(in_called, a, b) for a, b in zip(pairs["track_a"], pairs["track_b"], strict=True)])
     time = pairs["violation_s"].to_numpy(dtype=float)
     both = true & found
+    called_s = np.where(found, time, pairs["standing_s"].to_numpy(dtype=float))
     return Scores(
         precision=both.sum() / found.sum(),
         recall=both.sum() / true.sum(),
         mitre_precision=_mitre(called, in_truth, tracks),
         mitre_recall=_mitre(truth, in_called, tracks),
-        time_precision=time[both].sum() / time[found].sum(),
-        time_recall=time[both].sum() / time[true].sum(),
+        time_precision=called_s[true].sum() / called_s.sum(),
+        time_recall=called_s[true].sum() / time[true].sum(),
         true_share=time[true].sum() / time.sum(),
-        called_share=time[found].sum() / time.sum(),
+        called_share=called_s.sum() / time.sum(),
     )
 
 

@@ -54,6 +54,7 @@ class Scene:
 
 
 BUSY = Scene(4, n_people=30, share_lost=0.0, sends_pixels=True, switches_ids=True)
+STANDING = Scene(7, n_people=14, pace=0.0)
 
 
 def site_of(scene: Scene, root: Path) -> Site:
@@ -178,6 +179,7 @@ def both(scene: Scene) -> tuple[dict[str, pa.Table], dict[str, pa.Table]]:
     ).filter(lambda scene: scene.has_beats or scene.sends_persons)
 )
 @example(BUSY)
+@example(STANDING)
 @example(Scene(2, n_people=60, step_ms=20_000, pace=0.0, opens_at_half_past=True))
 @example(Scene(3, sends_pixels=True, sends_pairs=True, falling_numbers=True, share_with_ids=0.7))
 @example(Scene(5, sends_persons=False, sends_pairs=True))
@@ -197,7 +199,11 @@ def test_arrays_give_the_rows_of_the_queries(scene: Scene) -> None:
             "area_counts",
             "walk_cells",
             "track_ends",
+            "standing_groups",  # they walk
         }
+    if scene == STANDING:
+        assert max(found["track_pairs"]["standing_ms"].to_pylist()) > 0
+        assert set(found["company_times"]["is_standing"].to_pylist()) == {True, False}
 
 
 def test_facts_of_people_and_pairs_with_ids_need_no_query(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

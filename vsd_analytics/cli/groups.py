@@ -1,4 +1,4 @@
-"""`vsd groups`: who moves together, and what is left of the violations between groups."""
+"""`vsd groups`: who is together, and the violations between groups."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from vsd_analytics.cli.ranges import purged_hours_notes, warehouse_of
 from vsd_analytics.render.text import Layout, TableLayout
 
 if TYPE_CHECKING:
-    from vsd_analytics.figures.groups import Group
+    from vsd_analytics.figures.group_list import Group
 
 LAYOUTS: Final[dict[str, Layout]] = {
     "together": (
@@ -33,11 +33,12 @@ LAYOUTS: Final[dict[str, Layout]] = {
 @json_option
 @pass_project
 def groups(project: Project, week: str | None, days: str | None, camera_id: str | None, as_json: bool) -> int:
-    """Print who moves together, and every count in two readings: all violations, and those between groups.
+    """Print who is together, and every count in two readings: all violations, and those between groups.
 
-    Two people move together when they stay within reach of each other, for most of the time either is seen, while
-    walking. The first reading still includes violations within groups. Where the engine's track ids are too
-    short to know, the command says so and exits with 1. The JSON names the tracks of each group.
+    Two people walk together when they stay within reach of each other, for most of the time either is seen, while
+    walking. They stand together while they stay close to each other and to those around them, in windows of two
+    minutes. The first reading still includes violations within groups. Where the engine's track ids are too short to
+    know, the command says so and exits with 1. The JSON names the tracks of each group.
 
     \b
     Example:
@@ -64,6 +65,7 @@ def _group(group: Group) -> dict[str, Any]:
     return {
         "date": group.day.isoformat(),
         "camera_id": group.camera_id,
+        "is_standing": group.is_standing,
         "tracks": list(group.tracks),
         "start": group.start.isoformat(timespec="milliseconds"),
         "end": group.end.isoformat(timespec="milliseconds"),

@@ -51,7 +51,7 @@ LIVES: Final = (
 
 
 def group_answers(found: Groups, site: Site, *, inputs: str) -> tuple[Answer, ...]:
-    """Return who moves together, with every count exact: for the operator.
+    """Return who is together, with every count exact: for the operator.
 
     `together`: of the whole site, groups, shares of person-time in groups and of the time in violation within them, and
     the share of violations between groups (M9); violations of which it is not known. `groups_by_size`: groups by number

@@ -1,8 +1,9 @@
 """People together: the groups of a range, and its violations in two readings, all and between groups (M9).
 
-A violation is within a group when the marts `track_groups` put both its tracks into one; every other is between groups.
-Both readings are reported, side by side. Where track ids are cut, the filter says that it is not applicable, and no
-figure between groups is computed.
+A violation is within a group when both its people walk in one (mart `track_groups`), or stand in one company for at
+least half of it (fact `standing_groups`); every other is between groups. Both readings are reported, side by side.
+Where track ids are cut or frames too rare, the filter says that it is not applicable, and no figure between groups is
+computed. In queues it is not known who is together: with more than half of the violations there, M9 is not measurable.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import date, datetime
+from datetime import date
 from typing import Any, Final
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from vsd_analytics.answer import Reason, State
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
-from vsd_analytics.figures.operator_counts import local_instant
+from vsd_analytics.figures.group_list import Group, groups_of
 from vsd_analytics.figures.panels import Array, FloorHours, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import encounter_rate_level, violation_rate_level
@@ -27,6 +28,7 @@ from vsd_analytics.settings import IntervalRules
 from vsd_analytics.site.model import Camera
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.groups import KNOWN_ACCURACY, Accuracy, ShareEstimate, TrackLives, share_by_days, track_lives
+from vsd_analytics.warehouse.rules import RULES
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 PURGED: Final = Reason("purged.groups")
@@ -43,24 +45,6 @@ from camera_hours
 where local_date between $first and $last
 group by camera_id
 """
-
-
-@dataclass(frozen=True, slots=True)
-class Group:
-    """People who moved together in one camera's view.
-
-    Attributes:
-        day: Site day.
-        camera_id: The camera.
-        tracks: Their track ids (pseudonyms that end with the site day), in order.
-        start, end: First and last record of any of them, site's zone.
-    """
-
-    day: date
-    camera_id: str
-    tracks: tuple[str, ...]
-    start: datetime
-    end: datetime
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +90,7 @@ class GroupReadings:
 
 @dataclass(frozen=True, slots=True)
 class Groups:
-    """Who moved together in a range, and what is left between groups.
+    """Who walked or stood together in a range, and what is left between groups.
 
     Attributes:
         first, last: First and last local day.
@@ -150,7 +134,7 @@ class _Days:
 def groups(
     warehouse: Warehouse, *, camera_id: str | None = None, first: date | None = None, last: date | None = None
 ) -> Groups:
-    """Return who moved together in a range, and its violations between groups.
+    """Return who walked or stood together in a range, and its violations between groups.
 
     Args:
         warehouse: Its days; those before `first` serve as history of the intervals.
@@ -169,7 +153,7 @@ def groups(
     days = _Days(first or warehouse.first, last or warehouse.last)
     lives = camera_lives(warehouse, cameras, first=days.first, last=days.last)
     able = {c.camera_id for c in lives if c.lives.state == "ok"}
-    found = _groups(warehouse, [c.camera_id for c in cameras], days)
+    found = groups_of(warehouse, [c.camera_id for c in cameras], days.first, days.last)
     periods = _periods(warehouse, able, days)
     between, n_unknown = _between(periods, able, warehouse.site.settings.for_intervals)
     exposure_h, together_h, violation_h, within_h = (
@@ -226,6 +210,14 @@ def camera_lives(
     )
     sums = {row["camera_id"]: row for row in counted}
     recorded = {row["camera_id"]: row for row in warehouse.rows(_RECORDED, days)}
+    intervals = {
+        row["camera_id"]: row["interval_ms"]
+        for row in warehouse.rows(
+            "select camera_id, median(interval_ms)::double as interval_ms from camera_days "
+            "where date '1970-01-01' + utc_day::integer between $first and $last group by camera_id",
+            days,
+        )
+    }
     made = []
     for camera in (c.camera_id for c in cameras):
         own, row = of_camera == camera, sums.get(camera, {})
@@ -236,7 +228,7 @@ def camera_lives(
             min_life_s=settings.together_life_s,
             max_cut_share=settings.together_cut_share,
         )
-        if (why := _why_unknown(recorded[camera], row)) is not None:
+        if (why := _why_unknown(recorded[camera], row, intervals.get(camera))) is not None:
             state: State = "not_enough_data" if why == NOTHING else "not_measurable"
             lives = replace(lives, state=state, reason=why)
         hours = (row.get(k, 0.0) / 3600 for k in ("exposure_s", "together_s", "violation_s", "within_s"))
@@ -275,26 +267,6 @@ def _cameras(warehouse: Warehouse, camera_id: str | None) -> list[Camera]:
     return [c for c in warehouse.site.cameras if camera_id in (None, c.camera_id)]
 
 
-def _groups(warehouse: Warehouse, ids: Sequence[str], days: _Days) -> tuple[Group, ...]:
-    rows = warehouse.rows(
-        "select site_day, camera_id, list(track_id order by track_id) as tracks, min(first_ms) as first_ms, "
-        "max(last_ms) as last_ms from track_groups inner join track_days using (camera_id, site_day, track_id) "
-        "where group_id is not null and camera_id in (select unnest($cameras)) and site_day between $first and $last "
-        "group by site_day, camera_id, group_id order by first_ms, camera_id, group_id",
-        {"cameras": list(ids), "first": days.first, "last": days.last},
-    )
-    return tuple(
-        Group(
-            day=row["site_day"],
-            camera_id=row["camera_id"],
-            tracks=tuple(row["tracks"]),
-            start=local_instant(warehouse, row["first_ms"]),
-            end=local_instant(warehouse, row["last_ms"]),
-        )
-        for row in rows
-    )
-
-
 def _between(periods: Sequence[Period], able: Collection[str], rules: IntervalRules) -> tuple[ShareEstimate, int]:
     """Return the share of violations between groups on some floors, and how many have unknown groups.
 
@@ -307,7 +279,11 @@ def _between(periods: Sequence[Period], able: Collection[str], rules: IntervalRu
         counts = (whole.n, *together(period, able))
         sums += [period.data.panel(replace(whole, n=n), period.days).n.sum(axis=0) for n in counts]
     of, within, unknown = sums
-    return share_by_days(of - unknown - within, of - unknown, **rules), round(float(unknown.sum()))
+    n, n_unknown = round(float(of.sum())), round(float(unknown.sum()))
+    if 2 * n_unknown > n:
+        reason = Reason("groups.unknown", share=n_unknown / n)
+        return ShareEstimate(None, None, None, 0, n - n_unknown, 0, "not_measurable", reason), n_unknown
+    return share_by_days(of - unknown - within, of - unknown, **rules), n_unknown
 
 
 def together(period: Period, able: Collection[str]) -> tuple[Array, Array]:
@@ -360,8 +336,8 @@ def _state(lives: Sequence[CameraLives]) -> tuple[State, Reason | None]:
     return worst.lives.state, worst.lives.reason
 
 
-def _why_unknown(recorded: Mapping[str, Any], counted: Mapping[str, Any]) -> Reason | None:
-    """Return why it cannot be known who moves together at a camera, whatever its track ids are; None if it can."""
+def _why_unknown(recorded: Mapping[str, Any], counted: Mapping[str, Any], interval_ms: float | None) -> Reason | None:
+    """Return why it cannot be known who is together at a camera, whatever its track ids are; None if it can."""
     if not recorded["is_recorded"]:
         return NOTHING
     if not recorded["knows_people"]:
@@ -372,6 +348,9 @@ def _why_unknown(recorded: Mapping[str, Any], counted: Mapping[str, Any]) -> Rea
         return NO_IDS
     if recorded["person_records"] and not counted:
         return PURGED
+    least, window_ms = RULES["company_least_records"], RULES["company_window_ms"]
+    if interval_ms is not None and least * interval_ms > window_ms:
+        return Reason("groups.rare_frames", interval_s=interval_ms / 1000, most_s=window_ms / least / 1000)
     return NO_POSITIONS if counted and 2 * counted["n_unknown"] > counted["n_pairs"] else None
 
 

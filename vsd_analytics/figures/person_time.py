@@ -50,7 +50,7 @@ class PersonTime:
         exposure_h: Person-hours (M3); None when unknown.
         peak: The fullest quarter-hour; None without one that was recorded.
         close: Share of person-time with somebody closer than the legal distance (M6), with the interval of M7.
-        close_between: The same, of somebody the person does not move together with; its reason says why not.
+        close_between: The same, of somebody the person is not together with; its reason says why not.
     """
 
     people: RateEstimate
@@ -65,7 +65,7 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
 
     Args:
         period: The days.
-        able: Cameras whose track ids tell who moves together; None = asked of these days (`camera_lives`).
+        able: Cameras whose track ids tell who is together; None = asked of these days (`camera_lives`).
 
     Example:
         >>> from vsd_analytics.figures.panels import FloorHours

@@ -75,6 +75,7 @@ _AREAS = pa.schema(
         ("name", pa.string()),
         ("floor_id", pa.string()),
         ("is_door", pa.bool_()),
+        ("is_queue", pa.bool_()),
         ("served_in", pa.string()),
     ]
 )
@@ -126,7 +127,7 @@ def _has_whole_hours(timezone: str) -> bool:
 
 def site_relations(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, pa.Table]:
     """Return `params`, `cameras`, `calibrations`, `owner_cells`, `areas`, `area_cells` and cells that are asked for."""
-    areas = [(a.area_id, i, a.name, a.floor_id, a.is_door, a.served_in) for i, a in enumerate(site.areas)]
+    areas = [(a.area_id, i, a.name, a.floor_id, a.is_door, a.is_queue, a.served_in) for i, a in enumerate(site.areas)]
     cells = area_cells(site)
     return {
         "params": pa.table({k: [v] for k, v in params(site, heat_cell_m=heat_cell_m).items()}),

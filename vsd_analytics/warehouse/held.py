@@ -28,7 +28,7 @@ NULL = -(2**62)
 """An unknown number. Sums of two stay far below every number that is known."""
 ENUMS = {
     **dict.fromkeys(("camera_id", "other_camera_id"), "camera_name"),
-    **dict.fromkeys(("track_id", "track_a", "track_b", "other_track_a", "other_track_b"), "track_name"),
+    **dict.fromkeys(("track_id", "track_a", "track_b", "other_track_a", "other_track_b", "group_id"), "track_name"),
     **dict.fromkeys(("first_other_id", "last_other_id"), "track_name"),
 }
 """Columns of ids, and the enum type they have while facts are computed. An enum is a small integer in the order of its

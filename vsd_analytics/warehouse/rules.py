@@ -43,6 +43,13 @@ RULES: Final[Mapping[str, int]] = {
     "double_mm": 350,
     "double_thousandths": 800,
     "double_records": 3,
+    # Who is standing together is judged by windows of 2 minutes, an hour has a whole number: 3 or 4 find as much.
+    "company_window_ms": 120_000,
+    # Closer than 2 m for 30 s of them: who passes by is gone sooner.
+    "company_least_ms": 30_000,
+    "company_least_records": 3,
+    # Farther apart than 2 m counts as 2 m, whatever distance_m is.
+    "company_reach_mm": 2000,
     # After 5 minutes of silence over an hour's edge, message_gaps decides whether a lower number is a new count.
     "number_silence_ms": 300_000,
 }

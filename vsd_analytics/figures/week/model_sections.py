@@ -188,7 +188,7 @@ class AreaReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Readings:
-    """Violations of all people, and those between groups of people who move together."""
+    """Violations of all people, and those between groups of people who walk or stand together."""
 
     all: Reading | None = _o("All violations, over the cameras that take part.", metric="M9")
     between: Reading | None = _o("Only those between groups, over the same cameras.", metric="M9")

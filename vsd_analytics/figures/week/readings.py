@@ -1,4 +1,4 @@
-"""Violations in two readings, all of them and those between groups of people who move together (M9)."""
+"""Violations in two readings, all of them and those between groups of people who walk or stand together (M9)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def readings(data: WeekData, found: Groups, *, level: Level, areas: tuple[AreaRo
 
     Args:
         data: The week.
-        found: Who moved together.
+        found: Who was together.
         level: The headline numbers, without what must be held back.
         areas: The areas, likewise.
     """

@@ -12,6 +12,13 @@ from vsd_analytics.warehouse.accelerated.clusters import (
     frame_clusters,
     gathering_clusters,
 )
+from vsd_analytics.warehouse.accelerated.company import (
+    standing_groups,
+    standing_tracks,
+    window_company,
+    window_pairs,
+    window_tracks,
+)
 from vsd_analytics.warehouse.accelerated.coverage import coverage, recorded_spans, sequence_runs
 from vsd_analytics.warehouse.accelerated.episodes import episode_segments
 from vsd_analytics.warehouse.accelerated.floor_cells import floor_cells
@@ -48,6 +55,11 @@ COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {
         sequence_runs,
         located,
         pairs,
+        window_tracks,
+        window_pairs,
+        window_company,
+        standing_tracks,
+        standing_groups,
         close_records,
         same_pairs,
         same_tracks,

@@ -21,6 +21,7 @@ from vsd_analytics.warehouse.accelerated.columns import (
     summed,
     take,
 )
+from vsd_analytics.warehouse.accelerated.company import is_standing
 from vsd_analytics.warehouse.accelerated.site_tables import BucketRuns, SiteTables, bucket_of, numbered
 from vsd_analytics.warehouse.held import NULL, Bools, Columns, Held, Ints
 
@@ -224,7 +225,8 @@ def company_times(held: Held, site: SiteTables) -> Columns:
     _number_companies(company, *others, first=site.n_tracks + 1)
     track = np.where(persons["track_id"] < 0, site.n_tracks, persons["track_id"])
     bucket = bucket_of(persons["ts_ms"], site)
-    same = one_alike(track, site.n_tracks + 1, bucket, persons["camera_id"], track, company)
+    stands = _stand_in_company(held, site, persons["_person"]) == persons["n_others"]
+    same = one_alike(track, site.n_tracks + 1, bucket, persons["camera_id"], track, company, stands)
     # sums of milliseconds of a day stay far below 2**53: floats hold them exactly
     violation_ms = np.bincount(same, persons["weight_ms"], minlength=n)
     first = np.flatnonzero(same == np.arange(n))
@@ -235,10 +237,23 @@ def company_times(held: Held, site: SiteTables) -> Columns:
             "bucket_quarter": bucket[first],
             "track_id": persons["track_id"][first],
             "company": _texts(held, n_others[first], persons["first_other_id"][first], first, *others),
+            "is_standing": stands[first],
             "violation_ms": violation_ms[first].astype(np.int64),
         },
         site,
     )
+
+
+def _stand_in_company(held: Held, site: SiteTables, person: Ints) -> Ints:
+    """Return how many of those closer than `distance_m` stand in one company with each person."""
+    pairs = held["pairs"]
+    a, b = pairs["track_a"], pairs["track_b"]
+    close = np.flatnonzero((pairs["distance_mm"] < site.params["distance_mm"]) & (a != b))
+    stand = is_standing(held, site, *(picked(pairs[c], close) for c in ("camera_id", "ts_ms", "track_a", "track_b")))
+    close = close[stand]
+    sides = np.concatenate([picked(pairs["_a"], close), picked(pairs["_b"], close)])
+    n_of: Ints = np.bincount(sides, minlength=int(person[-1]) + 1 if len(person) else 0)
+    return n_of[person]
 
 
 def _others(pairs: Columns, person: Ints, wanted: Ints, site: SiteTables) -> tuple[Ints, Ints]:
@@ -307,6 +322,7 @@ def _texts(held: Held, n_others: Ints, only: NDArray[Any], rows: Ints, row: Ints
 def _in_text_order(rows: Columns, site: SiteTables) -> Columns:
     """Return the rows in order of bucket, camera, track and text, unknown ones last."""
     n = len(rows["hour"])
+    rows = take(rows, order_by(rows["is_standing"].astype(np.int64)))  # equal texts stay in this order
     texts = pa.array(rows["company"], pa.string())
     rank = np.empty(n, dtype=np.int64)
     rank[pc.sort_indices(texts).to_numpy()] = np.arange(n)  # by bytes, as DuckDB

@@ -14,6 +14,7 @@ from vsd_analytics.warehouse.accelerated.columns import (
     sums,
     take,
 )
+from vsd_analytics.warehouse.accelerated.company import is_standing
 from vsd_analytics.warehouse.accelerated.located import HOUR_MS
 from vsd_analytics.warehouse.accelerated.site_tables import SiteTables, gap_ms
 from vsd_analytics.warehouse.held import NULL, Bools, Columns, Held, Ints
@@ -137,11 +138,13 @@ def track_pairs(held: Held, site: SiteTables) -> Columns:
     first, after = np.searchsorted(known, starts), np.searchsorted(known, ends)
     is_placed = first < after
     first, last = (known[np.where(is_placed, at, 0)] if len(known) else starts for at in (first, after - 1))
+    is_in_company = is_standing(held, site, *(records[c] for c in ("camera_id", "ts_ms", "track_a", "track_b")))
     found = {
         **{c: records[c][starts] for c in ("hour", "camera_id", "track_a", "track_b")},
         "n_records": ends - starts,
         "n_near": sums(records["distance_mm"] <= site.params["together_mm"], starts),
         "violation_ms": sums(records["weight_ms"], starts),
+        "standing_ms": sums(np.where(is_in_company, records["weight_ms"], 0), starts),
     }
     for name, row in (("first", first), ("last", last)):
         found |= {
