@@ -1,5 +1,5 @@
 -- name: facts/standing_groups
--- One row per track and window of 2 minutes in which it is in standing company: people who stay close to each other and to those around them.
+-- One row per track and window of 2 minutes in which it is in a standing company: people who stay close to each other.
 -- grain: hour, camera_id, window_ms, track_id
 -- reads: standing_tracks
 -- columns:

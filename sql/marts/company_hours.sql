@@ -75,7 +75,9 @@ select
     timed.hour_start_ms,
     min(timed.local_date) as local_date,
     sum(timed.violation_ms) / 1000 as violation_s,
-    sum(case when within_group.row_no is null and not coalesce(timed.is_standing, false) then timed.violation_ms else 0 end) / 1000 as between_s
+    sum(
+        case when within_group.row_no is null and not coalesce(timed.is_standing, false) then timed.violation_ms else 0 end
+    ) / 1000 as between_s
 from timed
 left join within_group on timed.row_no = within_group.row_no
 group by timed.camera_id, timed.floor_id, timed.hour_start_ms

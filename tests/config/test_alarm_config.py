@@ -37,6 +37,7 @@ id = "close"
 kind = "contact"
 for_s = 900.5
 cameras = ["cam-1"]
+between_groups = false
 [[alarm]]
 id = "dead"
 kind = "silence"
@@ -48,7 +49,7 @@ lateness_s = 5
     )
     assert site.alarms == (
         AlarmRule("crowd", "gathering", 60, "queue", (), 4, 0.0, is_open_only=False),
-        AlarmRule("close", "contact", 900.5, None, ("cam-1",)),
+        AlarmRule("close", "contact", 900.5, None, ("cam-1",), is_between_groups=False),
         AlarmRule("dead", "silence", 120),
     )
     assert site.alarm_delivery == AlarmDelivery(webhook="https://example.org/hook?x=1")
@@ -70,6 +71,7 @@ MISTAKES = {
     "one person": (RULE + "people = 1\n", "E124", "outside 2 to"),
     "an unknown key": (RULE + "peoples = 3\n", "E122", "knows no key"),
     "a silent area": (RULE.replace("gathering", "silence") + 'area = "queue"\n', "E124", "has no area"),
+    "groups of a gathering": (RULE + "between_groups = true\n", "E124", "has no between_groups"),
     "many in contact": (RULE.replace("gathering", "contact") + "people = 3\n", "E124", "has no people"),
     "a file as webhook": ('[alarms]\nwebhook = "file:///etc/passwd"\n', "E124", "no http or https"),
     "a webhook without host": ('[alarms]\nwebhook = "https://"\n', "E124", "no http or https"),

@@ -278,6 +278,14 @@ def test_strangers_who_stop_beside_each_other_are_until_they_stand_in_company(ap
     assert place == (5000 + 500 * apart_m, 5000, 2, 1000 * apart_m)
 
 
+def test_a_contact_of_any_two_does_not_ask_who_is_together() -> None:
+    any_two = replace(CONTACT, is_between_groups=False)
+    two = stand([(5.0, 5.0), (5.8, 5.0)], 300)
+    assert run(make_site(CONTACT), merge(two, quiet(360))) == []
+    events = [e for e in run(make_site(any_two), merge(two, quiet(360))) if e.event != "update"]
+    assert told(events) == [("start", 30), ("end", 300)]
+
+
 def test_strangers_who_pass_are_not() -> None:
     ways = [((0.0, 3.0), (30.0, 3.0)), ((30.0, 3.8), (0.0, 3.8))]
     assert run(make_site(CONTACT), merge(walk(ways, 30), quiet(60))) == []

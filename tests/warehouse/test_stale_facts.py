@@ -112,7 +112,7 @@ def test_calibration_from_now_on_leaves_history_as_it_is(root: Path, tmp_path: P
     assert result.facts == facts
     assert facts.keys() == {
         *("exposure", "floor_cells", "violation_time", "episode_segments", "calibrations_used"),
-        *("track_lives", "track_pairs", "crowding"),
+        *("track_lives", "track_pairs", "crowding", "standing_groups"),
         *OF_PAIRS,
     }, "recorded time and running numbers do not depend on where people stood"
 
@@ -256,10 +256,11 @@ def test_changed_setting_recomputes_the_facts_that_use_it(root: Path, tmp_path: 
     assert result.facts == facts
 
 
-def test_the_rule_for_moving_together_concerns_no_other_fact(root: Path, tmp_path: Path) -> None:
+def test_the_rule_for_groups_concerns_only_facts_of_groups(root: Path, tmp_path: Path) -> None:
     result, _, facts = changed(project(root, together_m=0.5), tmp_path)
-    assert set(result.facts) == {"track_pairs"}
-    assert set(facts) <= {"track_pairs"}
+    of_groups = {"track_pairs", "standing_groups", "company_times"}
+    assert set(result.facts) == of_groups
+    assert set(facts) <= of_groups
 
 
 @pytest.fixture
@@ -288,7 +289,15 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
             "staging/pairs.sql",
             "having count(*) > 40",
             "having count(*) > 41",
-            {"violation_time", "episode_segments", "floor_cells", "track_pairs", "crowding", *OF_PAIRS},
+            {
+                "violation_time",
+                "episode_segments",
+                "floor_cells",
+                "track_pairs",
+                "crowding",
+                "standing_groups",
+                *OF_PAIRS,
+            },
         ),
         (
             "staging/located.sql",
@@ -302,6 +311,7 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
                 "track_lives",
                 "track_pairs",
                 "crowding",
+                "standing_groups",
                 *OF_PAIRS,
             },
         ),

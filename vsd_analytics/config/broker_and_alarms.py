@@ -102,6 +102,7 @@ def read_alarms(root: TableReader, *, areas: Collection[Area], cameras: Collecti
         for key, is_used, why in (
             ("area", kind != "silence", "a camera is silent as a whole: name it in cameras"),
             ("people", kind == "gathering", "only a gathering has a number of people"),
+            ("between_groups", kind == "contact", "only contacts can be those between groups"),
         ):
             if kind is not None and not is_used and key in table.values:
                 table.fault(key, f"{table.label} is a {kind} and has no {key}", why=why, fix=f"take the line {key} out")
@@ -120,6 +121,7 @@ def read_alarms(root: TableReader, *, areas: Collection[Area], cameras: Collecti
             ),
             cooldown_s=_or(table.number("cooldown_s", minimum=0, maximum=86400, unit="seconds", example="300"), 300.0),
             is_open_only=_or(table.flag("open_only"), True),
+            is_between_groups=_or(table.flag("between_groups"), True),
         )
         table.close()
         if alarm_id is not None:

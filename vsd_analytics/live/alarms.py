@@ -200,7 +200,11 @@ class _Stream:
         self._silences = [
             Silence(site, rule=r, camera_id=camera.camera_id) for r in camera_rules if r.kind == "silence"
         ]
-        self._companions = Companions(site.settings) if any(r.kind == "contact" for r in camera_rules) else None
+        self._companions = (
+            Companions(site.settings)
+            if any(r.kind == "contact" and r.is_between_groups for r in camera_rules)
+            else None
+        )
         self._opening = Opening(site)
         self._fixed_interval_ms = None if camera.hz is None else 1000 / camera.hz
         self._waiting: dict[int, Instant] = {}
@@ -260,13 +264,13 @@ class _Stream:
         events = [event for silence in self._silences for event in silence.hear(ts_ms)]
         if self._situations:
             frame = people_graph(instant, distance_mm=self._distance_mm)
-            close_pairs: list[Sighting] = []
+            between: list[Sighting] = []
             if self._companions is not None:
-                edges = self._companions.see(frame, ts_ms=ts_ms, interval_ms=self._interval_ms())
-                close_pairs = contacts(frame, edges)
-            clusters = gatherings(frame)
+                between = contacts(frame, self._companions.see(frame, ts_ms=ts_ms, interval_ms=self._interval_ms()))
+            close_pairs, clusters = contacts(frame, frame.edges), gatherings(frame)
             for situations in self._situations:
-                sightings = close_pairs if situations.rule.kind == "contact" else clusters
+                rule = situations.rule
+                sightings = clusters if rule.kind == "gathering" else between if rule.is_between_groups else close_pairs
                 events += situations.see(self._matching(situations.rule, sightings, ts_ms), ts_ms, self._tolerated_ms)
         if self._last_ms is not None:
             self._intervals.append(ts_ms - self._last_ms)

@@ -239,14 +239,13 @@ class AlarmRule:
 
     Attributes:
         alarm_id: Identifier.
-        kind: "gathering" (at least `n_people` connected by distances under `distance_m`), "contact" (two people of
-            different groups closer than `distance_m`), or "silence" (a camera sends nothing).
+        kind: "gathering" (`n_people` linked by distances under `distance_m`), "contact" (two), "silence" (a camera's).
         for_s: How long it must last before the alarm starts, in seconds.
         area_id: Area it must happen in; None = anywhere.
         camera_ids: Cameras it is about; empty = all.
         n_people: People of a gathering.
         cooldown_s: After an end, the same situation at the same place raises no alarm for this long, in seconds.
-        is_open_only: Only during opening hours.
+        is_open_only, is_between_groups: Only in opening hours; only contacts of two who are not together.
     """
 
     alarm_id: str
@@ -257,6 +256,7 @@ class AlarmRule:
     n_people: int = 3
     cooldown_s: float = 300.0
     is_open_only: bool = True
+    is_between_groups: bool = True
 
 
 @dataclass(frozen=True, slots=True)
