@@ -7,9 +7,9 @@ drifts itself moves little. With m and s the mean and spread of y_c in the refer
     up_w = max(0, up_(w-1) + z_w - K),   down_w = max(0, down_(w-1) - z_w - K),   an alarm where either exceeds H.
 
 K is half of the shift that should be found soon, in units of s: a recall that falls from .95 to .85 takes a tenth of
-the people, two to three s of an office. H is the lowest limit with at most about two false alarms a camera in ten years of
-offices, shops and museums (docs/statistics.md). s pools the cameras, as twelve weeks tell little of one, and grows with
-the lag-1 correlation of the reference weeks (pooled, corrected for the means that were estimated). A shift under
+the people, two to three s of an office. H is the lowest limit with at most about two false alarms a camera in ten years
+of offices, shops and museums (docs/statistics.md). s pools the cameras, as twelve weeks tell little of one, and grows
+with the lag-1 correlation of the reference weeks (pooled, corrected for the means that were estimated). A shift under
 `LEAST` is no alarm, however clear.
 """
 
