@@ -16,14 +16,14 @@
 --   denominator  track ids of cameras whose ids last
 --   needs        30 track ids that last, as M9; 5 days for intervals
 --   uncertainty  day-block bootstrap; a lower bound where a person has several ids
---   by           vsd_analytics.figures.others_met.others_met
+--   by           vsd_analytics.figures.neighbours.others_met
 -- figure: M34 People with 15 minutes too close
 --   definition   track ids with 15 minutes or more closer than distance_m to one other track id, within a site day (24 hours) / track ids
 --   unit         share of track ids
 --   denominator  track ids of cameras whose ids last
 --   needs        as M12 and M31
 --   uncertainty  day-clustered 95 % interval; a lower bound, as M12
---   by           vsd_analytics.figures.others_met.others_met
+--   by           vsd_analytics.figures.neighbours.others_met
 -- assumes: each camera is computed by itself: a person whom two cameras see has two track ids
 with sides as (
     select

@@ -416,7 +416,7 @@ class Days:
         return Table(rows, title="Query")
 
     def _answer(self, name: str, answers: Callable[[Period], Sequence[Answer]]) -> Table:
-        from vsd_analytics.api.space_use import answer_table
+        from vsd_analytics.api.figure_tables import answer_table
 
         title = f"{name.replace('_', ' ').capitalize()}, {self.name}"
         return answer_table(self.site, (self.first, self.last), self._warehouse, answers, name=name, title=title)

@@ -1,24 +1,58 @@
-"""Figures with their statistics as tables: areas with intervals, hotspots."""
+"""Answers of some days as tables for analysts, over all floors, and the change log."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from datetime import date
-from typing import Any
 
 import pyarrow as pa
 
+from vsd_analytics.answer import Answer
 from vsd_analytics.api.table import Table
 from vsd_analytics.config.change_log import read_log
-from vsd_analytics.figures import close_time, compare, rates
+from vsd_analytics.figures import compare
 from vsd_analytics.figures import hotspots as hotspot_figures
+from vsd_analytics.figures.area_answers import place_rates
 from vsd_analytics.figures.hotspot_answers import hotspot_answers, window_holds
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.share.answers import audience_answers
 from vsd_analytics.render.frame import arrow
-from vsd_analytics.site.model import Area, Floor, Site
-from vsd_analytics.stats.estimates import RateEstimate
-from vsd_analytics.warehouse.warehouse import open_warehouse
+from vsd_analytics.site.model import Site
+from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 from vsd_analytics.wording.reasons import reason_text
+
+
+def answer_table(
+    site: Site,
+    days: tuple[date, date],
+    opened: Callable[[date, date], AbstractContextManager[Warehouse]],
+    answers: Callable[[Period], Sequence[Answer]],
+    *,
+    name: str,
+    title: str,
+) -> Table:
+    """Return one answer over all floors as a table, without small counts.
+
+    Args:
+        site: The project.
+        days: First and last local day.
+        opened: Opens a warehouse from one day to another.
+        answers: Makes the answers of a floor that belong together.
+        name: Name of the answer.
+        title: For printing.
+    """
+    tables, why = [], []
+    with opened(*compare.days_needed(site, days)) as warehouse:
+        for floor in site.floors:
+            period = Period(FloorHours(warehouse, floor=floor), *days)
+            answer = audience_answers(answers(period), site)[name]
+            tables.append(arrow(answer))
+            if answer.nothing is not None:
+                why.append(reason_text(answer.nothing))
+    rows = pa.concat_tables(tables, promote_options="permissive")
+    return Table(rows, title=title, note="" if rows.num_rows else "; ".join(dict.fromkeys(why)))
 
 
 def area_table(site: Site, first: date, last: date, *, title: str) -> Table:
@@ -30,30 +64,10 @@ def area_table(site: Site, first: date, last: date, *, title: str) -> Table:
         last: Last local day, inclusive.
         title: For printing.
     """
-    rows: list[dict[str, Any]] = []
     with open_warehouse(site, *compare.days_needed(site, (first, last))) as warehouse:
-        for floor in site.floors:
-            data = FloorHours(warehouse, floor=floor)
-            period = Period(data, first, last)
-            places: list[Floor | Area | None] = [floor]
-            if period.why_no_places is None and data.areas:
-                places += [*data.areas, None]
-            for where in places:
-                is_floor = isinstance(where, Floor)
-                area_id = where.area_id if isinstance(where, Area) else None
-                place = period.whole if is_floor else period.area(area_id)
-                close = close_time.close_time_share(period, close_time.close_time(period, where))
-                rows.append(
-                    {
-                        "floor_id": floor.floor_id,
-                        "kind": "floor" if is_floor else "area" if where is not None else "rest",
-                        "area_id": area_id,
-                        "name": "Rest of the floor" if where is None else where.name,
-                        **_estimate("violations_per_open_h", rates.violation_rate_level(period, place)),
-                        **_estimate("close_time_share", close),
-                    }
-                )
-    return Table(pa.Table.from_pylist(rows), title=title)
+        periods = [Period(FloorHours(warehouse, floor=floor), first, last) for floor in site.floors]
+        tables = [arrow(place_rates(period, rest="Rest of the floor")) for period in periods]
+    return Table(pa.concat_tables(tables, promote_options="permissive"), title=title)
 
 
 def hotspot_table(site: Site, until: date) -> Table:
@@ -70,16 +84,6 @@ def hotspot_table(site: Site, until: date) -> Table:
                 notes.append(f"{floor.name}: {reason_text(answer.nothing)}")
     rows = pa.concat_tables(tables, promote_options="permissive")
     return Table(rows, title=f"Hotspots until {until}", note="; ".join(notes))
-
-
-def _estimate(name: str, estimate: RateEstimate) -> dict[str, Any]:
-    return {
-        name: estimate.value,
-        f"{name}_lo": estimate.lo,
-        f"{name}_hi": estimate.hi,
-        f"{name}_state": estimate.state,
-        f"{name}_reason": reason_text(estimate.reason) or None,
-    }
 
 
 def change_table(site: Site, first: date | None = None, last: date | None = None) -> Table:

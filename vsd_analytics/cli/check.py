@@ -128,7 +128,7 @@ def _site_of(project: Project, files: tuple[str, ...], given: dict[str, Any], *,
 
 def _draw(project: Project, files: tuple[str, ...], picture: str, given: dict[str, Any]) -> None:
     """Draw the first positions of one file."""
-    from vsd_analytics.ingest.intake.first_positions import first_positions
+    from vsd_analytics.ingest.intake.site_of_files import first_positions
     from vsd_analytics.ingest.reading.adapter import Source
     from vsd_analytics.report.draw.positions_file import draw_positions
     from vsd_analytics.store.durable import publish

@@ -1,9 +1,16 @@
-"""How many others are within the legal distance: time with three or more (M32), and room around people (M33)."""
+"""Others near a person: time with three or more (M32), room around people (M33), others met in a day (M31, M34).
+
+In M31 and M34, others met and people with 15 minutes too close to one of them, a person is a track id: one camera's, of
+one site day. Where ids are cut, a person starts again with each, so both figures are given only of cameras whose ids
+last (as for M9), and are lower bounds.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
+from datetime import date
 from typing import Final
 
 import numpy as np
@@ -11,10 +18,14 @@ import pyarrow as pa
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.close_time import SECONDS, close_time_share, knows_distances
+from vsd_analytics.figures.episodes import SEED
 from vsd_analytics.figures.groups import PURGED
 from vsd_analytics.figures.panels import Array, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.stats.estimates import RateEstimate, no_rate
+from vsd_analytics.stats.groups import ShareEstimate, share_by_days
+from vsd_analytics.stats.others_met import CountQuantiles, count_quantiles
+from vsd_analytics.warehouse.warehouse import Warehouse
 
 THREE: Final = 3
 SQUARE_FOOT_M2: Final = 0.3048**2
@@ -113,3 +124,41 @@ def _by_number(period: Period) -> dict[int, Array] | None:
     if (data.violation_h * period.is_inside).sum() > 1.001 * (stored * period.is_inside).sum() + 1e-6:
         return None  # sealed by a version that did not count others
     return found
+
+
+@dataclass(frozen=True, slots=True)
+class OthersMet:
+    """Whom the people of a range met.
+
+    Attributes:
+        met: Different others closer than the legal distance, by person and day: median and 90 % quantile (M31).
+        long_share: Share of people with `contact_s` or more too close to one other within a day (M34), with n and of.
+    """
+
+    met: CountQuantiles
+    long_share: ShareEstimate
+
+
+def others_met(warehouse: Warehouse, cameras: Collection[str], *, first: date, last: date) -> OthersMet:
+    """Return how many others people met in a range, and the share of them with 15 minutes too close to one.
+
+    Args:
+        warehouse: Its days.
+        cameras: Ids of the cameras whose track ids last (`groups.camera_lives`).
+        first: First site day.
+        last: Last site day.
+    """
+    settings = warehouse.site.settings
+    rows = warehouse.table(
+        "select site_day, n_met, longest_s::double as longest_s from met_days "
+        "where camera_id in (select unnest($cameras::varchar[])) and site_day between $first and $last "
+        "order by site_day, camera_id, track_id",
+        {"cameras": sorted(cameras), "first": first, "last": last},
+    )
+    day = rows["site_day"].to_numpy().astype("datetime64[D]").astype(np.int64)
+    is_long = rows["longest_s"].to_numpy() >= settings.contact_s
+    _, code = np.unique(day, return_inverse=True)
+    return OthersMet(
+        met=count_quantiles(rows["n_met"].to_numpy(), day, seed=SEED, **settings.for_intervals),
+        long_share=share_by_days(np.bincount(code, weights=is_long), np.bincount(code), **settings.for_intervals),
+    )

@@ -8,7 +8,7 @@ from vsd_analytics.answer import Answer, Column, Reason, Row, State, Value
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
 from vsd_analytics.figures.gatherings import N_TOP, FloorGatherings
 from vsd_analytics.figures.group_answers import BETWEEN_GROUPS, READINGS, between_groups, reading_rows
-from vsd_analytics.figures.others_met import OthersMet, others_met
+from vsd_analytics.figures.neighbours import OthersMet, others_met
 from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.values import known, lack, measured

@@ -7,9 +7,8 @@ from typing import Any, Final
 
 from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.share.counts import GIVES_AWAY, Mask
-from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.model_estimate import Estimate, same_fields
+from vsd_analytics.figures.week.model_estimate import Estimate, change_estimate, same_fields
 from vsd_analytics.figures.week.model_sections import Causes, LoggedChangeEffect, ReceivingArea
 from vsd_analytics.stats.before_after import BeforeAfter
 from vsd_analytics.stats.decomposition import MixingChange
@@ -113,7 +112,7 @@ def _receivers(data: WeekData, found: BeforeAfterFigure) -> tuple[ReceivingArea,
 
 
 def _change(found: ChangeEstimate | BeforeAfter | RunningVerdict | None) -> Estimate | None:
-    return None if found is None else page_estimates.change(found)
+    return None if found is None else change_estimate(found)
 
 
 def _over_weeks(found: BeforeAfterFigure) -> dict[str, Any]:
@@ -124,7 +123,7 @@ def _over_weeks(found: BeforeAfterFigure) -> dict[str, Any]:
     if found.routes is not None:
         known |= {"through_people": found.routes.people, "through_closeness": found.routes.closeness}
     if found.floor is not None and found.floor.net.value is not None:
-        known["net"] = page_estimates.change(found.floor.net)
+        known["net"] = change_estimate(found.floor.net)
         known["contribution"] = found.floor.net.contributions[found.floor.places.index(found.area_id)]
         known["moved_elsewhere"] = None if found.taken_up is None else found.taken_up.share
     return known

@@ -6,9 +6,8 @@ from vsd_analytics.figures.groups import GroupReadings as Found
 from vsd_analytics.figures.groups import Groups, between_groups_by_area
 from vsd_analytics.figures.rates import violation_rate_level
 from vsd_analytics.figures.share.counts import Mask
-from vsd_analytics.figures.week import page_estimates
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_estimate import Estimate, level_estimate
 from vsd_analytics.figures.week.model_sections import AreaReading, Reading, Readings
 from vsd_analytics.figures.week.results import AreaRow, Level
 from vsd_analytics.stats.estimates import RateEstimate
@@ -61,7 +60,7 @@ def _would_reveal(own: Found, *, mask: Mask) -> bool:
 def _reading(violation_rate: RateEstimate, encounter_rate: RateEstimate, *, mask: Mask) -> Reading:
     """Return both headline numbers, without what is too small to print."""
     none = Estimate(value=None, state="not_enough_data")
-    printed = [page_estimates.level(rate, mask=mask) or none for rate in (violation_rate, encounter_rate)]
+    printed = [level_estimate(rate, mask=mask) or none for rate in (violation_rate, encounter_rate)]
     return Reading(violation_rate=printed[0], encounter_rate=printed[1])
 
 
@@ -82,7 +81,7 @@ def _areas(data: WeekData, found: Groups, areas: tuple[AreaRow, ...], *, mask: M
             continue
         if rate.n_events is None or any(area.area_id in h for h in held):
             continue
-        violation_rate = page_estimates.level(rate, mask=mask)
+        violation_rate = level_estimate(rate, mask=mask)
         if violation_rate is not None and violation_rate.value is not None:
             rows.append(AreaReading(area_id=area.area_id, violation_rate=violation_rate))
     return tuple(rows)

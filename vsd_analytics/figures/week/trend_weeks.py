@@ -11,9 +11,9 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures import trend as analysis
 from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.special_days import open_holidays
-from vsd_analytics.figures.week import estimates, page_estimates
+from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_estimate import Estimate, level_estimate
 from vsd_analytics.figures.week.model_sections import Target, Trend, TrendMark, TrendWeek, Usual
 from vsd_analytics.figures.week.results import Level
 from vsd_analytics.stats.trend import WeekRates
@@ -103,7 +103,7 @@ def _week(
 ) -> TrendWeek:
     _, number, _ = week.monday.isocalendar()
     violation_rate, close, encounter_rate = (
-        page_estimates.level(rate, mask=mask) for rate in (week.violation_rate, week.close, week.encounter_rate)
+        level_estimate(rate, mask=mask) for rate in (week.violation_rate, week.close, week.encounter_rate)
     )
     if own is not None and week.violation_rate is not None:
         violation_rate, close = own.violation_rate, own.close_time_share if week.close is not None else None

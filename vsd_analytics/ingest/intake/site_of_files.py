@@ -1,4 +1,4 @@
-"""A site in place of the one that nobody has described yet, so that files can be looked at without a project."""
+"""The first positions of a file, and a site in place of the one that nobody has described yet: to look at files."""
 
 from __future__ import annotations
 
@@ -7,8 +7,12 @@ from pathlib import Path
 from typing import Final
 
 from vsd_analytics.errors import VsdError
-from vsd_analytics.ingest.intake.first_positions import first_positions
-from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
+from vsd_analytics.ingest.checks.sample import SAMPLE_ROWS, Sample, sample_of
+from vsd_analytics.ingest.formats.recognise import find_adapter
+from vsd_analytics.ingest.intake.pipeline import options_for
+from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch, Source
+from vsd_analytics.ingest.reading.limits import within_bounds
+from vsd_analytics.ingest.reading.raw import n_rows
 from vsd_analytics.site.model import Camera, Floor, Site
 
 CAMERAS_MAX: Final = 1_000
@@ -32,6 +36,22 @@ def site_of_files(paths: Sequence[Path], options: IngestOptions, *, root: Path) 
             continue
         names |= dict.fromkeys(sample.camera.names)
     return _site(root, list(names)[:CAMERAS_MAX]) if names else single
+
+
+def first_positions(site: Site, source: Source, options: IngestOptions) -> Sample:
+    """Return the records from which the card of a source is made.
+
+    Raises:
+        InputError: The source cannot be read.
+    """
+    options = options_for(site, source, options)
+    reader = find_adapter(source, options)
+    head: list[RawBatch] = []
+    for batch in within_bounds(source, reader.read(source, options)):
+        head.append(batch)
+        if sum(n_rows(b.tables.values()) for b in head) >= SAMPLE_ROWS:
+            break
+    return sample_of(head, is_whole=False)
 
 
 def _site(root: Path, names: Sequence[str]) -> Site:
