@@ -20,7 +20,7 @@ import shapely
 from vsd_analytics.answer import Design, Outcome, Reason, State
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import rates
-from vsd_analytics.figures.change_doubts import doubts_and_cautions
+from vsd_analytics.figures.change_doubts import cut_doubts, doubts_and_cautions
 from vsd_analytics.figures.change_outcome import outcome
 from vsd_analytics.figures.change_verdicts import (
     FloorEffect,
@@ -241,6 +241,8 @@ def before_after(
         notes = (*notes, Reason("logged_change.no_trend"))
     doubt, unsteady = rests_on(so_far, left_alone(data, chosen, windows))
     doubts = [*doubts, doubt] if doubt is not None else doubts
+    if so_far is not None and so_far.is_counted:
+        doubts = [*doubts, *cut_doubts(data, windows, cameras=_cameras(pair, area))]
     found = replace(
         made, state="ok", reason=None, is_credible=not doubts, doubts=tuple(doubts),
         cautions=_cautions(

@@ -10,7 +10,9 @@ from vsd_analytics.figures.camera_watch import watch
 from vsd_analytics.figures.change_weeks import Windows, changes_elsewhere, events_beside, other_changes
 from vsd_analytics.figures.comparable import other_intervals
 from vsd_analytics.figures.panels import WEEK, FloorHours
+from vsd_analytics.figures.periods import cut_ids
 from vsd_analytics.site.model import Area, LogEntry, Site
+from vsd_analytics.stats.cut_share import changed_cut_share
 from vsd_analytics.warehouse.provenance import engines
 
 
@@ -39,6 +41,13 @@ def doubts_and_cautions(
     ]
     there = [Reason("watch.there", why=why) for camera_id, why in moved if camera_id not in cameras]
     return doubts, [*changes_elsewhere(site, entry, area, windows), *there]
+
+
+def cut_doubts(data: FloorHours, windows: Windows, *, cameras: Collection[str]) -> list[Reason]:
+    """Return the doubt of a verdict that rests on counts: its cameras' tracker cuts another share of ids."""
+    sides = [cut_ids(data, days, cameras) for days in (windows.trend, windows.watched)]
+    found = changed_cut_share(sides[0], sides[1])
+    return [] if found is None else [Reason("compare.cut_ids", before=found.before, now=found.now)]
 
 
 def _frame_rates(data: FloorHours, cameras: Collection[str], windows: Windows) -> Iterator[Reason]:

@@ -15,7 +15,7 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.panels import Array, Flags, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.figures.rates import NOT_RECORDED, encounter_rate_change, history, violation_rate_change
+from vsd_analytics.figures.rates import NOT_RECORDED, change_per_open_hour, encounter_rate_change, history
 from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate, no_rate
 from vsd_analytics.stats.rates import encounter_rate, violation_rate
@@ -107,7 +107,7 @@ def change_close_time_share(pair: TwoPeriods, place: Place) -> ChangeEstimate:
 
 def change_burden(pair: TwoPeriods, place: Place) -> ChangeEstimate:
     """Return the change of person-minutes in violation per open hour over the camera-hours compared."""
-    return _change_in_units(violation_rate_change(pair, _with_known_distances(pair, place)), MINUTES)
+    return _change_in_units(change_per_open_hour(pair, _with_known_distances(pair, place)), MINUTES)
 
 
 def knows_distances(period: Period) -> Flags:

@@ -293,6 +293,8 @@ def _notes(pair: TwoPeriods, *, has_areas: bool) -> tuple[Reason, ...]:
         )
         for o in other_intervals(data.warehouse, cameras=data.cameras, first_ms=first_ms, end_ms=end_ms)
     ]
+    if (cut := pair.cut_shares) is not None:
+        notes.append(Reason("compare.cut_ids", before=cut.before, now=cut.now))
     if has_areas and not _is_placed(pair):
         notes.append(Reason("compare.no_places"))
     return tuple(notes)

@@ -6,7 +6,7 @@ and `vsd compare` share this.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import date, timedelta
 from functools import cached_property
 from typing import Literal
@@ -16,8 +16,9 @@ import numpy as np
 from vsd_analytics.answer import HoldsFor, Reason
 from vsd_analytics.figures.comparable import DAY_MS, Recalibration, has_other_owners, pair_days, recalibrations
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
-from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, WEEK, Flags, FloorHours, Ints, Panel, Place
+from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, WEEK, Array, Flags, FloorHours, Ints, Panel, Place
 from vsd_analytics.figures.slots import NO_POSITIONS
+from vsd_analytics.stats.cut_share import CutShares, changed_cut_share
 from vsd_analytics.stats.rates import HISTORY_WEEKS
 
 
@@ -166,6 +167,11 @@ class TwoPeriods:
         out |= self.before.not_counted.keys()
         return np.array([c not in out for c in self.data.ids or [""]], dtype=np.bool_)
 
+    @cached_property
+    def cut_shares(self) -> CutShares | None:
+        """Return the shares of track ids that go on under another one, where they differ by more than their noise."""
+        return changed_cut_share(*(cut_ids(self.data, (p.first, p.last)) for p in (self.before, self.now)))
+
     def compared(self, place: Place, *, since: int | None = None) -> tuple[Panel, Panel]:
         """Return the panels of A and B over the comparable camera-hours that count in both, a column per pair of days.
 
@@ -203,3 +209,20 @@ class TwoPeriods:
         both = [(then[key], i) for key, i in now.items() if key in then]
         found = np.array(both, dtype=np.int64).reshape(-1, 2)
         return found[:, 0], found[:, 1]
+
+
+def cut_ids(data: FloorHours, days: tuple[date, date], cameras: Collection[str] | None = None) -> tuple[Array, Array]:
+    """Return by site day the track ids that go on under another one, less those by chance, and those that end.
+
+    Args:
+        data: The floor.
+        days: First and last of them.
+        cameras: Ids of cameras; None = the floor's.
+    """
+    rows = data.warehouse.table(
+        "select (sum(n_goes_on) - sum(n_came_before))::double as goes_on, sum(n_ends)::double as ends from track_days "
+        "where camera_id in (select unnest($cameras::varchar[])) and site_day between $first and $last "
+        "group by site_day order by site_day",
+        {"cameras": sorted(data.ids if cameras is None else cameras), "first": days[0], "last": days[1]},
+    )
+    return rows["goes_on"].to_numpy(), rows["ends"].to_numpy()

@@ -10,6 +10,7 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import WEEK, Array, Panel, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.stats.changes import compare_encounter_rates, compare_exposure, compare_violation_rates
+from vsd_analytics.stats.cut_share import widened
 from vsd_analytics.stats.estimates import ChangeEstimate, RateEstimate, no_change, no_rate
 from vsd_analytics.stats.rates import encounter_rate, violation_rate
 from vsd_analytics.stats.weekly_steps import MAX_STEPS
@@ -63,8 +64,17 @@ def encounter_rate_level(
 def violation_rate_change(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
     """Return the change in how often (M0) over the camera-hours compared; `since` as for `TwoPeriods.compared`.
 
-    Of a place that counts person-seconds in violation instead of violations it is the change of the burden.
+    Where the share of track ids that are cut changed, its range is wider by what cut ids can do to counts.
     """
+    found = change_per_open_hour(pair, place, since=since)
+    if pair.cut_shares is None:
+        return found
+    settings = pair.data.site.settings
+    return widened(found, confidence=settings.confidence, about_same_share=settings.about_same_share)
+
+
+def change_per_open_hour(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
+    """Return the change of what a place counts per open hour: violations, or person-seconds in violation (burden)."""
     if not (pair.before.knows(place) and pair.now.knows(place)):
         return NOT_COMPARED
     before, now = pair.compared(place, since=since)

@@ -65,6 +65,9 @@ def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple
         )
     lines += [_detected(data, o) for o in coverage.outages if _is_news(o, entries)]
     lines += _other_frame_rates(data)
+    if (cut := data.pair.cut_shares) is not None and data.is_week:
+        text = say("changed.log_cut_ids", before=fmt.percent(cut.before), now=fmt.percent(cut.now))
+        lines.append(LogLine(at=data.midnight(data.monday), text=text, kind="detected"))
     return tuple(sorted(lines, key=lambda line: line.at))
 
 
