@@ -22,6 +22,7 @@ pytest.importorskip("httpx", reason="the extra test is not installed")
 from service.desk_site import DESK_TOKEN, HERE, NOW, QUESTION, READ_TOKEN, DeskBrowser, desk_app, desk_site
 
 from vsd_analytics.config.change_log import read_answers, read_log
+from vsd_analytics.config.floor_targets import read_target_changes
 from vsd_analytics.config.log_records import read_records
 from vsd_analytics.config.project import load_site
 from vsd_analytics.service import desk_sessions
@@ -82,6 +83,33 @@ def test_an_answer_that_changes_nothing_is_taken_back_too(site: Site, anna: Desk
     anna.send("undo", line="1")
     assert read_answers(site) == ()
     assert 'name="answer"' in anna.page()
+
+
+def test_a_target_is_set_drawn_and_taken_back(site: Site, anna: DeskBrowser) -> None:
+    before = (site.root / "vsd.toml").read_bytes()
+    for given, said in (("120,5", "The target is saved."), ("120.5", "This is the target already.")):
+        assert anna.send("target", floor="ground", value=given).status_code == 303
+        assert said in anna.page()
+    assert load_site(site.root).floors[0].target_per_open_h == 120.5
+    assert "Anna, Tue 17 Nov, 10:30. Before: none." in anna.page()
+    for said in ("Taken back.", "Nothing to take back"):
+        anna.send("undo-target", line="0")
+        assert said in anna.page()
+    assert (site.root / "vsd.toml").read_bytes() == before
+    assert [(c.after, c.by) for c in read_target_changes(site)] == [(120.5, "Anna"), (None, "Anna")]
+
+
+def test_a_target_that_cannot_be_saved_is_said_in_words(tmp_path: Path) -> None:
+    site = desk_site(tmp_path / "shop")
+    path = site.root / "vsd.toml"
+    path.write_text(path.read_text().replace('[[floor]]\nid = "ground"\nname = "Ground"\n', ""))
+    path.write_text('floor = [{ id = "ground", name = "Ground" }]\n' + path.read_text())
+    anna = DeskBrowser(desk_app(site.root))
+    before = path.read_bytes()
+    sent = anna.send("target", floor="ground", value="120")
+    assert sent.status_code == 422
+    assert "The target cannot be saved here" in sent.text
+    assert path.read_bytes() == before
 
 
 def test_nothing_of_the_desk_is_there_unless_it_is_asked_for(site: Site) -> None:
@@ -175,11 +203,12 @@ def test_a_form_of_another_page_is_refused(
 ) -> None:
     if job == "sign-out" and "request" in fields:
         return  # to sign out twice does no harm
-    whole = {"text": "Forged", "question": QUESTION, "answer": "later", "line": "1"}
+    whole = {"text": "Forged", "question": QUESTION, "answer": "later", "line": "1", "floor": "ground", "value": "9"}
     sent = anna.send(job, headers=headers, **(whole | fields))
     assert sent.status_code == 403
     assert "This form cannot be taken" in sent.text
     assert log_of(site) == []
+    assert load_site(site.root).floors[0].target_per_open_h is None
     assert anna.client.get("/desk").status_code == 200
 
 
@@ -235,6 +264,10 @@ def test_hostile_texts_are_stored_as_they_are_and_shown_as_text(site: Site, text
         ("log", {"text": "a", "at": "yesterday"}, "This is no date"),
         ("log", {"text": "a", "at": "0001-01-01T00:00"}, "This is no date"),
         ("log", {"text": "a", "area": "../secrets"}, "no such area"),
+        ("target", {"floor": "ground", "value": "-3"}, "A target is a number above 0"),
+        ("target", {"floor": "ground", "value": "nan"}, "A target is a number above 0"),
+        ("target", {"floor": "ground", "value": "1e3"}, "A target is a number above 0"),
+        ("target", {"floor": "attic", "value": "3"}, "no such floor"),
         ("answer", {"question": "Q1-nothing", "answer": "later"}, "not open any more"),
         ("answer", {"question": QUESTION, "answer": "perhaps"}, "Choose one of the three answers."),
     ],

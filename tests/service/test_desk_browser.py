@@ -26,8 +26,15 @@ Open = Callable[..., Any]
 HOSTILE = "x" * 120 + ' <script>document.title = "taken"</script>'
 FINGER_PX = 44
 PAGE = "/desk/weeks/2026-W46/floors/ground/page"
-PRESSES = {"answer": 2, "log": 1, "undo": 1}
-"""Buttons and links that a job takes, from the page on which it begins."""
+PRESSES = {
+    "answer the question, from the weekly page": 2,
+    "log a change": 1,
+    "take it back": 1,
+    "set a target": 1,
+    "open the weekly page": 1,
+    "open the planner": 1,
+}
+"""Buttons and links that a job takes at the desk, beside the fields to fill in."""
 
 
 @pytest.fixture
@@ -74,55 +81,86 @@ def sign_in(page: Any, writer: str = "Anna") -> None:
     page.wait_for_selector("h1:has-text('What was decided')")
 
 
-def press(page: Any, key: str = "Enter") -> None:
+def press(page: Any) -> None:
     with page.expect_navigation():
-        page.keyboard.press(key)
+        page.keyboard.press("Enter")
 
 
-def test_the_jobs_are_done_by_keyboard_without_script(tab: Open, desk: tuple[str, Path]) -> None:
-    address, root = desk
-    page = tab(f"{address}/desk", java_script_enabled=True, bypass_csp=False)
-    sign_in(page)
-    tab_to(page, "What was changed")
-    page.keyboard.type("Mat moved")
-    tab_to(page, "Where")
-    page.keyboard.press("ArrowDown")
-    tab_to(page, "Log the change")
-    press(page)
-    assert page.locator("[role=status]").text_content() == "The change is in the log."
-    tab_to(page, "Take back: Mat moved")
-    press(page)
-    assert page.locator("[role=status]").text_content() == "Taken back."
-    tab_to(page, "tried")
-    page.keyboard.press("ArrowDown")
-    tab_to(page, "Save the answer")
-    press(page)
-    site = load_site(root)
-    assert read_log(site) == ()
-    assert [(a.kind, a.by) for a in read_answers(site)] == [("later", "Anna")]
-    assert page.errors == []
-    assert DESK_TOKEN not in "".join(page.seen)
+class Counted:
+    """Counts what is pressed for each job.
+
+    Args:
+        page: The page.
+    """
+
+    def __init__(self, page: Any) -> None:
+        self.page, self.presses = page, dict[str, int]()
+
+    def press(self, job: str, name: str) -> str:
+        """Press what has a name; return what the page says then."""
+        tab_to(self.page, name)
+        press(self.page)
+        self.presses[job] = self.presses.get(job, 0) + 1
+        said = self.page.locator("main > p.said[role=status]")
+        return str(said.text_content()) if said.count() else ""
 
 
-def test_from_the_question_of_the_page_to_its_answer(tab: Open, demo_desk: tuple[str, Path]) -> None:
+def test_the_jobs_are_done_by_keyboard_in_as_many_presses_as_the_docs_say(
+    tab: Open, demo_desk: tuple[str, Path]
+) -> None:
     address, root = demo_desk
     page = tab(f"{address}{PAGE}", bypass_csp=False)
+    counted = Counted(page)
     tab_to(page, "Your name")
     page.keyboard.type("Anna")
     tab_to(page, "Token of the desk")
     page.keyboard.type(DESK_TOKEN)
     press(page)
     assert page.url.endswith(PAGE)
-    n_presses = 0
-    tab_to(page, "Not possible")
-    for name in (None, "Save the answer"):
-        if name is not None:
-            tab_to(page, name)
-        press(page)
-        n_presses += 1
-    assert n_presses == PRESSES["answer"]
-    assert [a.kind for a in read_answers(load_site(root))] == ["not-possible"]
+    job = "answer the question, from the weekly page"
+    counted.press(job, "Not possible")
+    assert counted.press(job, "Save the answer").startswith("Saved.")
+    tab_to(page, "What was changed")
+    page.keyboard.type("Mat moved")
+    tab_to(page, "Where")
+    page.keyboard.press("ArrowDown")
+    assert counted.press("log a change", "Log the change") == "The change is in the log."
+    assert counted.press("take it back", "Take back: Mat moved") == "Taken back."
+    tab_to(page, "Stay below, violations per open hour")
+    page.keyboard.type("120")
+    assert counted.press("set a target", "Save the target").startswith("The target is saved.")
+    counted.press("open the weekly page", "Weekly page")
+    assert "of 120" in page.locator(".kpis").text_content() or "under 120" in page.locator(".kpis").text_content()
+    assert "Not possible by Anna." in page.locator(".ask").text_content()
+    page.go_back()
+    counted.press("open the planner", "Planner")
+    assert page.url.endswith("/planner")
+    site = load_site(root)
+    assert [e.text for e in read_log(site) if e.by] == []
+    assert [(a.kind, a.by) for a in read_answers(site)] == [("not-possible", "Anna")]
+    assert site.floors[0].target_per_open_h == 120
+    assert DESK_TOKEN not in "".join(page.seen)
     assert [u for u in page.seen if not u.startswith((address, "data:"))] == []
+    assert page.errors == []
+    assert counted.presses == PRESSES
+
+
+def test_the_table_of_the_docs_has_these_presses() -> None:
+    text = (Path(__file__).resolve().parents[2] / "docs" / "service.md").read_text(encoding="utf-8")
+    for job, n in PRESSES.items():
+        assert any(line.startswith(f"| {job} |") and line.endswith(f"| {n} |") for line in text.splitlines()), job
+
+
+def test_the_desk_needs_no_script(tab: Open, desk: tuple[str, Path]) -> None:
+    address, root = desk
+    page = tab(f"{address}/desk", java_script_enabled=False, bypass_csp=False)
+    page.get_by_label("Your name").fill("Anna")
+    page.get_by_label("Token of the desk").fill(DESK_TOKEN)
+    page.get_by_role("button", name="Sign in").click()
+    page.get_by_label("What was changed").fill("Mat moved")
+    page.get_by_role("button", name="Log the change").click()
+    assert page.get_by_role("status").text_content() == "The change is in the log."
+    assert [e.text for e in read_log(load_site(root))] == ["Mat moved"]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -21,7 +21,21 @@ COMMANDS = (
     *("listen", "node", "alarms"),
     *("build", "fetch", "coverage", "hours", "heatmap", "hotspots", "groups", "visits", "flow", "queue", "capacity"),
     *("compare", "plan", "selfcheck", "forecast"),
-    *("today", "report", "inbox", "planner", "site", "serve", "export", "purge", "sql", "schema", "verify", "doctor"),
+    *(
+        "today",
+        "report",
+        "target",
+        "inbox",
+        "planner",
+        "site",
+        "serve",
+        "export",
+        "purge",
+        "sql",
+        "schema",
+        "verify",
+        "doctor",
+    ),
     "explain",
 )
 """The commands, each in the module of its name, in the order in which a new user needs them."""

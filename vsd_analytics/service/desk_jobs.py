@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -9,9 +10,10 @@ from typing import Final
 
 from vsd_analytics.config.asked_questions import read_asked
 from vsd_analytics.config.change_log import add_answer, add_entry, remove_entry
+from vsd_analytics.config.floor_targets import RANGE, read_target_changes, set_target
 from vsd_analytics.config.log_records import ANSWERS, TEXT_MAX_CHARS
 from vsd_analytics.config.values import parse_instant
-from vsd_analytics.errors import CONTROL
+from vsd_analytics.errors import CONTROL, ConfigError
 from vsd_analytics.service.desk_history import desk_history
 from vsd_analytics.site.model import Site
 from vsd_analytics.site.questions import AnswerKind
@@ -19,6 +21,7 @@ from vsd_analytics.wording.catalogue import say
 
 FIELD_MAX_CHARS: Final = 2000
 """Of any field; a longer one is no form of the desk."""
+_NUMBER: Final = re.compile(r"\d{1,7}(\.\d{1,3})?")
 FAR: Final = timedelta(days=5 * 366)
 """A change so far from today has a wrong date."""
 
@@ -103,6 +106,38 @@ def log_change(form: Writing) -> str:
     return say("desk.done.logged" if added.is_new else "desk.done.logged_before")
 
 
+def set_floor_target(form: Writing) -> str:
+    """Set or take away the target of a floor; return what the page says then."""
+    floor_id, given = form.fields.get("floor", ""), form.fields.get("value", "").strip().replace(",", ".")
+    if floor_id not in {f.floor_id for f in form.site.floors}:
+        raise FormMistakeError("value", say("desk.mistake.floor"))
+    value = None
+    if given:
+        value = float(given) if _NUMBER.fullmatch(given) else 0.0
+        if not RANGE[0] <= value <= RANGE[1]:
+            raise FormMistakeError("value", say("desk.mistake.number"))
+    try:
+        changed = set_target(form.site, floor_id, value, at=form.now, by=form.writer)
+    except ConfigError:
+        raise FormMistakeError("value", say("desk.mistake.table")) from None
+    if changed is None:
+        return say("desk.done.target_before")
+    return say("desk.done.target" if value is not None else "desk.done.no_target")
+
+
+def take_target_back(form: Writing) -> str:
+    """Give a floor the target it had before its last change; return what the page says then."""
+    last = {str(n): change for n, change in enumerate(read_target_changes(form.site))}.get(form.fields.get("line", ""))
+    now = {f.floor_id: f.target_per_open_h for f in form.site.floors}
+    if last is None or last.floor_id not in now or now[last.floor_id] != last.after:
+        return say("desk.done.undone_before")
+    try:
+        set_target(form.site, last.floor_id, last.before, at=form.now, by=form.writer)
+    except ConfigError:
+        return say("desk.mistake.table")
+    return say("desk.done.undone")
+
+
 def take_back(form: Writing) -> str:
     """Take back what one line of the log says; return what the page says then.
 
@@ -120,5 +155,7 @@ JOBS: Final[dict[str, Callable[[Writing], str]]] = {
     "answer": answer_question,
     "log": log_change,
     "undo": take_back,
+    "target": set_floor_target,
+    "undo-target": take_target_back,
 }
 """By the last part of the address that a form is sent to."""

@@ -10,6 +10,7 @@ from typing import Final
 from markupsafe import Markup
 
 from vsd_analytics.config.asked_questions import read_asked
+from vsd_analytics.config.floor_targets import read_target_changes
 from vsd_analytics.config.log_records import NAME_MAX_CHARS, TEXT_MAX_CHARS
 from vsd_analytics.report.pages.replies import KINDS
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
@@ -22,7 +23,7 @@ from vsd_analytics.wording.catalogue import say
 
 LINES_MAX: Final = 30
 """Lines of the log on the page; all are in the file."""
-EMPTY: Final = dict.fromkeys(("job", "question", "answer", "at", "text", "area"), "")
+EMPTY: Final = dict.fromkeys(("job", "question", "answer", "at", "text", "area", "floor", "value"), "")
 """Of all forms, the fields that are shown again as they were filled in."""
 
 
@@ -69,6 +70,25 @@ class DeskLine:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DeskTarget:
+    """The target of a floor: texts.
+
+    Attributes:
+        floor_id: The floor.
+        name: Its name; empty where the site has one floor.
+        value: The target as a field has it; empty = none.
+        said: Who set it last, and when; empty where nobody did here.
+        undo: Number of that change; empty where it cannot be taken back.
+    """
+
+    floor_id: str
+    name: str
+    value: str
+    said: str
+    undo: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DeskPage:
     """Everything the template of the desk may use; each field is one variable.
 
@@ -86,6 +106,7 @@ class DeskPage:
         questions: The last question of each floor.
         answers: Word of each kind of answer.
         areas: Id and name of each area.
+        targets: The target of each floor.
         now: The present, as fields for times have it.
         text_max: Longest text.
         lines: What was written, the last first.
@@ -107,6 +128,7 @@ class DeskPage:
     questions: tuple[DeskQuestion, ...]
     answers: tuple[tuple[str, str, str], ...]
     areas: tuple[tuple[str, str], ...]
+    targets: tuple[DeskTarget, ...]
     now: str
     text_max: int
     lines: tuple[DeskLine, ...]
@@ -195,6 +217,7 @@ def render_desk(
             questions=tuple(_question(one, site, history, names) for one in _last_asked(site)),
             answers=tuple((k, say(f"desk.answer.{_key(k)}"), say(f"desk.answer_hint.{_key(k)}")) for k in KINDS),
             areas=tuple((a.area_id, a.name) for a in site.areas if a.is_there(local.date(), local.date())),
+            targets=_targets(site),
             now=f"{local:%Y-%m-%dT%H:%M}",
             text_max=TEXT_MAX_CHARS,
             lines=tuple(lines[:LINES_MAX]),
@@ -260,6 +283,28 @@ def _question(
         text=one.text,
         given=None if answer is None else _line(answer, names),
     )
+
+
+def _targets(site: Site) -> tuple[DeskTarget, ...]:
+    last = {change.floor_id: (n, change) for n, change in enumerate(read_target_changes(site))}
+    found = []
+    for floor in site.floors:
+        number, change = last.get(floor.floor_id, (0, None))
+        holds = change is not None and change.after == floor.target_per_open_h
+        said = ""
+        if change is not None and holds:
+            before = say("desk.target.none") if change.before is None else f"{change.before:g}"
+            said = say("desk.target.said", by=change.by or "", at=fmt.instant_short(change.at), before=before)
+        found.append(
+            DeskTarget(
+                floor_id=floor.floor_id,
+                name=floor.name if len(site.floors) > 1 else "",
+                value="" if floor.target_per_open_h is None else f"{floor.target_per_open_h:g}",
+                said=said.strip(" ,"),
+                undo=str(number) if holds else "",
+            )
+        )
+    return tuple(found)
 
 
 def _line(line: HistoryLine, names: Mapping[str, str]) -> DeskLine:

@@ -13,6 +13,7 @@ from markupsafe import Markup
 from vsd_analytics.answer import Verdict
 from vsd_analytics.figures.week.results import LogLine
 from vsd_analytics.report.model.week import Span
+from vsd_analytics.report.pages.key_figures import target_words
 from vsd_analytics.report.pages.week import policy_hash, printed_footers, rendered, shipped_style
 from vsd_analytics.site_index import week_bars
 from vsd_analytics.site_index.compare_section import CompareSection, compare_section
@@ -231,6 +232,7 @@ def _row(floor: FloorWeeks, latest: date) -> Row:
     share = report.coverage.share
     violation_rate = report.level.violation_rate
     is_current = monday == latest
+    target = None if report.trend is None else report.trend.target_violation_rate
     return Row(
         site=floor.site_name,
         floor=floor.name,
@@ -241,11 +243,13 @@ def _row(floor: FloorWeeks, latest: date) -> Row:
         if encounter_rate.value is not None and encounter_rate.state == "ok"
         else "",
         bars=week_bars.bars(
-            window, label=say("index.bars", weeks=_phrase([m for m, _ in window]), said=", ".join(weeks))
+            window,
+            target=None if target is None else target.value,
+            label=say("index.bars", weeks=_phrase([m for m, _ in window]), said=", ".join(weeks)),
         ),
         verdict=_verdict(report),
         direction=terms.direction(_clear(report)),
-        details=tuple(d for d in (_why(report), _note(report)) if d),
+        details=tuple(d for d in (_why(report), terms.capital(target_words(target)), _note(report)) if d),
         recorded=fmt.percent_short(share),
         is_low=report.state in ("no_data", "too_incomplete") and not report.is_so_far,
         links=tuple(_links(entry, say("index.whose", floor=floor.full_name, week=_week_name(monday)))),

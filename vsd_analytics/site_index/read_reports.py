@@ -19,6 +19,7 @@ import msgspec
 
 from vsd_analytics.errors import CONTROL, VsdError, Where
 from vsd_analytics.figures.week.model_estimate import Estimate
+from vsd_analytics.figures.week.model_sections import Target
 from vsd_analytics.figures.week.results import (
     BusiestHour,
     BusiestSpot,
@@ -83,6 +84,13 @@ class IndexedStory:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class IndexedTrend:
+    """What the index needs of the weeks of a report."""
+
+    target_violation_rate: Target | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class IndexedReport:
     """What the index needs of a `report.model.WeekReport`; same names, units and meanings.
 
@@ -104,6 +112,7 @@ class IndexedReport:
     log: tuple[LogLine, ...] = ()
     settings_change: SettingsChange | None = None
     close_by_crowding: CloseByCrowding | None = None
+    trend: IndexedTrend | None = None
 
     @property
     def is_so_far(self) -> bool:

@@ -14,7 +14,7 @@ from typing import Final, Literal
 
 from markupsafe import Markup
 
-from vsd_analytics.report.draw.svg import HATCH, INK, MUTED, drawing, el
+from vsd_analytics.report.draw.svg import ACCENT, HATCH, INK, MUTED, drawing, el
 from vsd_analytics.site_index.read_reports import IndexedReport
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say
@@ -53,23 +53,28 @@ def said(report: IndexedReport | None) -> str:
             return fmt.number(report.level.violation_rate.value if report else None)
 
 
-def bars(window: Sequence[tuple[date, IndexedReport | None]], *, label: str) -> Markup:
+def bars(window: Sequence[tuple[date, IndexedReport | None]], *, label: str, target: float | None = None) -> Markup:
     """Draw the weeks of a row, the last one in the warm colour.
 
     Args:
         window: Monday and report, or None, of each week.
         label: What the drawing says in words.
+        target: Figure to stay below, a dashed line; None = no target.
     """
     values = [
         t.level.violation_rate.value or 0.0 for _, t in window if t is not None and bar_kind(t) in ("full", "rough")
     ]
-    largest = max(values, default=0.0) or 1.0
+    largest = max([*values, target or 0.0]) or 1.0
     parts: list[Markup] = []
     for k, (_, report) in enumerate(window):
         x, is_now = k * STEP, k == len(window) - 1
         if report is not None and report.state == "settings_changed" and k:
             parts.append(el("line", class_="wkc", stroke=INK, x1=x - 2, x2=x - 2, y1=0, y2=HEIGHT))
         parts.append(_bar(report, x=x, largest=largest, is_now=is_now))
+    if target is not None:
+        y = round(HEIGHT - HEIGHT * target / largest, 1)
+        ends = {"x1": 0, "x2": len(window) * STEP - 4, "y1": y, "y2": y}
+        parts.append(el("line", class_="tt1", stroke=ACCENT, stroke_width=1.6, stroke_dasharray="7 4", **ends))
     ground = el("line", class_="wkg", stroke=MUTED, x1=0, x2=len(window) * STEP - 4, y1=HEIGHT + 0.5, y2=HEIGHT + 0.5)
     return drawing([ground, *parts], (len(window) * STEP - 4, HEIGHT + 1), class_="ix-bars", label=label)
 

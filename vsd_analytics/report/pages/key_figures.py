@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from markupsafe import Markup
 
 from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import Usual
+from vsd_analytics.figures.week.model_sections import Target, Usual
 from vsd_analytics.report.draw.trend_chart import spark
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.things_to_know import weakest_camera
@@ -134,13 +134,25 @@ def _violation_rate(report: WeekReport) -> Tile:
         unit=say("tiles.violations_per_open_hour"),
         value=fmt.number(violation_rate.value),
         note=sentences(
-            _against(report, violation_rate, report.trend.usual_violation_rate if report.trend else None, fmt.number)
+            [
+                *_against(
+                    report, violation_rate, report.trend.usual_violation_rate if report.trend else None, fmt.number
+                ),
+                target_words(report.trend.target_violation_rate if report.trend else None),
+            ]
         ),
         delta=delta,
         direction=direction,
         also=_between(report),
         line=spark(report.trend, "violation_rate"),
     )
+
+
+def target_words(target: Target | None) -> str:
+    """Return where a week lies beside its floor's target, as a sentence without its full stop; empty for no target."""
+    if target is None:
+        return ""
+    return say(f"tiles.target_{target.position}" if target.position else "tiles.target", n=fmt.number(target.value))
 
 
 def _close(report: WeekReport) -> Tile:
