@@ -21,6 +21,8 @@ pytest.importorskip("httpx", reason="the extra test is not installed")
 
 from service.desk_site import DESK_TOKEN, HERE, NOW, QUESTION, READ_TOKEN, DeskBrowser, desk_app, desk_site
 
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config.change_log import read_answers, read_log
 from vsd_analytics.config.floor_targets import read_target_changes
 from vsd_analytics.config.log_records import read_records
@@ -410,3 +412,22 @@ def test_the_served_page_has_buttons_and_the_desk_takes_its_answer(demo_project:
     again = anna.client.get(address).text
     assert question not in again
     assert "Not possible by Anna. The fire door needs it." in again
+    before = (root / "questions.jsonl").read_bytes()
+    older = anna.client.get("/desk/weeks/2026-W45/floors/ground/page").text
+    assert "/desk?question=" not in older  # to look at an old week asks nothing
+    assert (root / "questions.jsonl").read_bytes() == before
+    planner = anna.client.get("/desk/weeks/last/floors/ground/planner").text
+    assert 'href="/desk/weeks/2026-W46/floors/ground/page"' in planner
+    assert "/desk" not in anna.client.get("/v1/weeks/last/floors/ground/planner", headers=reader).text
+
+
+def test_a_desk_whose_token_is_that_of_readers_does_not_start(
+    site: Site, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("VSD_SERVE_TOKEN", "VSD_DESK_TOKEN"):
+        monkeypatch.setenv(name, READ_TOKEN)
+    assert run(cli, ["-C", str(site.root), "serve", "--desk", "--port", "0"]) == 2
+    assert "who may read could write" in capsys.readouterr().err
+    monkeypatch.setenv("VSD_DESK_TOKEN", "short")
+    assert run(cli, ["-C", str(site.root), "serve", "--desk", "--port", "0"]) == 2
+    assert "VSD_DESK_TOKEN" in capsys.readouterr().err

@@ -127,18 +127,20 @@ class PlannerPage:
     distance: str
     least_time: str
     version: str
+    is_at_desk: bool
 
 
-def render_planner(data: PlannerData) -> str:
+def render_planner(data: PlannerData, *, is_at_desk: bool = False) -> str:
     """Return the page.
 
     Args:
         data: What it knows.
+        is_at_desk: It is served by the desk, and links to the other pages there.
     """
-    return rendered("planner.html.j2", _page(data))
+    return rendered("planner.html.j2", _page(data, is_at_desk=is_at_desk))
 
 
-def _page(data: PlannerData) -> PlannerPage:
+def _page(data: PlannerData, *, is_at_desk: bool) -> PlannerPage:
     site, week = data.site, data.week.ref
     drawing = None if data.shown is None else _drawing(data)
     style = shipped_style("planner.css") + _sizes(drawing)
@@ -183,6 +185,7 @@ def _page(data: PlannerData) -> PlannerPage:
         use=space_use_view(data.space),
         watching=tuple(dict.fromkeys(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching)),
         is_made_up=data.is_made_up,
+        is_at_desk=is_at_desk,
         mask=mask_of(site).below,
         distance=distance,
         least_time=fmt.seconds(site.settings.episode_min_s),

@@ -15,7 +15,7 @@ from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
 
-from vsd_analytics.config.asked_questions import remember
+from vsd_analytics.config.asked_questions import read_asked, remember
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import DiskError, ReportError, StoreError, UsageError, VsdError
 from vsd_analytics.report.model.week import WeekReport
@@ -128,12 +128,20 @@ class ReportAnswers:
         return self._one("html", week, floor_id, lambda report: render_html(report).encode())
 
     def desk_page(self, week: str, floor_id: str) -> bytes:
-        """Return the page of a week as the desk shows it, with buttons at its question, and note what it asked."""
+        """Return the page of a week as the desk shows it.
+
+        The desk takes answers to the last question of a floor. The page of the last stored week asks it, and so it is
+        noted; older pages have no buttons, and to look at them asks nothing.
+        """
 
         def make(report: WeekReport) -> bytes:
-            with suppress(DiskError):  # where nothing can be written, the page can still be read
-                remember(self._site, [choose(report)] if may_ask(report) else [])
-            return render_html(report, is_at_desk=True).encode()
+            asked = choose(report) if may_ask(report) else None
+            if asked is not None and report.week.monday == _monday(self._site, "last"):
+                with suppress(DiskError):  # where nothing can be written, the page can still be read
+                    remember(self._site, [asked])
+            last = {one.floor_id: one for one in read_asked(self._site)}.get(floor_id)
+            is_open = asked is not None and last is not None and asked.question_id == last.question_id
+            return render_html(report, is_at_desk=True, is_open=is_open).encode()
 
         return self._one("html of the desk", week, floor_id, make)
 
@@ -148,7 +156,11 @@ class ReportAnswers:
         with self._lock:
             self._looked_at = -math.inf
 
-    def planner(self, week: str, floor_id: str) -> bytes:
+    def desk_planner(self, week: str, floor_id: str) -> bytes:
+        """Return the planner of a week as the desk shows it, with links to the other pages there."""
+        return self.planner(week, floor_id, is_at_desk=True)
+
+    def planner(self, week: str, floor_id: str, *, is_at_desk: bool = False) -> bytes:
         """Return the planner of a week: what `vsd planner` writes."""
         from vsd_analytics.planner.page import render_planner
         from vsd_analytics.planner.planner_data import planner_pages
@@ -156,9 +168,9 @@ class ReportAnswers:
         def make(site: Site, monday: date) -> bytes:
             with _as_not_found():
                 [data] = planner_pages(site, monday, floor_id=floor_id, clock=self._present())
-            return render_planner(data).encode()
+            return render_planner(data, is_at_desk=is_at_desk).encode()
 
-        return self._cached("planner", week, floor_id, make)
+        return self._cached(f"planner {is_at_desk}", week, floor_id, make)
 
     def _one(self, kind: str, week: str, floor_id: str, make: Callable[[WeekReport], bytes]) -> bytes:
         def made(site: Site, monday: date) -> bytes:

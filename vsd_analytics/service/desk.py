@@ -88,7 +88,7 @@ class Desk:
     async def _page(self, request: Request) -> Response:
         if self._session(request) is None:
             return _moved(f"{SIGN_IN}?after={request.url.path}")
-        made = {"page": self._answers.desk_page, "planner": self._answers.planner}.get(request.path_params["kind"])
+        made = {"page": self._answers.desk_page, "planner": self._answers.desk_planner}.get(request.path_params["kind"])
         if made is None:
             raise NotFoundError(f"there is no {request.path_params['kind']!r} of a week")
         body = await run_in_threadpool(made, request.path_params["week"], request.path_params["floor_id"])

@@ -177,7 +177,7 @@ class Page:
 
 
 @in_its_words
-def render_html(report: WeekReport, *, paper: str = "a4", is_at_desk: bool = False) -> str:
+def render_html(report: WeekReport, *, paper: str = "a4", is_at_desk: bool = False, is_open: bool = True) -> str:
     """Return the page of a week as one self-contained HTML file.
 
     Floats are rounded as in the JSON file first, so that both have the same numbers.
@@ -186,11 +186,16 @@ def render_html(report: WeekReport, *, paper: str = "a4", is_at_desk: bool = Fal
         report: The figures; its story is made here when it has none.
         paper: a4 or letter: what the page is printed on.
         is_at_desk: It is served by the desk, where its question is answered.
+        is_open: Its question can be answered; False = it has no buttons.
     """
-    return re.sub(r"\n\s*\n+", "\n", rendered("week.html.j2", make_page(report, paper=paper, is_at_desk=is_at_desk)))
+    return re.sub(
+        r"\n\s*\n+",
+        "\n",
+        rendered("week.html.j2", make_page(report, paper=paper, is_at_desk=is_at_desk, is_open=is_open)),
+    )
 
 
-def make_page(report: WeekReport, *, paper: str = "a4", is_at_desk: bool = False) -> Page:
+def make_page(report: WeekReport, *, paper: str = "a4", is_at_desk: bool = False, is_open: bool = True) -> Page:
     """Return what the templates show; see `Page`."""
     report = finish(rounded(report))
     if report.story is None:
@@ -263,7 +268,7 @@ def make_page(report: WeekReport, *, paper: str = "a4", is_at_desk: bool = False
         further_figures=further_figures(report),
         asked=asked_lines(report),
         is_at_desk=is_at_desk,
-        replies=reply_buttons(report, is_at_desk=is_at_desk),
+        replies=reply_buttons(report, is_at_desk=is_at_desk) if is_open else (),
         privacy=privacy(report),
     )
 
