@@ -7,6 +7,7 @@ import re
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -15,12 +16,14 @@ import pytest
 from report import ingested_worlds as w
 
 from vsd_analytics.config.project import load_site
+from vsd_analytics.figures.week.areas import busiest_area
 from vsd_analytics.planner.planner_data import PlannerData, PlannerWeek, planner_pages
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.figures_by_id import figures_by_id
 from vsd_analytics.report.pages.json_and_csv import from_json, to_csv, to_json
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.site.model import Site
+from vsd_analytics.settings import Settings
+from vsd_analytics.site.model import Area, Site
 from vsd_analytics.wording.reasons import reason_text
 
 messages = partial(w.messages, hours=(9, 10))
@@ -54,6 +57,22 @@ def text_of(page: str) -> str:
     """Return what a reader sees of a page."""
     body = re.sub(r"<style>.*?</style>|<svg.*?</svg>", " ", page, flags=re.DOTALL)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", body))
+
+
+# the busiest spot -----------------------------------------------------------------------------------------------------
+
+
+def test_the_busiest_spot_is_not_the_largest_polygon() -> None:
+    """The hall has most, on sixteen times the floor; the corner's few are too little to speak of."""
+
+    def square(area_id: str, side_m: float) -> Area:
+        return Area(area_id, area_id, "ground", ((0, 0), (side_m, 0), (side_m, side_m), (0, side_m)))
+
+    areas = (square("hall", 20), square("till", 5), square("corner", 1))
+    data = SimpleNamespace(areas=areas, site=SimpleNamespace(settings=Settings()))
+    assert busiest_area(data, {"hall": 400.0, "till": 300.0, "corner": 20.0}, total=720.0) == "till"
+    assert busiest_area(data, {"hall": 400.0, "corner": 20.0}, total=10_000.0) == "hall", "none holds a material share"
+    assert busiest_area(data, {}, total=0.0) is None
 
 
 # states ---------------------------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from report import model_classes as m
+from report import sample_sections as sections
 from report import sample_weeks as weeks
 
 from vsd_analytics.figures.share.counts import GIVES_AWAY
@@ -15,7 +16,8 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.geometry.embedded_pictures import has_paper
 from vsd_analytics.geometry.scale_bar import nice_metres
 from vsd_analytics.report.draw.floor_plan import floor_map
-from vsd_analytics.report.pages import figure_titles
+from vsd_analytics.report.pages import figure_titles, tables
+from vsd_analytics.report.pages import sections as pages
 from vsd_analytics.report.pages.week import make_page, render_html
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.reasons import read_reason
@@ -140,3 +142,24 @@ def test_intervals_of_changes_in_words(lo: float, hi: float, said: str) -> None:
 )
 def test_log_entries_end_with_a_stop(text: str, said: str) -> None:
     assert fmt.ended(text) == said
+
+
+def test_the_last_colour_of_the_timetable_says_how_far_it_goes() -> None:
+    """200+ would hide whether the busiest hour has 210 or 1,363."""
+    steps = (0.0, 50.0, 100.0, 150.0, 200.0)
+    for highest, last in ((0.0, "200+"), (199.0, "200+"), (200.0, "200+"), (1363.0, "200\u20131,363")):
+        texts = [step.text for step in tables.legend(steps, is_count=True, highest=highest)]
+        assert texts == ["under 50", "50\u201399", "100\u2013149", "150\u2013199", last]
+    report = weeks.normal()
+    shown = max(c.violations for c in report.when.cells if c.violations is not None and c.state != "low_data")
+    assert tables.highest_hour(report) >= shown
+
+
+def test_two_weeks_have_no_chart() -> None:
+    """A line between two dots looks like a trend; the table of weeks has the numbers."""
+    report = sections.complete()
+    assert report.trend is not None
+    for n, n_charts in ((2, 0), (3, 2)):
+        view = pages.trend(replace(report, trend=replace(report.trend, weeks=report.trend.weeks[-n:])))
+        assert view is not None
+        assert (len(view.panels), len(view.rows)) == (n_charts, n)

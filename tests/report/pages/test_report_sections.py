@@ -246,8 +246,8 @@ def test_a_card_says_how_sure_with_dots_a_word_and_the_reason() -> None:
     assert made is not None
     assert [sum(c.dots) for c in made.cards] == [3, 2, 1]
     assert [c.sure for c in made.cards] == ["High.", "Medium.", "Low."]
-    assert made.cards[0].reason == "Seen on 7 of 7 days, 96% of hours recorded, positions accurate to 0.31 m."
-    assert made.cards[1].reason == "Seen on 1 day of this week, 96% of hours recorded, position error not known."
+    assert made.cards[0].reason == "Seen on 7 of 7 open days, 96% of hours recorded, positions accurate to 0.31 m."
+    assert made.cards[1].reason == "Seen on 1 of 7 open days, 96% of hours recorded, position error not known."
     assert made.cards[2].reason == "Camera “Aisles” missed 10 hours of its usual hours."
     assert made.cards[0].when == "Half of them from 11:00 to 18:00, most on Saturday"
     assert (made.cards[1].change, made.cards[1].direction) == ("43% fewer than in week 45", "good")
@@ -259,7 +259,7 @@ def test_tested_spots_say_so_and_busiest_ones_say_why_they_are_not() -> None:
     assert busiest is not None
     assert tested.title == "The two spots riskier than their crowd explains"
     assert [c.change for c in tested.cards] == [
-        "Stands out since Sun 25 Oct or longer",
+        "Stands out since week 43 or longer",
         "New this week",
     ]
     assert busiest.title == "The three busiest spots"

@@ -151,18 +151,37 @@ def _before(data: WeekData, places: Mapping[str | None, Place]) -> HeldBack[str 
 
 
 def busiest_spot(data: WeekData, rows: Sequence[AreaRow]) -> BusiestSpot | None:
-    """Return the drawn area with most violations per open hour, if any may be printed."""
-    best = next((a for a in rows if a.area_id is not None and a.violation_rate.value), None)
+    """Return the busiest of the drawn areas (`busiest_area`), if any may be printed."""
+    rates = {a.area_id: a.violation_rate.value for a in rows if a.area_id is not None and a.violation_rate.value}
+    area_id = busiest_area(data, rates, total=sum(a.violation_rate.value or 0.0 for a in rows))
+    best = next((a for a in rows if a.area_id == area_id is not None), None)
     if best is None:
         return None
-    polygon = next(a.polygon for a in data.areas if a.area_id == best.area_id)
-    seen = recording.seen_area_m2(data)
+    size_m2 = next(shapely.Polygon(a.polygon).area for a in data.areas if a.area_id == area_id)
+    seen_m2 = recording.seen_area_m2(data)
     return BusiestSpot(
         area_id=best.area_id,
         name=best.name,
         share=best.share or 0.0,
-        floor_share=min(1.0, shapely.Polygon(polygon).area / seen) if seen else None,
+        floor_share=min(1.0, size_m2 / seen_m2) if seen_m2 else None,
     )
+
+
+def busiest_area(data: WeekData, violations: Mapping[str, float], *, total: float) -> str | None:
+    """Return the area with most violations per square metre, of those with a material share of all.
+
+    By their number alone it would be the largest polygon. Where no area holds such a share, it is the one with most.
+
+    Args:
+        data: The week, for the areas' polygons.
+        violations: Violations, or their rates, by area; positive.
+        total: Those of the whole floor.
+    """
+    material = {k: n for k, n in violations.items() if n >= data.site.settings.material_share * total}
+    if not material:
+        return max(violations, key=violations.__getitem__, default=None)
+    sizes_m2 = {a.area_id: shapely.Polygon(a.polygon).area for a in data.areas}
+    return max(material, key=lambda k: material[k] / sizes_m2[k])
 
 
 def camera_weights(data: WeekData, place: Place) -> Mapping[str, float]:

@@ -35,6 +35,7 @@ class Evidence:
     sureness: Sureness = _f("high: all three hold; medium: one is missed; low: two are, or the camera was down.")
     recorded_share: float | None = _o("Open hours recorded by the cameras that see it.", "share", "M1")
     days_present: int = _f("Days of the week with a violation there.", "days")
+    days_open: int = _f("Days of the week with open hours.", "days", default=7)
     error_m: float | None = _o("Position error of the camera that sees most of it; None: unknown.", "m")
     camera_id: str | None = _o("The camera that counts most of it.")
     camera_name: str | None = _o("Its display name; free text.")

@@ -172,7 +172,7 @@ class Level:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BusiestSpot:
-    """The area with the most violations."""
+    """The area with the most violations per square metre, of those with a material share of all."""
 
     area_id: str | None = _f("Area, or None for the rest of the floor.")
     name: str = _f("Its display name; free text.")

@@ -37,7 +37,7 @@ SPOTS_MAX: Final = 3
 RECORDED_SHARE: Final = 0.9
 """A spot is sure when its cameras recorded this share of the open hours ..."""
 DAYS_PRESENT: Final = 5
-"""... when it had violations on so many days of the week ..."""
+"""... when it had violations on so many days of the week, or on all that had open hours ..."""
 ERROR_M: Final = 0.5
 """... and when its camera's calibration is off by at most this much."""
 LOW_FROM: Final = 2
@@ -264,12 +264,14 @@ def _evidence(
                 lost, open_h = lost + 1 - share, open_h + 1
     is_down = open_h > 0 and lost > DOWN_SHARE * open_h
     n_days = len(np.unique(week.day))
-    missed = sum((recorded < RECORDED_SHARE, n_days < DAYS_PRESENT, error_m is None or error_m > ERROR_M))
+    n_open = len({day.day for camera in coverage.cameras for day in camera.days if day.scheduled_h})
+    missed = sum((recorded < RECORDED_SHARE, n_days < min(DAYS_PRESENT, n_open), error_m is None or error_m > ERROR_M))
     sureness: Sureness = "low" if is_down or missed >= LOW_FROM else "medium" if missed else "high"
     return Evidence(
         sureness=sureness,
         recorded_share=recorded,
         days_present=n_days,
+        days_open=n_open,
         error_m=error_m,
         camera_id=camera_id,
         camera_name=camera.name,

@@ -14,6 +14,7 @@ from vsd_analytics.figures.change_weeks import REFERENCE_WEEKS
 from vsd_analytics.figures.experiments import areas_that_serve
 from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.panels import WEEK
+from vsd_analytics.figures.week.areas import busiest_area
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.density import floor_fixtures
 from vsd_analytics.figures.week.model_estimate import same_fields
@@ -95,14 +96,21 @@ def past_questions(data: WeekData) -> tuple[PastQuestion, ...]:
 
 
 def _places(report: WeekReport, data: WeekData, found: FloorHotspots | None) -> tuple[PlaceToAsk, ...]:
-    """Return the material areas by violations, and the rest of the floor by its weight."""
+    """Return the material areas, the rest of the floor last: most time beyond its crowd first, then most violations."""
     cards = {c.area_id: c for c in reversed(report.spots.cards)} if report.spots is not None else {}
     spots = {} if found is None else {s.number: place_shape(s.place) for s in found.spots}
     is_tested = report.spots is not None and report.spots.kind == "tested"
     shapes = {area_id: spots.get(c.number) for area_id, c in cards.items()} if is_tested else {}
     changed = changed_on(data)
     rows = [a for a in report.areas if a.is_material and a.violation_rate.value]
-    rows.sort(key=lambda a: (a.area_id is None and a.area_id not in cards, -(a.violation_rate.value or 0.0)))
+    beyond = {area_id: c.excess_min_per_week or 0.0 for area_id, c in cards.items()}
+    rows.sort(
+        key=lambda a: (
+            a.area_id is None and a.area_id not in cards,
+            -beyond.get(a.area_id, 0.0),
+            -(a.violation_rate.value or 0.0),
+        )
+    )
     return tuple(_place(row, cards.get(row.area_id), shapes.get(row.area_id), report, data, changed) for row in rows)
 
 
@@ -145,12 +153,12 @@ def _weeks_before(data: WeekData) -> tuple[date, date]:
 
 
 def _busiest_before(data: WeekData) -> tuple[str, ...]:
-    """Return the areas with most violations in the weeks before, the latest first."""
+    """Return the busiest area of each week before, the latest first; weeks in which it had few are left out."""
     found = []
     for k in range(1, BUSIEST_WEEKS + 1):
         inside = data.week(data.monday - k * WEEK)
-        counts = [(float(data.area(a.area_id).n[:, inside].sum()), a.area_id) for a in data.areas]
-        n, best = max(counts, default=(0.0, ""))
-        if n and not data.mask.hides(round(n)):
+        sums = {a.area_id: float(data.area(a.area_id).n[:, inside].sum()) for a in data.areas}
+        best = busiest_area(data, {k: n for k, n in sums.items() if n}, total=float(data.whole.n[:, inside].sum()))
+        if best is not None and not data.mask.hides(round(sums[best])):
             found.append(best)
     return tuple(found)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 from markupsafe import Markup
 
@@ -21,6 +22,9 @@ from vsd_analytics.wording.reasons import reason_text
 NO_BAR = Markup("")
 SMALL_MOVE = 0.05
 """Causes that moved less than this, relatively, are not named."""
+
+CHART_WEEKS: Final = 3
+"""With fewer weeks a line would join two dots: the table says more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,10 +122,10 @@ def trend(report: WeekReport) -> TrendView | None:
     panels = []
     for measure in ("violation_rate", "close"):
         n = sum(known(w, measure) is not None for w in weeks)
-        if n >= 2:
+        if n >= CHART_WEEKS:
             panels.append(_panel(report, measure))
     notes = []
-    if not panels and len(weeks) == 1:
+    if len(weeks) == 1:
         notes.append(say("trend.one"))
     if found.state != "ok":
         notes.append(say("trend.too_few"))

@@ -160,8 +160,10 @@ def _since(card: SpotCard) -> tuple[str, str]:
         return "", "same"
     if card.is_new:
         return say("spots.new"), "bad"
+    if card.since is None:
+        return "", "same"
     key = "spots.since_first" if card.is_since_first else "spots.since"
-    return say(key, date=fmt.date_short(card.since)) if card.since is not None else "", "same"
+    return say(key, week=card.since.isocalendar().week, date=fmt.date_short(card.since)), "same"
 
 
 def _change(violation_rate: Estimate | None, report: WeekReport) -> tuple[str, str]:
@@ -188,7 +190,7 @@ def _when(usual: UsualHours | None) -> str:
 
 def _reason(evidence: Evidence, report: WeekReport) -> str:
     parts = [
-        say("spots.reason_days", plural=evidence.days_present, n=evidence.days_present),
+        say("spots.reason_days", plural=evidence.days_open, n=evidence.days_present, open=evidence.days_open),
         say("spots.reason_hours", share=fmt.percent(evidence.recorded_share)),
     ]
     if evidence.is_camera_down:

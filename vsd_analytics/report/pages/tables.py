@@ -146,6 +146,13 @@ def step_of(value: float, steps: tuple[float, ...]) -> int:
     return 0 if value <= 0 else min(5, max(1, sum(value >= s for s in steps)))
 
 
+def highest_hour(report: WeekReport) -> float:
+    """Return the greatest number of the timetable, 0 without one."""
+    cells = [c for c in report.when.cells if not (c.is_held_back or c.is_masked)]
+    values = (c.scaled if c.state == "low_data" and c.scaled is not None else c.violations for c in cells)
+    return max((value for value in values if value is not None), default=0.0)
+
+
 def _cell(cell: HourCell, report: WeekReport) -> Cell:
     if cell.state == "closed":
         return Cell("cl", fmt.MISSING, say("when.cell_closed"))
@@ -250,14 +257,15 @@ class Step:
     text: str
 
 
-def legend(steps: tuple[float, ...], *, is_count: bool) -> tuple[Step, ...]:
-    """Write the steps of a ramp: 0.5–1, 1–2, ..., 8+; counts as under 50, 50–99, ..., 200+."""
+def legend(steps: tuple[float, ...], *, is_count: bool, highest: float = 0.0) -> tuple[Step, ...]:
+    """Write the steps of a ramp: 0.5–1, 1–2, ..., 8+; counts as under 50, 50–99, ..., 200+ (or to the highest)."""
     plain = [fmt.plain(s) for s in steps]
     texts = []
     for i, lower in enumerate(steps):
         upper = steps[i + 1] if i + 1 < len(steps) else None
         if upper is None:
-            texts.append(f"{plain[i]}+")
+            is_reached = is_count and fmt.count(highest) != fmt.count(lower) and highest > lower
+            texts.append(f"{plain[i]}\u2013{fmt.count(highest)}" if is_reached else f"{plain[i]}+")
         elif is_count and lower == 0:
             texts.append(say("when.legend_under", n=fmt.plain(upper)))
         elif is_count:

@@ -231,7 +231,7 @@ def make_page(report: WeekReport, *, paper: str = "a4", is_at_desk: bool = False
         has_spots=is_ranked and any(m.spots for m in report.maps),
         heat_legend=tables.legend(steps, is_count=False),
         doubles=all(abs(b - 2 * a) < 1e-9 for a, b in pairwise(steps)),
-        hour_legend=tables.legend(rules.hour_steps, is_count=True),
+        hour_legend=tables.legend(rules.hour_steps, is_count=True, highest=tables.highest_hour(report)),
         is_ranked=is_ranked,
         areas=report.areas if is_ranked else tuple(sorted(report.areas, key=lambda a: (a.area_id is None, a.name))),
         table=timetable,
