@@ -305,7 +305,7 @@ def test_without_charts_the_log_is_part_of_what_changed() -> None:
 
 def test_both_readings_are_side_by_side_with_their_accuracy() -> None:
     page = make_page(sections.complete())
-    assert page.tiles[0].also == "Between groups: 98"
+    assert page.tiles[0].also == "Without people together: 98"
     assert "81% (likely between 78% and 84%) remain" in page.readings_note
     assert page.between == {"a0": pytest.approx(37.6), None: pytest.approx(16.2)}
     assert "Of these between groups" in seen(render_html(sections.complete()))
@@ -313,7 +313,7 @@ def test_both_readings_are_side_by_side_with_their_accuracy() -> None:
 
 def test_a_camera_that_takes_no_part_is_named_beside_the_figure_it_is_missing_from() -> None:
     assert (
-        make_page(sections.with_tested_spots()).tiles[0].also == "Between groups: 98 of 101 (without Camera “Aisles”)"
+        make_page(sections.with_tested_spots()).tiles[0].also == "Without people together: 98 of 101 (without Camera “Aisles”)"
     )
 
 
