@@ -313,7 +313,8 @@ def test_both_readings_are_side_by_side_with_their_accuracy() -> None:
 
 def test_a_camera_that_takes_no_part_is_named_beside_the_figure_it_is_missing_from() -> None:
     assert (
-        make_page(sections.with_tested_spots()).tiles[0].also == "Without people together: 98 of 101 (without Camera “Aisles”)"
+        make_page(sections.with_tested_spots()).tiles[0].also
+        == "Without people together: 98 of 101 (without Camera “Aisles”)"
     )
 
 
