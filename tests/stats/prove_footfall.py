@@ -21,6 +21,7 @@ import pandas as pd
 from vsd_analytics.figures.special_days import SpecialDays, special_days
 from vsd_analytics.site.calendar import Calendar, Event
 from vsd_analytics.site.model import Site
+from vsd_analytics.stats.changes import compare_violation_rates
 from vsd_analytics.stats.forecast import WeekForecast, forecast_week
 from vsd_analytics.stats.usual import usual_range
 
@@ -149,8 +150,47 @@ def usual(counts: np.ndarray) -> None:
         print(f"| {name} | {len(flags)} | {100 * np.mean(flags):.1f} % |")
 
 
+def weekly(counts: np.ndarray) -> None:
+    """Print how often a week is clearly other than the week before, and whether the weeks after it bear that out.
+
+    A clear verdict is wrong where the mean of the next three weeks lies on the other side of the week before; a week
+    with a public holiday, or whose week before has one, is a row of its own.
+    """
+    opened = OPEN.reshape(7, 24)
+    n = np.where(opened > 0, counts.reshape(*counts.shape[:2], 7, 24), 0.0)
+    known = ~np.isnan(n).any(axis=3)
+    by_day = np.where(known, np.nan_to_num(n).sum(axis=3), 0.0)
+    x_h = np.where(known, 13.0, 0.0)
+    is_holiday = special_days(SITE, monday(N_WEEKS - 1), n_weeks=N_WEEKS).is_holiday.any(axis=1)
+    rows: dict[bool, list[tuple[bool, bool]]] = {False: [], True: []}
+    for n_days, x_days in zip(by_day, x_h, strict=True):
+        level = n_days.sum(axis=1) / np.maximum(x_days.sum(axis=1), 1.0)
+        for week in range(HISTORY, N_WEEKS - 3):
+            if not known_all(x_days[week - HISTORY : week + 4]):
+                continue
+            past = range(week - HISTORY, week - 1)
+            found = compare_violation_rates(
+                n_days[[week - 1]], x_days[[week - 1]], n_days[[week]], x_days[[week]],
+                history_n=[n_days[[k]] for k in past], history_x_h=[x_days[[k]] for k in past],
+            )  # fmt: skip
+            is_clear = found.verdict in ("clear_fall", "clear_rise")
+            later = level[week + 1 : week + 4].mean() - level[week - 1]
+            is_wrong = is_clear and (later > 0) != (found.verdict == "clear_rise")
+            rows[bool(is_holiday[week - 1 : week + 1].any())].append((is_clear, is_wrong))
+    print("| weeks | n | clear | of these not borne out by the next three weeks |\n|---|--:|--:|--:|")
+    for name, flags in (("without a public holiday in either", rows[False]), ("with one", rows[True])):
+        clear, wrong = (sum(f[k] for f in flags) for k in (0, 1))
+        print(f"| {name} | {len(flags)} | {100 * clear / len(flags):.1f} % | {wrong} of {clear} |")
+
+
+def known_all(x_h: np.ndarray) -> bool:
+    """Tell whether every day was counted."""
+    return bool((x_h > 0).all())
+
+
 def main() -> None:
     counts = footfall()
+    weekly(counts)
     days = special_days(SITE, monday(N_WEEKS - 1), n_weeks=N_WEEKS)
     without, with_calendar = forecasts(counts, None), forecasts(counts, days)
     held_back = np.zeros(counts.shape, dtype=bool)
