@@ -13,7 +13,7 @@ WORKS_E: Final = 40.0
 """Evidence (e-value) from which it is said that a change works: twice that of a clear verdict. A site that logs a
 change a month then reads it wrongly in fewer than one year of twenty (docs/statistics.md, "A year of pages")."""
 WORKS_WEEKS: Final = 4
-"""Weeks from which on it is said: a school holiday or a broken machine is over by then."""
+"""Weeks from which on it is said: a broken machine or a short holiday is over by then."""
 MOSTLY_MOVED: Final = 0.5
 """A fall of which the rest of the floor took up this part has moved rather than gone."""
 
