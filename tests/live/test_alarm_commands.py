@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import pytest
 from alarm_worlds import frame, quiet, row, stand
@@ -17,6 +19,7 @@ from test_alarm_delivery import receiver
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.wording.catalogue import say
 
 SITE = site_text(
     site='opening = { mon-sat = "08:00-21:00" }\n',
@@ -58,6 +61,11 @@ def vsd(folder: Path, *arguments: str, now: str = "2026-11-09T12:00:00Z") -> int
     return run(cli, ["-C", str(folder), "--quiet", "--now", now, *arguments])
 
 
+def json_rows(capsys: pytest.CaptureFixture[str]) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = json.loads(capsys.readouterr().out)["answers"]["alarms"]["rows"]
+    return rows
+
+
 def test_the_last_stored_day_as_a_table(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert vsd(project, "alarms") == 0
     assert capsys.readouterr().out == TABLE
@@ -65,15 +73,15 @@ def test_the_last_stored_day_as_a_table(project: Path, capsys: pytest.CaptureFix
 
 def test_json_has_one_entry_an_alarm(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert vsd(project, "alarms", "2026-11-09", "--json", "--rule", "crowd") == 0
-    (alarm,) = json.loads(capsys.readouterr().out)["alarms"]
-    assert (alarm["rule"], alarm["start"], alarm["end"], alarm["lasted_s"]) == (
+    (alarm,) = json_rows(capsys)
+    assert (alarm["rule_id"], alarm["started"], alarm["ended"], alarm["lasted_s"]["value"]) == (
         "crowd",
-        "2026-11-09T09:01:00.000+01:00",
-        "2026-11-09T09:01:15.000+01:00",
+        "2026-11-09T09:01:00+01:00",
+        "2026-11-09T09:01:15+01:00",
         75.0,
     )
     assert vsd(project, "alarms", "2026-11-08..2026-11-08", "--json", "--rule", "crowd") == 0
-    assert json.loads(capsys.readouterr().out) == {"alarms": []}
+    assert json_rows(capsys) == []
 
 
 def test_events_are_the_lines_that_are_delivered_once(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -87,13 +95,45 @@ def test_events_are_the_lines_that_are_delivered_once(project: Path, capsys: pyt
 
 def test_a_day_that_goes_on_is_listed_as_far_as_it_is_known(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert vsd(project, "alarms", "--json", "--rule", "dead", now="2026-11-09T08:30:00Z") == 0
-    assert json.loads(capsys.readouterr().out) == {"alarms": []}
+    assert json_rows(capsys) == []
     assert vsd(project, "alarms", "--json", "--rule", "dead") == 0
-    (alarm,) = json.loads(capsys.readouterr().out)["alarms"]
-    assert (alarm["since"], alarm["end"]) == ("2026-11-09T09:03:20.000+01:00", None)
+    (alarm,) = json_rows(capsys)
+    assert (alarm["since"], alarm["ended"], alarm["is_going_on"]) == ("2026-11-09T09:03:20+01:00", None, True)
     assert vsd(project, "alarms", "--json", "--rule", "dead", now="2026-11-10T03:00:00Z") == 0
-    (alarm,) = json.loads(capsys.readouterr().out)["alarms"]
-    assert alarm["end"] == "2026-11-09T21:00:00.000+01:00"
+    (alarm,) = json_rows(capsys)
+    assert (alarm["ended"], alarm["is_going_on"]) == ("2026-11-09T21:00:00+01:00", False)
+
+
+def test_the_page_shows_the_figures_of_the_json_and_is_the_operator_s(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert vsd(project, "alarms", "2026-W46", "--page", now="2026-11-20T00:00:00Z") == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("7 alarms in week 46, 5 of them at ")
+    page = (project / "reports" / "2026-W46-alarms.html").read_text(encoding="utf-8")
+    assert say("page.exact") in page
+    assert vsd(project, "alarms", "2026-W46", "--json", now="2026-11-20T00:00:00Z") == 0
+    answers = json.loads(capsys.readouterr().out)["answers"]
+    for rule in answers["alarm_rules"]["rows"]:
+        row = re.search(rf'<th scope="row">{rule["rule_id"]}: .*?</tr>', page)
+        assert row is not None
+        assert re.findall(r"<td[^>]*>([^<]*)</td>", row[0])[:2] == [
+            str(rule["n_alarms"]["value"]),
+            str(rule["n_days"]),
+        ]
+    assert vsd(project, "alarms", "2026-11-09", "--out", str(project / "elsewhere"), "--language", "it") == 0
+    assert 'lang="it-IT"' in (project / "elsewhere" / "2026-11-09-alarms.html").read_text(encoding="utf-8")
+
+
+def test_a_page_without_rules_says_so(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (project / "vsd.toml").write_text(SITE)
+    assert vsd(project, "alarms", "--page") == 0
+    assert capsys.readouterr().out.startswith("No alarm rules\n")
+
+
+@pytest.mark.parametrize("options", [("--page", "--json"), ("--open", "--events"), ("--page", "--deliver")])
+def test_outputs_that_do_not_go_together_are_refused(project: Path, options: tuple[str, ...]) -> None:
+    assert vsd(project, "alarms", *options) == 2
 
 
 def test_what_cannot_be_done_is_reported(project: Path, capsys: pytest.CaptureFixture[str]) -> None:

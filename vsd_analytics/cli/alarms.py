@@ -6,17 +6,20 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from datetime import date, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import json_option, language_option
 from vsd_analytics.cli.output import count, emit_json, progress, render_error, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import LiveError, UsageError
 from vsd_analytics.site.instants import parse_range
 
 if TYPE_CHECKING:
+    from vsd_analytics.answer import Answers
+    from vsd_analytics.figures.alarms import Alarm
     from vsd_analytics.live.alarm_observer import LiveAlarms
     from vsd_analytics.live.delivery import AlarmSender
     from vsd_analytics.live.events import AlarmEvent
@@ -31,6 +34,10 @@ _PATIENCE_S = 15.0
 @click.option("--events", "as_events", is_flag=True, help="Print every event as a JSON line, as it is delivered.")
 @click.option("--deliver", is_flag=True, help="Send what was not sent before: alarms.jsonl, webhook, topic.")
 @click.option("--test", "is_test", is_flag=True, help="Send one made-up event to the webhook and topic, and stop.")
+@click.option("--page", "is_page", is_flag=True, help="Write the page of these alarms.")
+@click.option("--out", metavar="DIR", help="Folder to write the page to (default: reports/ of the project).")
+@click.option("--open", "is_opened", is_flag=True, help="Open the page in a browser.")
+@language_option
 @json_option
 @pass_project
 def alarms(
@@ -41,15 +48,23 @@ def alarms(
     as_events: bool,
     deliver: bool,
     is_test: bool,
+    is_page: bool,
+    out: str | None,
+    is_opened: bool,
     as_json: bool,
 ) -> int:
     """Apply the rules of [[alarm]] to stored days and list their alarms. vsd listen sends them live.
 
     RANGE is a day, DAY..DAY or an ISO week; without it the last stored day is replayed.
 
+    --page writes reports/2026-W46-alarms.html: the alarms by rule, by day and hour, the longest, and how many there
+    would be if a rule waited longer (for_s). It shows single hours and small groups: do not share it. --json prints the
+    same figures.
+
     \b
     Example:
       vsd alarms
+      vsd alarms 2026-W46 --page --open
       vsd alarms 2026-W46 --rule queue-too-full --json
       vsd alarms 2026-11-11 --events
       vsd alarms --test
@@ -58,7 +73,20 @@ def alarms(
         _test(project)
         project.say("the sample arrived")
         return 0
+    is_page = is_page or out is not None or is_opened
+    if is_page + as_json + as_events > 1:
+        raise UsageError("--page, --json and --events are three outputs", fix="vsd alarms --page")
+    if deliver and (is_page or as_json):
+        raise UsageError("--deliver sends events, and goes with the table or with --events", fix="vsd alarms --deliver")
     rules = _rules(project, rule_ids)
+    if is_page or as_json:
+        project.speak()
+        answers = _answers(project, days, rules)
+        if as_json:
+            _print_json(answers)
+        else:
+            _write_page(project, answers, out, is_opened=is_opened)
+        return 0
     found = _replay(project, days, rules) if rules else []
     is_delivered = _deliver(project, found) if deliver else True
     if as_events:
@@ -66,12 +94,12 @@ def alarms(
 
         for event in found:
             click.echo(json.dumps(event.as_dict(project.site.zone), ensure_ascii=False))
-    elif as_json:
-        emit_json({"alarms": _summaries(project, found)})
     elif not rules:
         click.echo("vsd.toml has no [[alarm]]: docs/alarms.md shows how to write one")
     else:
-        _print_table(project, _summaries(project, found))
+        from vsd_analytics.live.events import alarms_of
+
+        _print_table(project, alarms_of(found, project.site.zone))
     return 0 if is_delivered else 1
 
 
@@ -133,48 +161,72 @@ def _range(project: Project, days: str | None) -> tuple[date, date]:
     return extent.last_day, extent.last_day
 
 
-def _summaries(project: Project, events: Sequence[AlarmEvent]) -> list[dict[str, Any]]:
-    """Return one record per alarm: its last event, with when it started and ended (None: not yet)."""
-    alarms: dict[str, dict[str, Any]] = {}
-    for event in events:
-        record = event.as_dict(project.site.zone)
-        step, at = record.pop("event"), record.pop("at")
-        earlier = alarms.get(event.alarm, {"start": at})
-        alarms[event.alarm] = {**record, "start": earlier["start"], "end": at if step == "end" else None}
-    return list(alarms.values())
+def _answers(project: Project, days: str | None, rules: Sequence[AlarmRule]) -> Answers:
+    from vsd_analytics.figures.alarms import alarm_answers
+    from vsd_analytics.live.alarm_days import alarm_days
+
+    first, last = _range(project, days)
+    total = ((last - first).days + 1) * 86400
+    with progress(None, total=total, label="replaying", unit=" s", quiet=project.quiet) as bar:
+        found = alarm_days(project.site, first, last, rules=rules, now=project.now, on_time=bar.update)
+    return alarm_answers(found, project.site)
 
 
-def _print_table(project: Project, alarms: Sequence[dict[str, Any]]) -> None:
+def _print_json(answers: Answers) -> None:
+    from vsd_analytics.cli.answers import answers_json
+
+    holds = answers["alarms"].holds_for
+    emit_json(answers_json(answers, days=(holds.first, holds.last), notes=()))
+
+
+def _write_page(project: Project, answers: Answers, out: str | None, *, is_opened: bool) -> None:
+    """Write the page of alarms, and print its headline and its file."""
+    from vsd_analytics.cli.report_formats import write
+    from vsd_analytics.figures.week.results import WeekRef
+    from vsd_analytics.report.model.assemble import MADE_UP_ENGINE
+    from vsd_analytics.report.pages.alarms import alarm_html, make_alarm_page
+    from vsd_analytics.warehouse.provenance import engines
+
+    site, holds = project.site, answers["alarms"].holds_for
+    is_made_up = any(e.startswith(MADE_UP_ENGINE) for e in engines(site, holds.first, holds.last))
+    page = make_alarm_page(answers, site, is_made_up=is_made_up)
+    week = WeekRef.of(holds.first, zone=site.timezone)
+    if (holds.first, holds.last) != (week.monday, week.sunday) or week.monday.weekday():
+        week = WeekRef.of_days(holds.first, holds.last, zone=site.timezone)
+    folder = Path(out) if out is not None else project.root / "reports"
+    [path] = write(folder, {f"{week.iso}-alarms.html": alarm_html(page).encode()})
+    click.echo(page.headline)
+    click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")
+    if is_opened:
+        click.launch(str(path))
+
+
+def _print_table(project: Project, alarms: Sequence[Alarm]) -> None:
     if not alarms:
         click.echo("no alarms")
         return
     rows = [("since", "lasted", "rule", "where", "what")]
-    rows += [(_clock(a["since"]), _lasted(a), a["rule"], _where(a), _what(a)) for a in alarms]
+    rows += [(f"{a.since:%Y-%m-%d %H:%M:%S}", _lasted(a), a.rule_id, _where(a), _what(a)) for a in alarms]
     click.echo("\n".join(table(rows)))
     click.echo(f"{count(len(alarms), 'alarm')}, times in {project.site.timezone}")
 
 
-def _clock(iso: str) -> str:
-    return datetime.fromisoformat(iso).strftime("%Y-%m-%d %H:%M:%S")
+def _lasted(alarm: Alarm) -> str:
+    hours, minutes = divmod(int(alarm.lasted_s) // 60, 60)
+    duration = f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {int(alarm.lasted_s) % 60:02d} s"
+    return duration if alarm.ended else f"{duration}, open"
 
 
-def _lasted(alarm: dict[str, Any]) -> str:
-    seconds = int(alarm["lasted_s"])
-    hours, minutes = divmod(seconds // 60, 60)
-    duration = f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {seconds % 60:02d} s"
-    return duration if alarm["end"] else f"{duration}, open"
+def _where(alarm: Alarm) -> str:
+    place = f" at {alarm.x_m:.1f}, {alarm.y_m:.1f} m" if alarm.x_m is not None else ""
+    return f"{alarm.area_id + ', ' if alarm.area_id else ''}{alarm.camera_id}{place}"
 
 
-def _where(alarm: dict[str, Any]) -> str:
-    place = f" at {alarm['x_m']:.1f}, {alarm['y_m']:.1f} m" if alarm["x_m"] is not None else ""
-    return f"{alarm['area'] + ', ' if alarm['area'] else ''}{alarm['camera']}{place}"
-
-
-def _what(alarm: dict[str, Any]) -> str:
-    if alarm["kind"] == "silence":
+def _what(alarm: Alarm) -> str:
+    if alarm.kind == "silence":
         return "camera silent"
-    what = f"up to {alarm['n_people_max']} people" if alarm["kind"] == "gathering" else "contact"
-    return f"{what}, nearest {alarm['nearest_m']:.2f} m"
+    what = f"up to {alarm.n_people_max} people" if alarm.kind == "gathering" else "contact"
+    return f"{what}, nearest {alarm.nearest_m:.2f} m"
 
 
 def _deliver(project: Project, events: Sequence[AlarmEvent]) -> bool:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Literal
 from zoneinfo import ZoneInfo
 
+from vsd_analytics.figures.alarms import Alarm
 from vsd_analytics.site.model import AlarmKind, AlarmRule, Site
 
 AlarmStep = Literal["start", "update", "end"]
@@ -56,16 +58,22 @@ class AlarmEvent:
         """Return the sort key of events: time, then camera and alarm, then its steps."""
         return self.at_ms, self.camera, self.rule, self.alarm, _STEPS.index(self.event)
 
+    @property
+    def lasted_s(self) -> float:
+        """Return for how long the situation had lasted."""
+        return (self.at_ms - self.since_ms) / 1000
+
+    @property
+    def nearest_m(self) -> float | None:
+        """Return the least distance within it, to the centimetre."""
+        return None if self.nearest_mm is None else round(self.nearest_mm / 1000, 2)
+
     def as_dict(self, zone: ZoneInfo) -> dict[str, Any]:
         """Return the record that is sent: local times with offset, seconds, places rounded to half a metre.
 
         Args:
             zone: Zone of the local times.
         """
-
-        def metres(mm: float | None) -> float | None:
-            return None if mm is None else round(mm / _PLACE_STEP_MM) * _PLACE_STEP_MM / 1000
-
         return {
             "alarm": self.alarm,
             "rule": self.rule,
@@ -73,21 +81,62 @@ class AlarmEvent:
             "event": self.event,
             "at": _local(self.at_ms, zone),
             "since": _local(self.since_ms, zone),
-            "lasted_s": (self.at_ms - self.since_ms) / 1000,
+            "lasted_s": self.lasted_s,
             "site": self.site,
             "area": self.area,
             "camera": self.camera,
             "floor": self.floor,
-            "x_m": metres(self.x_mm),
-            "y_m": metres(self.y_mm),
+            "x_m": _place_m(self.x_mm),
+            "y_m": _place_m(self.y_mm),
             "n_people": self.n_people,
             "n_people_max": self.n_people_max,
-            "nearest_m": None if self.nearest_mm is None else round(self.nearest_mm / 1000, 2),
+            "nearest_m": self.nearest_m,
         }
 
 
+def alarms_of(events: Sequence[AlarmEvent], zone: ZoneInfo) -> list[Alarm]:
+    """Return what is known of each alarm: its last event, with when it started and ended.
+
+    Args:
+        events: In order of time.
+        zone: Zone of the local times.
+    """
+    started: dict[str, int] = {}
+    latest: dict[str, AlarmEvent] = {}
+    for event in events:
+        started.setdefault(event.alarm, event.at_ms)
+        latest[event.alarm] = event
+    return [
+        Alarm(
+            e.alarm,
+            e.rule,
+            e.kind,
+            e.floor,
+            e.camera,
+            e.area,
+            since=_instant(e.since_ms, zone),
+            started=_instant(started[e.alarm], zone),
+            ended=_instant(e.at_ms, zone) if e.event == "end" else None,
+            lasted_s=e.lasted_s,
+            n_people_max=e.n_people_max,
+            nearest_m=e.nearest_m,
+            x_m=_place_m(e.x_mm),
+            y_m=_place_m(e.y_mm),
+        )
+        for e in latest.values()
+    ]
+
+
+def _place_m(mm: float | None) -> float | None:
+    return None if mm is None else round(mm / _PLACE_STEP_MM) * _PLACE_STEP_MM / 1000
+
+
+def _instant(ms: int, zone: ZoneInfo) -> datetime:
+    return datetime.fromtimestamp(ms / 1000, tz=zone)
+
+
 def _local(ms: int, zone: ZoneInfo) -> str:
-    return datetime.fromtimestamp(ms / 1000, tz=zone).isoformat(timespec="milliseconds")
+    return _instant(ms, zone).isoformat(timespec="milliseconds")
 
 
 class RuleAtCamera:

@@ -44,7 +44,9 @@ def replay(
     *,
     rules: Sequence[AlarmRule] | None = None,
     now: datetime,
+    variants: Sequence[AlarmRule] = (),
     on_time: Callable[[int], None] | None = None,
+    on_records: Callable[[int, Collection[str]], None] | None = None,
 ) -> list[AlarmEvent]:
     """Return the events of all alarms that were open in a range of local days.
 
@@ -58,7 +60,9 @@ def replay(
         last: Last local day, inclusive.
         rules: Rules to apply; None = those of the site.
         now: The clock: later records are not read.
+        variants: Further rules to try on the same records, with ids of their own; no event of `rules` depends on them.
         on_time: Called with the seconds of stored time done since the last call, for a progress bar.
+        on_records: Called for each minute with records: its end in UTC milliseconds, and the ids of their cameras.
 
     Raises:
         StoreError: E302, a file of the store is damaged.
@@ -67,7 +71,7 @@ def replay(
     rules = site.alarms if rules is None else rules
     early = start - timedelta(seconds=lookback_s(rules, lateness_s=site.settings.lateness_s))
     stop = min(end + timedelta(days=1), now)
-    engine = AlarmEngine(site, rules=rules, start=early)
+    engine = AlarmEngine(site, rules=[*rules, *variants], start=early)
     events: list[AlarmEvent] = []
     begun: set[str] = set()
     done = early
@@ -75,6 +79,9 @@ def replay(
         if on_time is not None:
             on_time(round((until - done).total_seconds()))
         done = until
+        cameras = {c for rows in tables.values() for c in rows["camera_id"].unique().to_pylist()}
+        if on_records is not None and cameras:
+            on_records(epoch_ms(until), cameras)
         events += [*engine.feed(tables), *engine.close(min(until, stop))]
         if until >= end:
             begun = begun or {e.alarm for e in events if e.event == "start" and _instant(e.at_ms) < end}

@@ -111,7 +111,7 @@ def timetable(report: WeekReport) -> TimetableRows:
     by_day = {m.day: m.value for m in report.when.day_means}
     return TimetableRows(
         days=days,
-        rows=_joined(out),
+        rows=joined(out),
         day_means=tuple(by_day.get(d) for d in days),
         used=used,
         has_means=any(v is not None for v in by_day.values()),
@@ -129,7 +129,7 @@ def blocks(table: TimetableRows) -> tuple[TimetableRows, ...]:
     return tuple(part(start) for start in range(0, len(table.days), BLOCK_DAYS))
 
 
-def _joined(rows: Sequence[TimetableRow]) -> tuple[TimetableRow, ...]:
+def joined(rows: Sequence[TimetableRow]) -> tuple[TimetableRow, ...]:
     """Return the rows with runs of three or more that hold no data on any day written as one."""
     joined: list[TimetableRow] = []
     for is_blank, run in groupby(rows, key=lambda r: all(c.style in ("hatch", "cl", "nx") for c in r.cells)):
