@@ -66,7 +66,7 @@ def alarm(day: date = MONDAY, hour: int = 12, *, lasted_s: float = 90.0, number:
 
 
 def silent(day: date = MONDAY, hour: int = 18) -> Alarm:
-    people = {"n_people_max": None, "nearest_m": None, "x_m": None, "y_m": None, "area_id": None}
+    people: dict[str, Any] = {"n_people_max": None, "nearest_m": None, "x_m": None, "y_m": None, "area_id": None}
     return alarm(day, hour, lasted_s=3600.0, rule_id="camera-dead", kind="silence", **people)
 
 
