@@ -11,12 +11,12 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date, timedelta
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -30,6 +30,9 @@ from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import open_warehouse
+
+if TYPE_CHECKING:
+    from privacy import person_times
 
 BELOW = 5
 FIRST, N_DAYS, HOURS = worlds.MONDAY - timedelta(weeks=26), 3, (9, 11)
@@ -59,12 +62,14 @@ class World:
         n: Violations by key.
         lost: Week, camera and day of which nothing was recorded.
         cut_h: Time of a week, camera, day and hour that was erased.
+        pairs: Pairs of people who stood there, by key, whether too close or not; None = those counted.
     """
 
     site: Site
     n: dict[Key, int]
     lost: set[tuple[int, int, int]]
     cut_h: Mapping[Key, float] = field(default_factory=dict)
+    pairs: Mapping[Key, int] | None = None
 
     @property
     def n_weeks(self) -> int:
@@ -179,15 +184,24 @@ def stream(world: World, week: int, camera: int, days: Sequence[int]) -> Iterato
     )
 
 
-def published(world: World, weeks: Sequence[int], *, held_least: int = BELOW) -> Known:
+def published(
+    world: World,
+    weeks: Sequence[int],
+    *,
+    held_least: int = BELOW,
+    times: person_times.Times | None = None,
+    planners: Container[int] | None = None,
+) -> Known:
     """Return everything that leaves the operator's hands about some weeks; nothing of those that are refused.
 
     Args:
         world: What was counted.
         weeks: The weeks.
         held_least: As for `Known`.
+        times: What is known of person-time, to which their numbers are added.
+        planners: The weeks of which a planner is made; None = all.
     """
-    from privacy import other_outputs
+    from privacy import other_outputs, person_times
 
     known = Known(held_least=held_least)
     for week in weeks:
@@ -198,9 +212,13 @@ def published(world: World, weeks: Sequence[int], *, held_least: int = BELOW) ->
         told = json.loads(to_json(report))
         read_json(known, world, week, told)
         read_csv(known, world, week, to_csv(report))
+        if times is not None:
+            person_times.read_json(times, world, week, told)
+        if planners is not None and week not in planners:
+            continue
         hours = [(date.fromisoformat(c["day"]) - monday(week), c) for c in told["when"]["cells"]]
         hidden_hours = {(d.days, c["hour"]) for d, c in hours if c["violations"] is None}
-        other_outputs.read_planner(known, world, week, hidden_hours)
+        other_outputs.read_planner(known, world, week, hidden_hours, times=times)
     return known
 
 
@@ -297,8 +315,9 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
     for row in tables["readings"]:
         if row["reading"] == "all" and row["n_violations"]["value"] is not None:
             known.exact(every, row["n_violations"]["value"], f"{source} M9")
-    shapes = spot_points(world, week)
-    for row in (*tables["hotspots"], *tables["past_hotspots"]):
+    spots = (*tables["hotspots"], *tables["past_hotspots"])
+    shapes = spot_points(world, week) if spots else {}
+    for row in spots:
         if row["spot_id"] not in shapes:
             continue
         near, people = shapes[row["spot_id"]]
@@ -312,6 +331,18 @@ def read_json(known: Known, world: World, week: int, told: Mapping[str, Any]) ->
             hours = {k: people[k[1]] * CLOSE_H for k in window if people[k[1]]}
             close_h = sum(h * world.n[k] for k, h in hours.items()) if close_h is None else close_h
             known.rounded(hours, close_h, f"{source} M20.ratio", digits=5)
+    _read_map(known, world, week, told["figures"]["M17"]["rows"] or (), source)
+
+
+def _read_map(known: Known, world: World, week: int, rows: Iterable[Mapping[str, Any]], source: str) -> None:
+    """Add the time too close by square of a metre, for a reader who knows how long each violation lasts (M17)."""
+    for row in rows:
+        weights = {}
+        for p, ((x, y), (_, camera)) in enumerate(POINTS.items()):
+            is_in = [int(at) + 0.5 == row["x_m"] and int(y) + 0.5 == row["y_m"] for at in (x, x + 1.5)]
+            if any(is_in) and (hours := world.x_h(week, camera)):
+                weights |= {k: sum(is_in) * CLOSE_H * 3600 / hours for k in keys_of(week) if k[1] == p}
+        known.rounded(weights, row["value"], f"{source} M17 {row['x_m']} {row['y_m']}", digits=5)
 
 
 def _per_person_hour(known: Known, keys: list[Key], e: Mapping[str, Any] | None, hours: float | None, s: str) -> None:

@@ -1,9 +1,9 @@
 """What a reader learns from outputs beside the report: the planner's numbers, and the card of each day.
 
 The planner's page holds hours of the whole floor, the figures of places and sums of cells. Cells are read as what
-merging allows: of a place, the sum is exact; where nothing is given, fewer than five were counted; where something is,
-at least one was, and no more than what is given. The card gives a day to a step (`rough`), which
-`tests/figures/test_today.py` shows to be all that it says of violations.
+merging allows: of a place that is not held back, the sum is exact; where nothing is given, fewer than five were
+counted; where something is, at least one was, and no more than what is given. The card gives a day to a step (`rough`),
+which `tests/figures/test_today.py` shows to be all that it says of violations.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 import duckdb
 import numpy as np
 from privacy import hidden_counts as hidden
+from privacy import person_times
 from privacy.hidden_counts import BELOW, HOURS, N_DAYS, POINTS, Known, World
 
 from vsd_analytics.errors import ReportError, UsageError
@@ -26,7 +27,14 @@ PAIR_M = (0.76, 0.01)
 """From a point to the middle of the two people of its violations."""
 
 
-def read_planner(known: Known, world: World, week: int, hidden_hours: Collection[tuple[int, int]]) -> bool:
+def read_planner(
+    known: Known,
+    world: World,
+    week: int,
+    hidden_hours: Collection[tuple[int, int]],
+    *,
+    times: person_times.Times | None = None,
+) -> bool:
     """Add the numbers of a week's planner, and tell whether there is one.
 
     Args:
@@ -34,6 +42,7 @@ def read_planner(known: Known, world: World, week: int, hidden_hours: Collection
         world: What was counted.
         week: Which.
         hidden_hours: Days and hours that the report hides.
+        times: What is known of person-time so far.
     """
     try:
         [data] = planner_pages(world.site, hidden.monday(week))
@@ -47,6 +56,8 @@ def read_planner(known: Known, world: World, week: int, hidden_hours: Collection
             told: dict[str, float | None] = {"value": e.value, "previous": e.previous, "change": e.change}
             hidden._rate(known, world, week, key, told, f"{source} {place.place_id}")
     _read_cells(known, week, data, source)
+    if times is not None:
+        person_times.read_planner(times, world, week, data)
     return True
 
 
@@ -91,16 +102,14 @@ def _read_cells(known: Known, week: int, data: PlannerData, source: str) -> None
     for p, (place, _) in enumerate(POINTS.values()):
         groups.setdefault("hidden" if place in held else place, []).append(p)
     for name, of_place in groups.items():
+        if name == "hidden":
+            assert not given[of_place].any(), "cells of places that are held back have no counts"
+            continue
         keys = {p: [key for key in hidden.keys_of(week) if key[1] == p] for p in of_place}
-        least, most = given[of_place], given[of_place]
-        if name == "hidden":  # given in steps of ten
-            most = np.where(most > 0, most + BELOW - 1, 0)
-            least = np.where(least > 0, np.maximum(least - BELOW, BELOW), 0)
-        if most.sum():
-            every = [key for p in of_place for key in keys[p]]
-            known.between(dict.fromkeys(every, 1.0), int(least.sum()), int(most.sum()), f"{source} cells of {of_place}")
-        for k, p in enumerate(of_place):
-            low, high = (1, int(most[k])) if given[p] else (0, BELOW - 1)
+        if given[of_place].any():
+            known.exact([key for p in of_place for key in keys[p]], int(given[of_place].sum()), f"{source} cells")
+        for p in of_place:
+            low, high = (1, int(given[p])) if given[p] else (0, BELOW - 1)
             known.between(dict.fromkeys(keys[p], 1.0), low, high, f"{source} cell of {p}")
 
 

@@ -18,8 +18,10 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 from privacy import hidden_counts as hidden
+from privacy import person_times
 from privacy.hidden_counts import HOURS, N_DAYS, Key, Known, World
 from privacy.other_outputs import read_cards
+from privacy.person_times import Times
 from report import ingested_worlds as worlds
 from scipy import sparse
 from scipy.optimize import Bounds, LinearConstraint, milp
@@ -36,6 +38,8 @@ Versioned: TypeAlias = tuple[int, Key]
 Asked: TypeAlias = tuple[list[tuple[Versioned, float]], int]
 """Weights of unknowns, and the sum they have in truth."""
 ASKED_ON = (1, 2, 3, 5)
+EACH = 3
+"""Pages of weeks that go on are asked for in each third week."""
 SLOT_S = worlds.SLOT_MS // 1000
 
 
@@ -47,6 +51,7 @@ class Versions:
         worlds: What was counted, version by version.
         rows: What the reader knows: weights of unknowns, limits, source.
         changed: Unknowns that may differ from the version before, version by version.
+        times: What the reader knows of person-time in each version, all weeks that did not change included.
         n_running: Pages of weeks that went on.
         n_refused: Such pages that were refused.
     """
@@ -54,6 +59,7 @@ class Versions:
     worlds: list[World] = field(default_factory=list)
     rows: list[tuple[Mapping[Versioned, float], float, float, str]] = field(default_factory=list)
     changed: list[frozenset[Key]] = field(default_factory=list)
+    times: list[Times] = field(default_factory=list)
     n_running: int = 0
     n_refused: int = 0
 
@@ -72,25 +78,25 @@ def lived(folder: Path, seed: int, *, n_weeks: int, days: Sequence[int] = ASKED_
     """
     made = hidden.build(folder / "whole", seed, n_weeks=n_weeks)
     world = hidden.write(folder / "site", made.n, made.lost, weeks=0)
-    versions = Versions([world], changed=[frozenset()])
+    versions = Versions([world], changed=[frozenset()], times=[Times()])
     for week in range(n_weeks):
         hidden.add_week(world, week)
-        for day in days:
+        for day in days if week % EACH == 0 else ():
             try:
                 report = week_report(world.site, hidden.monday(week), clock=instant(week, day, 5))
             except (ReportError, UsageError):
                 versions.n_refused += 1
                 continue
             versions.n_running += 1
-            versions.add(so_far(world, week, report), 0)
-        known = hidden.published(world, [week])
+            versions.add(so_far(world, week, report, versions.times[0]), 0)
+        known = hidden.published(world, [week], times=versions.times[0])
         read_cards(known, world, week, first=world)
         versions.add(known, 0)
     return versions
 
 
-def so_far(world: World, week: int, report: WeekReport) -> Known:
-    """Return what a page of a week that goes on tells."""
+def so_far(world: World, week: int, report: WeekReport, times: Times) -> Known:
+    """Return what a page of a week that goes on tells, and add what it tells of person-time."""
     figures, known = json.loads(to_json(report)), Known()
     last = (date.fromisoformat(figures["week"]["sunday"]) - hidden.monday(week)).days
     days = range(min(last + 1, N_DAYS))
@@ -119,6 +125,7 @@ def so_far(world: World, week: int, report: WeekReport) -> Known:
         if day in days:
             at = hidden.keys_of(week, day=day, hour=cell["hour"])
             hidden._label(known, at, cell["violations"], cell, f"{source}, when {day} {cell['hour']}")
+    person_times.read_json(times, world, week, figures, through=days[-1])
     return known
 
 
@@ -161,17 +168,36 @@ def late(versions: Versions, week: int, camera: int, day: int, counts: Callable[
 def nearer(versions: Versions) -> None:
     """Make everything again for a legal distance that nobody falls below."""
     before = versions.worlds[-1]
-    after = World(before.site.with_settings(distance_m=1.4), dict.fromkeys(before.n, 0), before.lost, before.cut_h)
+    site, none = before.site.with_settings(distance_m=1.4), dict.fromkeys(before.n, 0)
+    after = World(site, none, before.lost, before.cut_h, pairs=before.n)
     _again(versions, after, frozenset(before.n))
 
 
 def _again(versions: Versions, world: World, changed: frozenset[Key]) -> None:
+    """Make again what may differ: the weeks that changed, the two after each (hotspots), and the last (weeks so far).
+
+    All other outputs would have numbers that the reader has from before.
+    """
     versions.worlds.append(world)
     versions.changed.append(changed)
-    known = hidden.published(world, range(world.n_weeks), held_least=0)
-    for week in range(world.n_weeks):
+    of = {key[0] for key in changed}
+    weeks = sorted({w + k for w in of for k in range(3) if w + k < world.n_weeks} | {world.n_weeks - 1})
+    same = [row for row in versions.times[-1].rows if not of & {key[0] for key in row[0]}]
+    versions.times.append(Times(same))
+    known = hidden.published(
+        world, weeks, held_least=0, times=versions.times[-1], planners={w + k for w in of for k in range(2)}
+    )
+    for week in weeks:
         read_cards(known, world, week, first=versions.worlds[0])
     versions.add(known, len(versions.worlds) - 1)
+
+
+def times_worked_out(versions: Versions) -> dict[str, float]:
+    """Return the person-times of few people, of any version, whose value a reader of that version finds."""
+    found = {}
+    for number, (world, times) in enumerate(zip(versions.worlds, versions.times, strict=True)):
+        found |= {f"version {number}, {name}": t for name, t in person_times.worked_out(times, world).items()}
+    return found
 
 
 def worked_out(versions: Versions) -> dict[str, int]:
@@ -234,4 +260,6 @@ def broken(versions: Versions) -> list[str]:
         total = sum(w * versions.worlds[v].n[key] for (v, key), w in weights.items())
         if not low - 1e-6 <= total <= high + 1e-6:
             wrong.append(f"{source}: {total} is not in {low} to {high}")
+    for world, times in zip(versions.worlds, versions.times, strict=True):
+        wrong += person_times.broken(times, world)
     return wrong

@@ -16,6 +16,8 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.planner.cell_counts import grid_of
+from vsd_analytics.planner.planner_data import planner_pages
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
@@ -127,3 +129,61 @@ def solved(totals: list[int]) -> list[int | None]:
         }
         found.append(ends.pop() if len(ends) == 1 else None)
     return found
+
+
+def test_maps_of_squares_told_the_time_and_the_count_that_areas_hide(site: Site) -> None:
+    """A square metre of M16 is the time of its one person; of M17 that of three violations, 40 s for each of two."""
+    exact, shared = (report_json(of)["figures"] for of in (site.with_settings(mask_below=0), site))
+    assert values_in(exact["M16"], PRAYER["prayer"][1]) == [3600]
+    assert sum(values_in(exact["M17"], PRAYER["door"][1])) * 21 == pytest.approx(3 * 2 * 40, rel=0.01)
+    for name, area in (("M16", "prayer"), ("M17", "prayer"), ("M17", "door"), ("M18", "door"), ("M19", "door")):
+        assert values_in(shared[name], PRAYER[area][1]) == [], (name, area)
+    assert values_in(shared["M16"], PRAYER["queue"][1])
+
+
+def test_squares_of_the_planner_told_the_time_and_the_count_that_areas_hide(site: Site) -> None:
+    told = {}
+    for name, of in (("exact", site.with_settings(mask_below=0)), ("shared", site)):
+        [data] = planner_pages(of, w.MONDAY)
+        assert data.shown is not None
+        grid, cells = grid_of(data.shown.extent), data.week.cells
+        assert grid is not None
+        assert cells is not None
+        x, y = grid.x0 + cells.time.cell % grid.n_x, grid.y0 + cells.time.cell // grid.n_x
+        told[name] = {
+            area: cells.time.values[:, (x >= x0) & (x < x1) & (y >= y0) & (y < y1)].sum(axis=1) * cells.unit_ms
+            for area, (_, (x0, y0, x1, y1)) in PRAYER.items()
+        }
+    assert told["exact"]["prayer"].tolist() == [21 * 3_600_000, 0]
+    assert told["exact"]["door"].tolist() == [3 * 2 * 40_000, 3 * 2 * 40_000]
+    assert not any(told["shared"][area].any() for area in ("prayer", "door"))
+    assert told["shared"]["queue"].any()
+
+
+def values_in(figure: dict[str, Any], box: tuple[float, ...]) -> list[float]:
+    """Return the values of a map's squares whose middle is in a box."""
+    x0, y0, x1, y1 = box
+    return [row["value"] for row in figure["rows"] or () if x0 < row["x_m"] < x1 and y0 < row["y_m"] < y1]
+
+
+def test_how_long_the_visits_of_one_person_last_is_not_told(tmp_path: Path) -> None:
+    """Visits times their mean length are the person-time that the page hides, and so are people times hours."""
+    config = w.toml(areas=PRAYER)
+    for area in ("prayer", "queue"):
+        config = config.replace(f'id = "{area}"\n', f'id = "{area}"\nvisits = true\nqueue = true\ncapacity = 4\n')
+    site = w.world(tmp_path / "shop", config, w.messages(few_by_day))
+    exact, shared = (report_json(of)["answers"] for of in (site.with_settings(mask_below=0), site))
+    [known] = [row for row in exact["queues"]["rows"] if row["area_id"] == "prayer"]
+    assert known["people_waiting"]["value"] == pytest.approx(1), "one person, all week"
+    for answer, names in {
+        "visits": ("dwell_mean_s", "dwell_mean_little_s", "little_ratio", "dwell_median_s"),
+        "queues": ("people_waiting", "people_waiting_p90", "stay_mean_little_s"),
+        "queue_hours": ("people_waiting",),
+        "capacity": ("people", "full_share", "surplus_people", "room_a_share"),
+    }.items():
+        rows = [row for row in shared[answer]["rows"] if row["area_id"] == "prayer"]
+        assert rows, answer
+        for row in rows:
+            assert {name: row[name]["value"] for name in names} == dict.fromkeys(names), answer
+    [beside] = [row for row in shared["queues"]["rows"] if row["area_id"] == "queue"]
+    assert beside["people_waiting"]["value"] is not None

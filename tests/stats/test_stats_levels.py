@@ -349,3 +349,18 @@ def test_interval_with_history_equals_its_formula_written_with_loops() -> None:
     spread = np.linalg.svd(np.diag(expected) - np.outer(expected, expected), compute_uv=False) ** 2
     assert estimate.df == pytest.approx(spread.sum() ** 2 / (spread**2).sum())
     assert not estimate.is_conservative
+
+
+@given(
+    arrays(np.float64, (2, 9), elements=st.sampled_from([0.0, 1.0, 7.0, 3e3, 1e7, 1e12])),
+    arrays(np.float64, (2, 9), elements=st.sampled_from([0.0, 1e-9, 1e-3, 1.0, 24.0, 1e6])),
+    st.booleans(),
+)
+def test_an_interval_is_finite_or_there_is_none_however_large_or_tiny_the_numbers(
+    n: np.ndarray, x_h: np.ndarray, has_history: bool
+) -> None:
+    history = {"history_n": np.tile(n, (1, 4)), "history_x_h": np.full((2, 36), 12.0)} if has_history else {}
+    days = {"weekday": np.arange(9) % 7, "history_weekday": np.arange(36) % 7} if has_history else {}
+    found = violation_rate(n, x_h, **history, **days)
+    assert found.hi is None or (np.isfinite(found.hi) and found.lo is not None and found.lo <= found.hi)
+    assert found.reason is None or reason_text(found.reason)

@@ -14,6 +14,8 @@ from vsd_analytics.answer import Answer, Column, Reason, Row, Value
 from vsd_analytics.figures.neighbours import LEVELS, RoomLevel, density_edges, level_of
 from vsd_analytics.figures.people_present import Presence, unknown_hours_notes
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.share.weeks import hidden_times
+from vsd_analytics.figures.visits import timeless
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Area, Floor
 
@@ -42,6 +44,7 @@ COLUMNS: Final = (
     Column("unrecorded_hours", "fact", "hour_of_day"),
 )
 """Columns of `capacity`."""
+_TIMES: Final = tuple(c.name for c in COLUMNS if c.figure)
 NO_ROOM: Final = Reason("room.no_area")
 
 
@@ -54,7 +57,14 @@ def capacity(period: Period) -> Answer:
     `area_id` is null.
     """
     asked: list[Area | Floor] = [period.data.floor, *period.data.areas]
-    rows = tuple(_row(period, place, place.capacity) for place in asked if place.capacity is not None)
+    hidden = hidden_times(period)
+    rows = tuple(
+        timeless(_row(period, place, place.capacity), hidden.get(place.area_id), _TIMES)
+        if isinstance(place, Area)
+        else _row(period, place, place.capacity)
+        for place in asked
+        if place.capacity is not None
+    )
     nothing = None if rows else Reason("capacity.not_asked")
     notes = tuple((k, n) for k, row in enumerate(rows) for n in unknown_hours_notes(row))
     return Answer("capacity", COLUMNS, rows, period.holds_for, (), notes, nothing)

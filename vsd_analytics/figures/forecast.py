@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import Final
@@ -128,6 +129,7 @@ def forecast(
     *,
     floor_id: str | None = None,
     gatherings: tuple[ArrayLike, ArrayLike] | None = None,
+    as_known: Callable[[Slots], Slots] | None = None,
 ) -> FloorForecast:
     """Forecast the week after the one that starts on `monday`, and score the forecast of that one.
 
@@ -141,6 +143,8 @@ def forecast(
         floor_id: Only the cameras of this floor; None = all.
         gatherings: Gatherings that began, and the open hours they were recorded in, each of shape (13, 168), this week
             last; None = not counted.
+        as_known: Turns the hours into what the readers of the forecast know of them (`share.hours`); None = exact
+            hours, for the operator.
 
     Raises:
         UsageError: E101, `monday` is no Monday, or the site has no such floor.
@@ -152,6 +156,7 @@ def forecast(
     next_monday = monday + timedelta(days=7)
     there = next_monday, next_monday + timedelta(days=6)
     slots = load_slots(warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id, there=there)
+    slots = slots if as_known is None else as_known(slots)
     site = warehouse.site
     open_h = open_hours(site, next_monday)
     return FloorForecast(
@@ -177,7 +182,14 @@ def _series(
         return SeriesForecast(unit, denominator, (), None, None, 0, None, "not_measurable", why)
     both = (slots.open_h[-1], open_h)
     return series_forecast(
-        site, weeks, slots.monday, open_h=both, is_count=is_count, unit=unit, denominator=denominator
+        site,
+        weeks,
+        slots.monday,
+        open_h=both,
+        is_count=is_count,
+        unit=unit,
+        denominator=denominator,
+        scored_h=slots.counted_h if is_count else None,
     )
 
 
@@ -190,6 +202,7 @@ def series_forecast(
     is_count: bool,
     unit: Reason,
     denominator: Reason,
+    scored_h: Floats | None = None,
 ) -> SeriesForecast:
     """Forecast a quantity for the week after the last one, and score the forecast of that one.
 
@@ -201,13 +214,14 @@ def series_forecast(
         is_count: True for counts of events; False for amounts such as person-hours.
         unit: Of the values.
         denominator: What it is divided by.
+        scored_h: Recorded hours of the last week whose forecast is scored, shape (168,); None = all.
     """
     n, x_h, share = weeks.n, weeks.x_h, site.settings.forecast_share
     days = special_days(site, monday, n_weeks=len(n))
     ordinary_h = days.ordinary_h(x_h)
     made = forecast_week(n[1:], ordinary_h[1:], is_count=is_count, open_h=open_h[1], share=share, days=days.next)
     before = forecast_week(n[:-1], ordinary_h[:-1], is_count=is_count, open_h=open_h[0], share=share, days=days.last)
-    score = score_forecast(before, n[-1], x_h[-1])
+    score = score_forecast(before, n[-1], x_h[-1] if scored_h is None else scored_h)
     rows = _rows(monday, open_h[1], made) if made.state == "ok" else ()
     level = made.level if made.state == "ok" else None
     return SeriesForecast(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
 from typing import Final
@@ -76,13 +77,20 @@ class WeekProfile:
     reason: Reason | None
 
 
-def week_profile(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) -> WeekProfile:
+def week_profile(
+    warehouse: Warehouse,
+    monday: date,
+    *,
+    floor_id: str | None = None,
+    as_known: Callable[[Slots], Slots] | None = None,
+) -> WeekProfile:
     """Return the hours of the week over the four weeks that end with the one from `monday`.
 
     Args:
         warehouse: Opened over the four weeks, or from wherever records begin.
         monday: First day of the last week.
         floor_id: Only the cameras of this floor; None = all.
+        as_known: As for `forecast.forecast`.
 
     Raises:
         UsageError: E101, `monday` is no Monday, or the site has no such floor.
@@ -94,6 +102,7 @@ def week_profile(warehouse: Warehouse, monday: date, *, floor_id: str | None = N
     slots = load_slots(
         warehouse, monday, n_weeks=PROFILE_WEEKS, floor_id=floor_id, there=(monday, monday + timedelta(days=6))
     )
+    slots = slots if as_known is None else as_known(slots)
     confidence = float(warehouse.site.settings.confidence)
     violations, people = slots.violations, slots.people
     n_weeks = (violations.x_h > 0).sum(axis=0)

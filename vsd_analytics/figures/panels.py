@@ -115,6 +115,11 @@ class FloorHours:
         self.ids = [c.camera_id for c in self.cameras]
         self.hours, self.everyone = self._hours()
 
+    @property
+    def untimed(self) -> frozenset[str | None]:
+        """Return the areas whose person-time does not leave yet; none, of days that are over."""
+        return frozenset()
+
     def inside(self, first: date, last: date) -> Flags:
         """Return which hours lie in local days from `first` to `last`."""
         return np.asarray((self.hours.day >= first.toordinal()) & (self.hours.day <= last.toordinal()))

@@ -22,8 +22,9 @@ from vsd_analytics.figures.people_present import (
     why_not_all,
 )
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.share.weeks import hidden_times
 from vsd_analytics.figures.values import unknown_count
-from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids, dwell_of
+from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids, dwell_of, timeless
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.durations import QuantileEstimate
 from vsd_analytics.stats.dwell import Dwell
@@ -94,6 +95,10 @@ HOUR_COLUMNS: Final = (
 """Columns of `queue_hours`. How many entered in an hour is the operator's: the hours of a week are too many to hide."""
 
 
+_HOUR_TIMES: Final = ("people_waiting", "wait_median_s", "wait_p90_s")
+_TIMES: Final = (*_HOUR_TIMES, "people_waiting_p90", "stay_mean_s", "stay_mean_little_s", "little_ratio")
+
+
 @dataclass(frozen=True, slots=True)
 class _Waits:
     """Waits of tracks whose entry was seen, one element each; hour is a place in `Hours`."""
@@ -138,9 +143,11 @@ def queues(period: Period) -> tuple[Answer, Answer]:
         rows["wait_s"].to_numpy(),
     )
     is_used = data.hours.is_counted[waits.camera, waits.hour]
+    hidden = hidden_times(period)
     made = [_queue(period, area, waits.of(is_used & (waits.area == k))) for k, area in enumerate(asked)]
-    of_days = tuple(row for row, _ in made)
-    by_hour = tuple(row for _, rows in made for row in rows)
+    whys = [hidden.get(area.area_id) for area in asked]
+    of_days = tuple(timeless(row, why, _TIMES) for (row, _), why in zip(made, whys, strict=True))
+    by_hour = tuple(timeless(row, why, _HOUR_TIMES) for (_, rows), why in zip(made, whys, strict=True) for row in rows)
     notes = ((None, Reason("note.queues")), *((k, n) for k, row in enumerate(of_days) for n in _row_notes(row)))
     sums = (Sum("n_entered", _ENDS), Sum("n_entered", ("n_left", "n_not_left")))
     of_hours = (Sum("n_entered", ("queue_hours.n_entered",)), Sum("n_left", ("queue_hours.n_left",)))

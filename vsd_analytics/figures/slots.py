@@ -41,6 +41,8 @@ class Slots:
         violation_h: Person-hours in violation, same shape; NaN where they are not known.
         n_violations: Violations, same shape; NaN where they are not known.
         min_share: Share of its open hours a camera's slot must be recorded for, to enter rates.
+        hidden: Slots whose violations are not those counted, as a report hides them (`share.hours`), shape
+            (n_weeks, 168); None = none is.
     """
 
     monday: date
@@ -52,6 +54,7 @@ class Slots:
     violation_h: Floats
     n_violations: Floats
     min_share: float
+    hidden: NDArray[np.bool_] | None = None
 
     @property
     def is_recorded(self) -> NDArray[np.bool_]:
@@ -88,7 +91,13 @@ class Slots:
     @property
     def why_no_violations(self) -> Reason | None:
         """Return why violations cannot be counted, or None where they can or nothing was recorded."""
-        return NO_IDS if self._is_unknown(self.n_violations) else None
+        return NO_IDS if self.hidden is None and self._is_unknown(self.n_violations) else None
+
+    @property
+    def counted_h(self) -> Floats:
+        """Return the hours that the violations of the last week were counted in, 0 where they are hidden, (168,)."""
+        x_h = self.violations.x_h[-1]
+        return x_h if self.hidden is None else np.where(self.hidden[-1], 0.0, x_h)
 
     def _together(self, counts: Floats) -> Weeks:
         return recorded_hours(counts, self.recorded_h, self.open_h, min_share=self.min_share)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import Final
+
+import numpy as np
 
 from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
@@ -42,13 +45,20 @@ class UnusualWeek:
     reason: Reason | None
 
 
-def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) -> UnusualWeek:
+def unusual(
+    warehouse: Warehouse,
+    monday: date,
+    *,
+    floor_id: str | None = None,
+    as_known: Callable[[Slots], Slots] | None = None,
+) -> UnusualWeek:
     """Return the unusual hours of the week that starts on `monday`.
 
     Args:
         warehouse: Opened from `forecast.first_day(monday)`, or from wherever records begin, to the week's end.
         monday: First day of the week.
         floor_id: Only the cameras of this floor; None = all.
+        as_known: As for `forecast.forecast`.
 
     Raises:
         UsageError: E101, `monday` is no Monday, or the site has no such floor.
@@ -60,7 +70,7 @@ def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) 
     slots = load_slots(
         warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id, there=(monday, monday + timedelta(days=6))
     )
-    found = unusual_in_last_week(slots, warehouse.site)
+    found = unusual_in_last_week(slots if as_known is None else as_known(slots), warehouse.site)
     counts = found.n_unusual, found.n_tested
     return UnusualWeek(iso_week(monday), floor_id, UNIT, found.rows, *counts, found.state, found.reason)
 
@@ -68,7 +78,8 @@ def unusual(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) 
 def unusual_in_last_week(slots: Slots, site: Site) -> UnusualSlots:
     """Return the hours of the last of some weeks that are far from what the weeks before it make usual.
 
-    Public holidays are left out of both: that such an hour is unlike others is no news.
+    Public holidays are left out of both: that such an hour is unlike others is no news. Hours that are hidden from
+    readers are not judged.
     """
     if (why := slots.why_no_violations) is not None:
         return UnusualSlots((), 0, 0, 0, "not_measurable", why)
@@ -77,7 +88,7 @@ def unusual_in_last_week(slots: Slots, site: Site) -> UnusualSlots:
     x_h = special_days(site, slots.monday, n_weeks=len(n)).ordinary_h(slots.violations.x_h)
     return unusual_hours(
         n[-1],
-        x_h[-1],
+        x_h[-1] if slots.hidden is None else np.where(slots.hidden[-1], 0.0, x_h[-1]),
         monday=slots.monday,
         before_n=n[:-1],
         before_x_h=x_h[:-1],

@@ -16,6 +16,7 @@ from vsd_analytics.answer import Answer, Column, Reason, Row, Sum, Value, value_
 from vsd_analytics.figures.panels import Array, Flags, FloorHours, Ints, Place, positions
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import NOT_RECORDED
+from vsd_analytics.figures.share.weeks import hidden_times
 from vsd_analytics.figures.values import unknown_count
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.dwell import Dwell, dwell
@@ -85,10 +86,9 @@ COLUMNS: Final = (
     Column("silent_cameras", "fact"),
 )
 """Columns of `visits`."""
-_STAYS: Final = (
-    *("dwell_median_s", "dwell_p90_s", "long_share", "dwell_mean_s", "dwell_mean_little_s", "little_ratio"),
-    *("n_visits", "n_followed", "n_cut", "n_long", "n_short"),
-)
+TIMES: Final = ("dwell_median_s", "dwell_p90_s", "long_share", "dwell_mean_s", "dwell_mean_little_s", "little_ratio")
+"""Columns of which visits make person-time."""
+_STAYS: Final = (*TIMES, "n_visits", "n_followed", "n_cut", "n_long", "n_short")
 SUMS: Final = (Sum("n_visits", ("n_followed", "n_cut")), Sum("n_visits", ("n_long", "n_short")))
 
 
@@ -114,9 +114,26 @@ def visits(period: Period) -> Answer:
         *(rows[name].to_numpy(zero_copy_only=False)[is_used] for name in ("has_entry", "has_exit", "dwell_s")),
     )
     able = sends_ids(period)
-    areas = tuple(_area_row(period, a, stays.of(k), able) for k, a in enumerate(asked))
+    hidden = hidden_times(period)
+    areas = tuple(
+        timeless(_area_row(period, a, stays.of(k), able), hidden.get(a.area_id), TIMES) for k, a in enumerate(asked)
+    )
     notes = ((None, Reason("note.visits")), *((k, n) for k, row in enumerate(areas) for n in _row_notes(row)))
     return Answer("visits", COLUMNS, areas, period.holds_for, SUMS, notes)
+
+
+def timeless(row: Row, why: Reason | None, names: Sequence[str]) -> Row:
+    """Return a row without its times, where the person-time of its place is hidden; whether they agree tells of them.
+
+    Args:
+        row: Of a place.
+        why: Why its person-time is hidden; None = it is not.
+        names: Columns that tell person-time.
+    """
+    if why is None:
+        return row
+    agree: Row = {"means_agree": None} if "means_agree" in row else {}
+    return {**row, **dict.fromkeys(names, Value.missing(why)), **agree}
 
 
 def sends_ids(period: Period) -> Flags:

@@ -16,11 +16,12 @@ from typing import Final
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.panels import Flags, positions
 from vsd_analytics.figures.share.counts import Mask
-from vsd_analytics.figures.share.merged import merge_small_counts, rough_counts
+from vsd_analytics.figures.share.merged import merge_small_counts
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
 from vsd_analytics.geometry.camera_views import view_polygon
@@ -34,7 +35,7 @@ FINE_M: Final = 0.25
 SQUARES_MAX: Final = 100_000
 """Larger floors have no map: the page would not stay quick."""
 HELD_BACK: Final = -1
-"""Place of the cells whose area is held back: their counts are given in steps."""
+"""Place of the cells whose area is held back: they have no counts."""
 UNIT_MS: Final = 100
 """Person-time is rounded to this, unless all of it is a multiple of something larger, such as the frame interval."""
 
@@ -121,10 +122,11 @@ class CellsAsked:
         extent: The floor shown; what lies outside is left out, as on the report's map.
         grid: Squares that cover it.
         mask: Tells which counts are put together.
-        hidden: Areas whose counts are held back (None among them: the rest of the floor), which are one place here;
-            None = the floor's own count is held back, so that no violation has a cell.
+        hidden: Areas whose counts are held back (None among them: the rest of the floor), whose violations have no
+            cell; None = the floor's own count is held back, so that no violation has one.
         is_by_hour: Rows are by hour; otherwise of the whole week, and the slot of a row says whether its hours are
             compared with the other week (1) or not (0).
+        untimed: Floor of which no person-time is given (`share.places`); None = of all it is.
     """
 
     slots: Ints
@@ -135,6 +137,7 @@ class CellsAsked:
     mask: Mask
     hidden: Sequence[Area | None] | None = ()
     is_by_hour: bool = True
+    untimed: BaseGeometry | None = None
 
 
 def week_cells(data: WeekData, asked: CellsAsked, *, excess: FloorHotspots) -> WeekCells:
@@ -178,7 +181,10 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
         day, slot = np.zeros_like(slot), side.astype(np.int32)
     keys = np.stack((camera, slot, x, y, day, side))
     del camera, slot, x, y
-    is_able, has_time = (n > 0) & data.whole.cameras[keys[0]] & (hidden is not None), times[0] > 0
+    places = _places(data, grid, hidden=hidden or ())
+    is_able = (n > 0) & data.whole.cameras[keys[0]] & (hidden is not None)
+    is_able &= places[keys[3] * grid.n_x * n_across + keys[2]] != HELD_BACK
+    has_time = (times[0] > 0) & ~_is_on(asked.untimed, grid, *keys[2:4])
     unit_ms = _unit(*times)
     return CellCounts(
         violations=_merged(
@@ -187,7 +193,7 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
             grid=grid,
             across=n_across,
             mask=asked.mask,
-            places=_places(data, grid, hidden=hidden or ()),
+            places=places,
         ),
         time=_merged(
             keys[:, has_time],
@@ -199,6 +205,16 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
         ),
         unit_ms=unit_ms,
     )
+
+
+def _is_on(floor: BaseGeometry | None, grid: CellGrid, x: Ints, y: Ints) -> Flags:
+    """Return which cells of half a metre, by column and row of the grid, have floor in common with some floor."""
+    if floor is None or floor.is_empty:
+        return np.zeros(x.shape, dtype=np.bool_)
+    cells, of = np.unique(np.stack((x, y)), axis=1, return_inverse=True)
+    left, low = (first + at * CELL_M for first, at in zip((grid.x0, grid.y0), cells, strict=True))
+    boxes = shapely.box(left, low, left + CELL_M, low + CELL_M)
+    return np.asarray(shapely.relate_pattern(boxes, floor, "T********"))[of.ravel()]
 
 
 def _from_to(data: WeekData, slots: Ints) -> dict[str, int]:
@@ -234,10 +250,11 @@ def _fine(data: WeekData, asked: CellsAsked) -> Ints:
     is_first = np.append(True, np.any(keys[:, 1:] != keys[:, :-1], axis=0))[: keys.shape[1]]
     n = np.bincount(np.cumsum(is_first) - 1, weights=rows["n"].to_numpy()[taken][order]).astype(np.int64)
     keys = keys[:, is_first]
+    is_shown = keys[3] != HELD_BACK
+    keys, n = keys[:, is_shown], n[is_shown]
     given = merge_small_counts(
         n[None], groups=(_runs(*keys[[3, 0, 1]]), _runs(*keys[[3, 0]]), keys[3]), mask=asked.mask
     ).values[0]
-    given = np.where(keys[3] == HELD_BACK, rough_counts(given, mask=asked.mask), given)
     kept = np.flatnonzero(given)
     kept = kept[np.lexsort((keys[2][kept], keys[0][kept]))]
     return np.stack((keys[0][kept], keys[2][kept], given[kept]))
@@ -289,8 +306,6 @@ def _merged(
     of_day = _runs(of_square, day)
     groups = (_runs(of_day, side), of_day, of_square, of_camera, *(() if places is None else (place,)))
     given = merge_small_counts(summed, groups=groups, mask=mask).values[int(is_square) :]
-    if places is not None:
-        given[0] = np.where(place == HELD_BACK, rough_counts(given[0], mask=mask), given[0])
     kept = np.flatnonzero(given.any(axis=0))
     kept = kept[np.lexsort((slot[kept], cell[kept], camera[kept]))]
     return Rows(camera[kept], cell[kept], slot[kept], given[:, kept])

@@ -66,7 +66,7 @@ def change_words(change: PlannerChange) -> ChangeWords:
         text=fmt.ended(change.text),
         verdict=_verdict(change),
         rows=_rows(result) if result is not None and is_ok else (),
-        notes=_notes(result) if result is not None and is_ok else (),
+        notes=_notes(result, has_map=bool(sides)) if result is not None and is_ok else (),
         cautions=tuple(reason_text(r) for r in (*result.doubts, *result.cautions)) if result is not None else (),
         spans=tuple(_span(side) for side in sides),
     )
@@ -80,7 +80,7 @@ def _span(side: ChangeSide) -> str:
 def _verdict(change: PlannerChange) -> str:
     result, area = change.result, "" if change.area is None else change.area.name
     if result is None:
-        return say("planner.log.whole_site")
+        return say("planner.log.whole_site" if change.before is None else "planner.log.whole_site_map")
     if result.state != "ok":
         return say("planner.log.refused", reason=reason_text(result.reason).rstrip("."))
     running, said = result.running, result.outcome
@@ -113,11 +113,11 @@ def _row(name: str, e: Estimate, *, is_judged: bool) -> ChangeEffectRow:
     )
 
 
-def _notes(result: LoggedChangeEffect) -> tuple[str, ...]:
+def _notes(result: LoggedChangeEffect, *, has_map: bool) -> tuple[str, ...]:
     n, notes = result.n_weeks or 0, []
     if result.design == "beside":
         notes.append(say("planner.log.beside", plural=n, n=n, areas=terms.joined(result.compared_with)))
     if result.moved_elsewhere and result.outcome == "moved":  # else nobody can tell whether it moved
         share = fmt.percent(min(1.0, result.moved_elsewhere))
         notes.append(say("planner.log.elsewhere", share=share, area=result.area_name))
-    return tuple(notes)
+    return tuple(notes if has_map else (*notes, say("planner.log.no_map")))

@@ -8,10 +8,12 @@ from datetime import date, datetime, timedelta
 from functools import cached_property
 
 import numpy as np
+from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import Array, Flags, Ints, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
+from vsd_analytics.figures.share.hours import equal_parts
 from vsd_analytics.figures.share.merged import merge_small_counts
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
@@ -97,6 +99,7 @@ class Counted:
         shared: Flags,
         hidden: Collection[int],
         is_by_hour: bool = True,
+        untimed: BaseGeometry | None = None,
     ) -> CellsAsked | None:
         """Return what of a week's cells is asked for; None without a map of at most so many squares.
 
@@ -106,7 +109,8 @@ class Counted:
             used: Camera-hours that take part.
             shared: Those that are compared.
             hidden: Places whose counts are not given.
-            is_by_hour: As for `CellsAsked`.
+            is_by_hour: As for `CellsAsked`, as `untimed`.
+            untimed: See there.
         """
         grid = None if self.extent is None else grid_of(self.extent)
         if self.extent is None or grid is None:
@@ -120,6 +124,7 @@ class Counted:
             mask=data.mask,
             hidden=None if 0 in hidden else [a for k, a in enumerate(self.areas, 1) if k in hidden],
             is_by_hour=is_by_hour,
+            untimed=untimed,
         )
 
 
@@ -240,7 +245,7 @@ def floor_panel(
         is_sum_known = not ((recorded_s > 0) & ~counted)[:, of_week].any()
         is_counted[hidden] &= is_sum_known and bool(is_counted[hidden].all())
         for values in (n, close_ms):
-            values[hidden] = _in_equal_parts(int(values[hidden].sum()), int(hidden.sum()))
+            values[hidden] = equal_parts(int(values[hidden].sum()), int(hidden.sum()))
     for values in (n, close_ms) if is_hidden else ():
         values[:] = 0
     for values in (n, exposure_ms, close_ms, recorded_ms):
@@ -256,10 +261,6 @@ def floor_panel(
         exposure_ms=exposure_ms[None, None],
         close_ms=close_ms[None, None],
     )
-
-
-def _in_equal_parts(total: int, n_parts: int) -> Ints:
-    return np.diff(np.arange(n_parts + 1) * total // max(1, n_parts))
 
 
 def hidden_places(data: TwoWeeks, mondays: Sequence[date], areas: Sequence[Area | None]) -> Mapping[int, Reason]:

@@ -1,8 +1,7 @@
 """Logged changes on the page: what each did, as the report says it, and the matched weeks before and after it.
 
 The verdicts are those of `vsd_analytics.figures.before_after`. The weeks are its windows, over the hours that both
-sides recorded. What lies where in them is added up from weeks whose small counts are merged one by one, as on the page
-of each week: so no number here tells more than those pages do, however the weeks of two changes overlap.
+sides recorded; they are on the operator's page only.
 """
 
 from __future__ import annotations
@@ -80,7 +79,8 @@ class PlannerChange:
         text: Free text.
         area: The area it names; None = the whole site.
         result: What it did, as in the report; None where the whole site is concerned.
-        before, after: The matched weeks; None where there are none yet.
+        before, after: The matched weeks; None where there are none yet, and on a page for readers: their sums are over
+            the hours that both sides recorded, which no report of a week tells.
         hidden: Why the figures of a place are not given in these weeks, by place.
     """
 
@@ -150,7 +150,7 @@ def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> Plann
         spans = (None, None) if windows is None else (windows.before, windows.after)
     sides: list[ChangeSide | None] = [None, None]
     hidden: dict[int, Reason] = {}
-    if spans[0] is not None and spans[1] is not None:
+    if spans[0] is not None and spans[1] is not None and not data.mask.is_on:
         pair = TwoPeriods(Period(data, *spans[0]), Period(data, *spans[1]))
         sides = [made.side(spans[0], pair.used(0)), made.side(spans[1], pair.used(1))]
         hidden = {**made.hidden(spans[1]), **made.hidden(spans[0])}

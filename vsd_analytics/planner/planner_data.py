@@ -25,6 +25,7 @@ from vsd_analytics.figures.panels import WEEK, Flags, Ints, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.share.periods import check_days
+from vsd_analytics.figures.share.places import hidden_floor
 from vsd_analytics.figures.share.weeks import revealing_spots, shared_spots
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import lazy_answers, recording, timetable
@@ -409,7 +410,15 @@ def _week(data: TwoWeeks, period: Period, counted: Counted, *, excess: spots.Flo
     slots, is_ranked = open_slots(data, period.days), _share(period) >= data.site.settings.min_coverage
     used = (data.hours.is_counted if is_ranked else data.hours.recorded_s > 0)[:, slots]
     is_shared, compared = data.mask.is_on, shared[:, slots]
-    asked = counted.cells_asked(data, slots, used=used, shared=compared, hidden=hidden, is_by_hour=not is_shared)
+    asked = counted.cells_asked(
+        data,
+        slots,
+        used=used,
+        shared=compared,
+        hidden=hidden,
+        is_by_hour=not is_shared,
+        untimed=hidden_floor(data, period),
+    )
     recorded_ms = np.rint(data.hours.recorded_s[:, slots] * 1000).astype(np.int64)
     return PlannerWeek(
         ref=WeekRef.of(period.first, zone=data.site.timezone),

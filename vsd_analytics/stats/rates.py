@@ -34,6 +34,7 @@ from vsd_analytics.stats.quantiles import t_quantile, z_quantile, zero_events_li
 MIN_EVENTS: Final = 5  # fewer violations get no interval from days
 HISTORY_WEEKS: Final = 5  # weeks before a period that its weekday profile may use
 MIN_HISTORY_WEEKS: Final = 4  # weekday profiles need that many weeks before the period
+WIDEST_LOG: Final = 50.0  # an interval that reaches to e^50 times a rate says nothing, and soon no float holds its end
 SMALL_COUNT: Final = 30  # below it days may agree by luck: an interval is never narrower than a Poisson count's
 
 
@@ -196,6 +197,8 @@ def level(
     half = t_quantile(df, confidence=confidence) * log_se
     if n_events < SMALL_COUNT:
         half = max(half, z_quantile(confidence=confidence) * math.sqrt(float(days.noise.sum())))
+    if abs(missed) + half > WIDEST_LOG:
+        return _without_interval(counts, rate, Reason("level.wide"))
     is_plain = profile is None or not bool(profile.is_known[days.totals > 0].all())
     return replace(
         _without_interval(counts, rate, None), lo=rate * math.exp(min(missed, 0.0) - half),

@@ -20,6 +20,7 @@ from vsd_analytics.answer import Answers, Reason
 from vsd_analytics.figures.catalogue.form import ANSWER_MAKERS, FigureInputs
 from vsd_analytics.figures.catalogue.view import MAPS, map_figure
 from vsd_analytics.figures.share.answers import audience_answers
+from vsd_analytics.figures.share.places import hidden_floor
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.results import Figure
 
@@ -85,8 +86,13 @@ def shared_answers(inputs: FigureInputs, *, metrics: AbstractSet[str] | None = N
 
 def map_figures(inputs: FigureInputs) -> Mapping[str, Figure]:
     """Return the figures that are maps, which no rows of an answer hold, by catalogue id."""
-    rules = inputs.data.site.settings
-    return {metric: map_figure(inputs.found.maps, metric, unit=figure_unit(metric, rules)) for metric in MAPS}
+    data, rules = inputs.data, inputs.data.site.settings
+    hidden = hidden_floor(data, data.this)
+    why = data.hidden.why_floor if data.mask.is_on else None
+    return {
+        metric: map_figure(inputs.found.maps, metric, unit=figure_unit(metric, rules), hidden=hidden, why_hidden=why)
+        for metric in MAPS
+    }
 
 
 def asks_for(data: WeekData) -> frozenset[str]:

@@ -7,9 +7,12 @@ from datetime import date, datetime
 from typing import Any, Final
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.answer import VALUES, Answer, Cell, Column, Reason, Row, Scalar, State, value_of
-from vsd_analytics.figures.maps import MIN_EXPECTED_S, MIN_EXPOSURE_H, CellMap, CellMaps, ExcessMap
+from vsd_analytics.figures.floor_days import Flags, Grid
+from vsd_analytics.figures.maps import MIN_EXPECTED_S, MIN_EXPOSURE_H, SIGMA_M, CellMap, CellMaps, ExcessMap
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import Figure
 
@@ -30,6 +33,8 @@ _NO_CELL: Final = {
     "M18": Reason("map.no_cell_hours", least=MIN_EXPOSURE_H),
     "M19": Reason("map.no_cell_expected", least=MIN_EXPECTED_S),
 }
+_SMOOTHED_M: Final = {"M18": 4 * SIGMA_M, "M19": 4 * SIGMA_M}
+"""How far from a square lies floor that adds to its value, of maps that are smoothed."""
 _FLOOR: Final = ("floor_id",)
 Place = tuple[Answer, Row, Column]
 """Where a value is."""
@@ -74,29 +79,51 @@ def figure_of(metric: str, answers: Iterable[Answer], *, unit: Reason) -> Figure
     return Figure(unit=unit, state=state, reason=reason)
 
 
-def map_figure(maps: CellMaps, metric: str, *, unit: Reason) -> Figure:
+def map_figure(
+    maps: CellMaps, metric: str, *, unit: Reason, hidden: BaseGeometry, why_hidden: Reason | None = None
+) -> Figure:
     """Return a map as a row for each square metre on which people spent a minute or more: `x_m`, `y_m`, `value`.
 
     Args:
         maps: The maps of a week.
         metric: Which, a key of `MAPS`.
         unit: Unit of the figure in words.
+        hidden: Floor of which no square is given; nor one, of a map that is smoothed, to whose value it adds.
+        why_hidden: Why no violations of the floor are shown; None = they are.
     """
     found: CellMap = getattr(maps, MAPS[metric])
+    if why_hidden is not None and metric != "M16":
+        return Figure(unit=unit, state="not_enough_data", reason=why_hidden)
     if found.grid is None or found.values is None or found.exposure_h is None:
         state: State = "not_enough_data" if found.state == "ok" else found.state
         return Figure(unit=unit, state=state, reason=found.reason or NOTHING_OPEN)
     is_printed = np.isfinite(found.values) & (found.exposure_h * 3600 >= MIN_CELL_S)
     if not is_printed.any():
         return Figure(unit=unit, state="not_enough_data", reason=_NO_CELL[metric])
+    n_printed = int(is_printed.sum())
+    is_printed &= ~_touching(found.grid, hidden.buffer(_SMOOTHED_M.get(metric, 0.0)))
+    if not is_printed.any():
+        return Figure(unit=unit, state="not_enough_data", reason=Reason("hidden.squares"))
     clear = found.is_clear if isinstance(found, ExcessMap) else None
     rows: list[dict[str, float | bool | None]] = []
     for r, c in zip(*np.nonzero(is_printed), strict=True):
         x_m, y_m = float(found.grid.x_m(c)), float(found.grid.y_m(r))
         is_clear = {"is_clear": None if clear is None else bool(clear[r, c])} if isinstance(found, ExcessMap) else {}
         rows.append({"x_m": x_m, "y_m": y_m, "value": float(found.values[r, c]), **is_clear})
-    note = Reason("note.cells", side_m=found.grid.cell_m)
-    return Figure(unit=unit, rows=tuple(rows), denominator=found.denominator, note=note)
+    notes = [Reason("note.cells", side_m=found.grid.cell_m)]
+    if len(rows) < n_printed:
+        notes.append(Reason("hidden.squares"))
+    return Figure(unit=unit, rows=tuple(rows), denominator=found.denominator, note=_joined(notes))
+
+
+def _touching(grid: Grid, shape: BaseGeometry) -> Flags:
+    """Return the squares of a grid that have floor in common with a shape, shape (n_y, n_x)."""
+    if shape.is_empty:
+        return np.zeros(grid.shape, dtype=np.bool_)
+    y, x = np.indices(grid.shape)
+    half = grid.cell_m / 2
+    squares = shapely.box(grid.x_m(x) - half, grid.y_m(y) - half, grid.x_m(x) + half, grid.y_m(y) + half)
+    return np.asarray(shapely.relate_pattern(squares, shape, "T********"))
 
 
 def _whole(metric: str, places: Sequence[Place]) -> Place | None:

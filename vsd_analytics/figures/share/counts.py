@@ -117,7 +117,7 @@ def held_back(
     below: int,
     give: Sequence[K],
     n_others: int = 0,
-    withheld: Iterable[K] = (),
+    unready: Iterable[K] = (),
     is_unseen: Callable[[K, K], bool] | None = None,
 ) -> HeldBack[K]:
     """Return which counts of a partition to hold back when a reader may know their sum, by camera where that is given.
@@ -132,29 +132,27 @@ def held_back(
         below: Counts from 1 to `below` - 1 are small.
         give: Parts in the order in which they are given up.
         n_others: Others to hold back at least, where the sum a reader knows is itself a small count off.
-        withheld: Parts that are held back like small ones, whatever their count.
+        unready: Parts that do not leave yet: they are held back like small ones, whatever their count.
         is_unseen: Tells whether one more in the first part and one less in the second leaves all other sums as a
             reader knows them; None = they know no other sums.
     """
     parts = {key: dict(n) if isinstance(n, Mapping) else {"": n} for key, n in counts.items()}
     sums = {key: sum(part.values()) for key, part in parts.items()}
     small = frozenset(k for k, n in sums.items() if is_small(n, below=below))
-    withheld_large = [key for key in withheld if key not in small]
-    if (not small and not withheld_large and not n_others) or below <= LEAST_BELOW:
+    waiting = [key for key in unready if key not in small]
+    if (not small and not waiting and not n_others) or below <= LEAST_BELOW:
         return HeldBack(small, frozenset(), is_total_safe=True)
     others: list[K] = []
-    spare = [key for key in give if sums[key] >= max(below, 1) and key not in withheld_large]
-    closed = [key for key in parts if key in small or key in withheld_large]
+    spare = [key for key in give if sums[key] >= max(below, 1) and key not in waiting]
+    closed = [key for key in parts if key in small or key in waiting]
     while True:
         closed = [
-            key
-            for key in closed
-            if not _can_differ(key, [*small, *withheld_large, *others], parts, sums, below, is_unseen)
+            key for key in closed if not _can_differ(key, [*small, *waiting, *others], parts, sums, below, is_unseen)
         ]
         if not closed and len(others) >= n_others:
-            return HeldBack(small, frozenset((*withheld_large, *others)), is_total_safe=True)
+            return HeldBack(small, frozenset((*waiting, *others)), is_total_safe=True)
         if not spare:
-            return HeldBack(small, frozenset((*withheld_large, *others)), is_total_safe=False)
+            return HeldBack(small, frozenset((*waiting, *others)), is_total_safe=False)
         others.append(spare.pop(0))
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.figures.share.counts import Mask, rough
+from vsd_analytics.figures.share.counts import Mask
 
 Ints = NDArray[np.int64]
 
@@ -88,20 +88,6 @@ def merge_small_counts(values: Ints, *, groups: Sequence[Ints], mask: Mask) -> G
     dropped = given[:, waiting].sum(axis=1)
     given[:, waiting] = 0
     return Given(given, dropped)
-
-
-def rough_counts(counts: Ints, *, mask: Mask) -> Ints:
-    """Return counts in steps of twice `below`, as `rough` gives them; 0 stays 0.
-
-    For the cells of a place whose count is held back: exact ones, with what the cameras counted, give that count away.
-
-    Args:
-        counts: Each 0 or at least `below`.
-        mask: Tells which counts are small.
-    """
-    if not mask.is_on:
-        return counts
-    return np.asarray([rough(n, below=mask.below) for n in counts.tolist()], dtype=np.int64).reshape(counts.shape)
 
 
 def _middle(waiting: Sequence[int], numbers: Sequence[int], total: int) -> int:

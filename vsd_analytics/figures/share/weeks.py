@@ -224,20 +224,20 @@ def _held_places(
 ) -> HeldBack[str | None]:
     """Return the areas held back, the rest of the floor first to be given up."""
     keys = list(by_place)
-    withheld = [key for key in unready if key in by_place]
-    return _held(by_place, changes, below=below, give=[*keys[-1:], *reversed(keys[:-1])], withheld=withheld)
+    here = [key for key in unready if key in by_place]
+    return _held(by_place, changes, below=below, give=[*keys[-1:], *reversed(keys[:-1])], unready=here)
 
 
-def hidden_times(data: WeekData, period: Period) -> Mapping[str | None, Reason]:
+def hidden_times(period: Period) -> Mapping[str | None, Reason]:
     """Return why the person-time of areas is held back, by area; None is the rest of the floor.
 
     Fewer than `mask_below` people made it, on the day with most of them (`people`). Another place goes with them, since
     the floor's time less that of all others is theirs: the rest of the floor, or the last area with enough people.
 
     Args:
-        data: The floor.
-        period: The week.
+        period: The week of a floor.
     """
+    data = period.data
     below = data.mask.below
     if not data.mask.is_on or not data.areas:
         return {}
@@ -286,7 +286,7 @@ def _held(
     below: int,
     give: Sequence[K],
     n_others: int = 0,
-    withheld: Sequence[K] = (),
+    unready: Sequence[K] = (),
     is_unseen: Callable[[K, K], bool] | None = None,
 ) -> HeldBack[K]:
     """Return what is held back of a partition, of now and of its changes from what was shared before.
@@ -295,7 +295,7 @@ def _held(
     """
     known = frozenset(key for change in changes for key in change.known)
     give = [key for key in give if key not in known]
-    parts = [held_back(counts, below=below, give=give, n_others=n_others, withheld=withheld, is_unseen=is_unseen)]
+    parts = [held_back(counts, below=below, give=give, n_others=n_others, unready=unready, is_unseen=is_unseen)]
     parts += [
         held_back(change.by_camera, below=below, give=[key for key in give if key in change.by_camera])
         for change in changes

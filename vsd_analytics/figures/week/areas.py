@@ -55,8 +55,8 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     now = data.hidden.places
     before = _before(data, places) if is_compared else HeldBack(frozenset(), frozenset(), is_total_safe=True)
     total = sum(m.violation_rate.value or 0.0 for m in found.values())
-    times = hidden_times(data, data.this)
-    times_before = hidden_times(data, data.pair.before) if is_compared else {}
+    times = hidden_times(data.this)
+    times_before = hidden_times(data.pair.before) if is_compared else {}
     rows = []
     for key in keys:
         measured, place = found[key], places[key]

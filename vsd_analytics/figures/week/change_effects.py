@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from vsd_analytics.figures.before_after import BeforeAfterFigure
+from vsd_analytics.figures.compare import Days
 from vsd_analytics.figures.share.counts import GIVES_AWAY, Mask
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate, change_estimate, same_fields
@@ -84,6 +85,8 @@ def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffec
             why = data.mask.why if _is_few(found, data.mask) else GIVES_AWAY
             hidden = Estimate(value=None, state="not_enough_data", reason=why)
             measured |= {"effect": hidden}
+            if any(data.hides_time(found.area_id, *span) for span in _spans(found)):
+                measured |= {"people": None}
         else:
             is_known = found.violation_rate is not None and found.violation_rate.value is not None
             measured |= {"violation_rate": _change(found.violation_rate) if is_known else None, **_over_weeks(found)}
@@ -103,11 +106,10 @@ def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffec
 
 def _receivers(data: WeekData, found: BeforeAfterFigure) -> tuple[ReceivingArea, ...]:
     """Return the areas that took people up, but for those whose weeks hide a count."""
-    spans = () if found.windows is None else (found.windows.before, found.windows.after)
     return tuple(
         ReceivingArea(area_name=r.name, change=r.more, change_lo=r.lo, change_hi=r.hi)
         for r in found.receivers
-        if not any(data.is_held_back(r.area_id, *span) for span in spans)
+        if not any(data.is_held_back(r.area_id, *span) for span in _spans(found))
     )
 
 
@@ -133,8 +135,12 @@ def is_held_back(data: WeekData, found: BeforeAfterFigure) -> bool:
     """Tell whether a change would tell a small count: its own, or one of the area in any of its weeks."""
     if _is_few(found, data.mask):
         return True
-    spans = () if found.windows is None else (found.windows.before, found.windows.after)
-    return any(data.is_held_back(found.area_id, *span) for span in spans)
+    return any(data.is_held_back(found.area_id, *span) for span in _spans(found))
+
+
+def _spans(found: BeforeAfterFigure) -> tuple[Days, ...]:
+    """Return first and last day of the weeks before and of those after; nothing where there are none yet."""
+    return () if found.windows is None else (found.windows.before, found.windows.after)
 
 
 def _is_few(found: BeforeAfterFigure, mask: Mask) -> bool:

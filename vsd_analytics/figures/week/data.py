@@ -17,7 +17,7 @@ from vsd_analytics.figures.panels import WEEK, Flags, FloorHours, Panel, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.share import earlier
 from vsd_analytics.figures.share.running import Release
-from vsd_analytics.figures.share.weeks import CHANGED, HiddenWeek, hidden_week
+from vsd_analytics.figures.share.weeks import CHANGED, HiddenWeek, hidden_times, hidden_week
 from vsd_analytics.site.model import Calibration, Camera, Floor
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -164,12 +164,15 @@ class WeekData(FloorHours):
         )
 
     def is_held_back(self, area_id: str, first: date, last: date) -> bool:
-        """Tell whether the report of any week from one day to another holds an area back."""
-        monday, weeks = first - timedelta(days=first.weekday()), []
-        while monday <= last:
-            weeks.append(self.hidden_in(monday))
-            monday += WEEK
-        return any(week.why_floor is not None or area_id in week.places for week in weeks)
+        """Tell whether the report of any week from one day to another holds an area's count or person-time back."""
+        weeks = [self.hidden_in(monday) for monday in _mondays(first, last)]
+        is_count_hidden = any(week.why_floor is not None or area_id in week.places for week in weeks)
+        return is_count_hidden or self.hides_time(area_id, first, last)
+
+    def hides_time(self, area_id: str, first: date, last: date) -> bool:
+        """Tell whether the report of any week from one day to another holds an area's person-time back."""
+        weeks = (Period(self, monday, monday + WEEK - timedelta(days=1)) for monday in _mondays(first, last))
+        return any(area_id in hidden_times(week) for week in weeks)
 
     @property
     def whole(self) -> Place:
@@ -199,6 +202,11 @@ class WeekData(FloorHours):
     def why_no_places(self) -> Reason | None:
         """Return why violations cannot be placed on the floor, or None if they can."""
         return self.this.why_no_places
+
+
+def _mondays(first: date, last: date) -> list[date]:
+    monday = first - timedelta(days=first.weekday())
+    return [monday + k * WEEK for k in range((last - monday) // WEEK + 1)]
 
 
 def in_force(data: WeekData, camera: Camera) -> Calibration | None:

@@ -26,7 +26,9 @@ from vsd_analytics.figures import unusual as unusual_hours
 from vsd_analytics.figures.camera_watch import CameraWatch, floor_watch
 from vsd_analytics.figures.change_weeks import days_needed
 from vsd_analytics.figures.panels import WEEK
+from vsd_analytics.figures.share.hours import shared_slots
 from vsd_analytics.figures.share.weeks import revealing_spots
+from vsd_analytics.figures.slots import Slots
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.decomposition import Mixing, MixingChange
@@ -59,6 +61,10 @@ class LazyAnswers:
         self._data, self._long = data, data.warehouse
         self._floor_id = data.floor.floor_id
         self._days = (data.monday, data.sunday)
+
+    def _known_hours(self, slots: Slots) -> Slots:
+        """Return the hours of some weeks as the readers of this week's report know them."""
+        return shared_slots(slots, self._data)
 
     @cached_property
     def shown_from(self) -> date:
@@ -93,22 +99,24 @@ class LazyAnswers:
     @cached_property
     def unusual(self) -> unusual_hours.UnusualWeek:
         """Hours far from usual (M24)."""
-        return unusual_hours.unusual(self._long, self._data.monday, floor_id=self._floor_id)
+        return unusual_hours.unusual(self._long, self._data.monday, floor_id=self._floor_id, as_known=self._known_hours)
 
     @cached_property
     def outlook(self) -> forecast.FloorForecast:
         """The next week, and how good the last forecast was (M25)."""
         asked = self._long, self._data.monday
-        found = forecast.forecast(*asked, floor_id=self._floor_id)
+        found = forecast.forecast(*asked, floor_id=self._floor_id, as_known=self._known_hours)
         if found.people.state != "ok" or self.gatherings.state != "ok":
             return found
         counted = gatherings.gathering_hours(*asked, floor_id=self._floor_id)
-        return forecast.forecast(*asked, floor_id=self._floor_id, gatherings=counted)
+        return forecast.forecast(*asked, floor_id=self._floor_id, gatherings=counted, as_known=self._known_hours)
 
     @cached_property
     def profile(self) -> week_hours.WeekProfile:
         """Hours of the week over four weeks, and the highest (M13, M14)."""
-        return week_hours.week_profile(self._long, self._data.monday, floor_id=self._floor_id)
+        return week_hours.week_profile(
+            self._long, self._data.monday, floor_id=self._floor_id, as_known=self._known_hours
+        )
 
     @cached_property
     def episodes(self) -> episodes.EpisodeFigures:

@@ -1,0 +1,49 @@
+"""Hours as readers may know them, for all that is computed from hours of several weeks.
+
+A forecast, an unusual hour or a profile made from exact hours would tell those that a report hides. So hidden hours of
+a week have equal parts of their sum, as far as the report tells this sum, and are not recorded otherwise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from vsd_analytics.figures.panels import WEEK, Flags, Ints
+from vsd_analytics.figures.slots import Floats, Slots
+from vsd_analytics.figures.week.data import WeekData
+
+
+def equal_parts(total: int, n_parts: int) -> Ints:
+    """Return a total in whole parts that differ by one at most, shape (n_parts,)."""
+    return np.diff(np.arange(n_parts + 1) * total // max(1, n_parts))
+
+
+def shared_slots(slots: Slots, data: WeekData) -> Slots:
+    """Return hours of some weeks as the reports of these weeks tell them.
+
+    Args:
+        slots: What was counted.
+        data: The floor; its warehouse holds the weeks.
+    """
+    if not data.mask.is_on:
+        return slots
+    n, hidden = slots.n_violations.copy(), np.zeros(slots.open_h.shape, dtype=np.bool_)
+    for week in range(len(hidden)):
+        held = data.hidden_in(slots.monday - (len(hidden) - 1 - week) * WEEK)
+        hours = [*held.hours.small, *held.hours.others]
+        hidden[week, 24 * data.hours.weekday[hours] + data.hours.hour[hours]] = True
+        if held.why_floor is not None:
+            hidden[week], n[:, week] = True, np.nan
+        elif hours:
+            _put_parts(n[:, week], hidden[week], slots.recorded_h[:, week] > 0, slots.is_recorded[:, week])
+    return replace(slots, n_violations=n, hidden=hidden) if hidden.any() else slots
+
+
+def _put_parts(n: Floats, hidden: Flags, seen: Flags, counted: Flags) -> None:
+    """Put equal parts of each camera's sum into its hidden hours of a week, or NaN where no report tells this sum."""
+    is_sum_known = bool(counted[seen].all())  # an hour that enters no rate is in the timetable, and in no total
+    for of, is_counted in zip(n, counted, strict=True):
+        at = np.flatnonzero(hidden & is_counted & ~np.isnan(of))
+        of[at] = equal_parts(round(float(of[at].sum())), len(at)) if is_sum_known else np.nan
