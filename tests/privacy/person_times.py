@@ -133,7 +133,7 @@ def read_planner(known: Times, world: World, week: int, data: PlannerData) -> No
         x_m, y_m = grid.x0 + cell % grid.n_x + 0.5, grid.y0 + cell // grid.n_x + 0.5
         parts = {p: share for p, share in _in_square(x_m, y_m).items() if OF[p][1] == camera}
         weights = {key: parts[key[1]] for key in keys_of(week) if key[1] in parts}
-        if weights and abs(sum(w * hours[key] for key, w in weights.items()) - given) < cells.unit_ms / 1_800_000:
+        if weights and abs(sum(w * hours[key] for key, w in weights.items()) - given) < cells.unit_ms / 7_200_000:
             known.rounded(weights, float(given), f"{source} square {x_m} {y_m}", digits=4)
 
 
