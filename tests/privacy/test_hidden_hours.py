@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.share.counts import Mask, rough
+from vsd_analytics.figures.share.earlier import SharedWeek
 from vsd_analytics.figures.share.hours import equal_parts, shared_slots
-from vsd_analytics.figures.share.weeks import _unseen_hours
+from vsd_analytics.figures.share.weeks import _is_too_little, _unseen_hours
 from vsd_analytics.figures.slots import SLOTS, Slots
 
 MONDAY, TUESDAY = date(2026, 11, 9), date(2026, 11, 10)
@@ -145,3 +146,20 @@ def test_a_forecast_tells_no_more_than_the_slots(weeks_back: int) -> None:
     assert np.array_equal(first.violations.x_h, second.violations.x_h)
     exact = [replace(slots_of(n)).violations.n for n in (one, other)]
     assert not np.array_equal(*exact), "else the test would see nothing"
+
+
+@pytest.mark.parametrize(
+    ("now", "is_too_little"),
+    [((20, 30), False), ((44, 29), True), ((44, 30), False), ((21, 30), True), ((25, 25), False), ((24, 26), True)],
+)
+def test_a_week_in_which_one_camera_changed_by_few_does_not_leave_again(
+    now: tuple[int, int], is_too_little: bool
+) -> None:
+    """A late day of one camera does not hide a violation that was erased at the other: rates tell both sums."""
+
+    def week(n: tuple[int, int]) -> SharedWeek:
+        hours = {"0": {"cam-1": n[0], "cam-2": n[1]}}
+        nothing: frozenset[str] = frozenset()
+        return SharedWeek("ground", MONDAY, MONDAY, 1000, 50, {}, hours, nothing, nothing)
+
+    assert _is_too_little(week(now), week((20, 30)), BELOW) == is_too_little

@@ -6,6 +6,7 @@ weeks of hotspots, in the planner. So each of them asks here, week by week.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
@@ -162,12 +163,24 @@ def _unseen_hours(
 
 
 def _is_too_little(now: SharedWeek | None, then: SharedWeek, below: int) -> bool:
-    """Tell whether so little changed since a week was shared that the difference would tell of a few people."""
+    """Tell whether so little changed since a week was shared that the difference would tell of a few people.
+
+    Rates tell the sums of cameras, so a small change of one camera is too little, whatever the others' are.
+    """
     if now is None:
         return False
-    n, n_then = (sum(n for of in week.hours.values() for n in of.values()) for week in (now, then))
+    sums, sums_then = (_of_cameras(week) for week in (now, then))
+    changes = [sums.total() - sums_then.total(), *(sums[c] - sums_then[c] for c in sums | sums_then)]
     n_tracks = abs(now.n_tracks - then.n_tracks)
-    return is_small(abs(n - n_then), below=below) or (now.person_ms != then.person_ms and n_tracks < below)
+    few = now.person_ms != then.person_ms and n_tracks < below
+    return few or any(is_small(abs(n), below=below) for n in changes)
+
+
+def _of_cameras(week: SharedWeek) -> Counter[str]:
+    found: Counter[str] = Counter()
+    for of in week.hours.values():
+        found.update(of)
+    return found
 
 
 def _shared(
