@@ -30,7 +30,6 @@ from vsd_analytics.stats.influence import (
     weekday_profile,
 )
 from vsd_analytics.stats.quantiles import t_quantile, z_quantile, zero_events_limit
-from vsd_analytics.stats.skewed_days import upper_quantile
 
 MIN_EVENTS: Final = 5  # fewer violations get no interval from days
 HISTORY_WEEKS: Final = 5  # weeks before a period that its weekday profile may use
@@ -61,7 +60,6 @@ def violation_rate(
     weeks of history the influences are measured from each camera's weekday profile; without, differences between
     weekdays are in the interval, which is then conservative and says so. Where a camera missed weekdays, the interval
     also reaches to what the rate would usually be with them: rate * exp(ln sum_c p_c gap_c), p_c the camera's share.
-    Where days are skewed, it reaches farther up (`vsd_analytics.stats.skewed_days`).
 
     Args:
         n: Violations that each camera owns, shape (n_cameras, n_days).
@@ -146,15 +144,10 @@ class Past:
     Attributes:
         profile: What they expect of each day.
         correlation: Of a day with the one before it.
-        weeks: Their counts.
-        weekday, past_weekday: Of the days of the period and of theirs.
     """
 
     profile: Profile
     correlation: float
-    weeks: DayCounts
-    weekday: npt.NDArray[np.int64]
-    past_weekday: npt.NDArray[np.int64]
 
 
 def level(
@@ -202,19 +195,14 @@ def level(
     factor *= inflation(correlation, n_days=n_days)
     log_se = math.sqrt(factor * float(days.by_day @ days.by_day))
     half = t_quantile(df, confidence=confidence) * log_se
-    above = half
-    if past is not None:
-        skewed = upper_quantile(counts, past.weeks, past.weekday, past.past_weekday, confidence=confidence)
-        above = max(half, skewed * log_se)
     if n_events < SMALL_COUNT:
         half = max(half, z_quantile(confidence=confidence) * math.sqrt(float(days.noise.sum())))
-        above = max(half, above)
-    if abs(missed) + above > WIDEST_LOG:
+    if abs(missed) + half > WIDEST_LOG:
         return _without_interval(counts, rate, Reason("level.wide"))
     is_plain = profile is None or not bool(profile.is_known[days.totals > 0].all())
     return replace(
         _without_interval(counts, rate, None), lo=rate * math.exp(min(missed, 0.0) - half),
-        hi=rate * math.exp(max(missed, 0.0) + above), state="ok", df=df, log_se=log_se,
+        hi=rate * math.exp(max(missed, 0.0) + half), state="ok", df=df, log_se=log_se,
         is_conservative=is_plain or missed != 0,
     )  # fmt: skip
 
@@ -235,7 +223,7 @@ def _past(
     if now.shape != counts.n.shape[1:] or then.shape != history.n.shape[1:]:
         raise ValueError("every day needs a weekday")
     profile = weekday_profile(counts, history, weekday=now, history_weekday=then, min_weeks=MIN_HISTORY_WEEKS)
-    return Past(profile, day_correlation(history, then), history, now, then)
+    return Past(profile, day_correlation(history, then))
 
 
 def _without_interval(counts: DayCounts, rate: float | None, reason: Reason | None) -> RateEstimate:
