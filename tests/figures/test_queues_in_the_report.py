@@ -22,10 +22,12 @@ PAIRS = {w.QUEUE: 20}
 """Twenty pairs an hour stand in the queue for two frames of 20 s each."""
 
 
-def asking(*, cameras: tuple[str, ...] = ("cam-1",), language: str = "en", name: str = "Queue") -> str:
+def asking(
+    *, cameras: tuple[str, ...] = ("cam-1",), language: str = "en", name: str = "Queue", mask_below: int = 5
+) -> str:
     """Return a vsd.toml whose queue leads to the door, with a capacity of one person."""
     queue = f'name = "{name}"\nqueue = true\nserved_in = "door"\ndoor = true\ncapacity = 1'
-    toml = w.toml(cameras=cameras).replace('name = "Queue"', queue)
+    toml = w.toml(cameras=cameras, more=f"[report]\nmask_below = {mask_below}").replace('name = "Queue"', queue)
     return toml.replace("[site]", f'[site]\nlanguage = "{language}"', 1)
 
 
@@ -42,7 +44,7 @@ def values(figure: dict[str, Any], hour: int | None = None) -> dict[str, Any]:
 
 def test_report_page_and_commands_have_the_planted_people(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A pair of people for 40 s every 180 s: two people for two ninths of the time, so one more than the capacity."""
-    site = w.world(tmp_path, asking(name="<b>Q</b>{{ 7*7 }}"), w.messages(w.steady(PAIRS)))
+    site = w.world(tmp_path, asking(name="<b>Q</b>{{ 7*7 }}", mask_below=0), w.messages(w.steady(PAIRS)))
     report = w.report(site)
     found = figures_json(report)
     assert values(found["M39"])["people_waiting"] == pytest.approx(4 / 9, rel=1e-3)

@@ -34,6 +34,7 @@ def week(root: Path, *, days_after: int = 25, is_held_back: bool = False) -> Any
         mask=Mask(5),
         sunday=FIRST + timedelta(days=CHANGE + days_after),
         is_held_back=lambda *_: is_held_back,
+        hides_time=lambda *_: is_held_back,
     )
 
 

@@ -10,13 +10,15 @@ import math
 import textwrap
 from collections.abc import Callable
 from datetime import date, datetime
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from vsd_analytics.errors import CONTROL
-from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.geometry.scale_bar import M_PER_FT
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import days, months, separated
+
+if TYPE_CHECKING:
+    from vsd_analytics.figures.week.model_estimate import Estimate
 
 MINUS: Final = "\u2212"
 MISSING: Final = "\u2013"

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from datetime import date, datetime
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from vsd_analytics.answer import Verdict
-from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import is_about_days, say
 from vsd_analytics.wording.languages import separated
+
+if TYPE_CHECKING:
+    from vsd_analytics.figures.week.model_estimate import Estimate
 
 # Sizes of the fractions a headline may use, and the entry of each.
 _FRACTIONS: Final = tuple(

@@ -743,6 +743,8 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "came_of.nothing": _ASKS,
     "came_of.alone": _ASKS,
     "planner.log.whole_site": _ASKS,
+    "planner.log.whole_site_map": _ASKS,
+    "planner.log.no_map": _ASKS,
     "planner.log.refused": _ASKS,
     "planner.log.untold": _ASKS,
     "planner.log.alone": _ASKS,
