@@ -260,19 +260,35 @@ function recall() {
 
 /* ---- picture and link ---- */
 const say = text => { $('said').textContent = text; };
+/* What is drawn, in the words of the controls: a picture that is passed on has no controls. */
+function drawn() {
+  const s = state, plain = e => e.textContent.trim().replace(/\s+/g, ' '), option = id => plain($(id).selectedOptions[0]), c = changeNow();
+  const isPaired = Boolean(c && c.spans.length && s.show !== 'week'), days = all('[data-day]').filter((_, k) => s.days[k]).map(b => b.getAttribute('aria-label'));
+  const what = [option('mapkind')];
+  if (isPaired) what.push(`${word('after', { days: c.spans[1] })}, ${word('before', { days: c.spans[0] })}`);
+  else what.push(s.show === 'week' ? M.weeks[0] : M.weeks.join(', '));
+  if (s.show !== 'week') what.push(plain(document.querySelector('[name=show]:checked').parentElement));
+  if (!isPaired && days.length < 7) what.push(days.join(', '));
+  if (!isPaired && (s.from !== hours[0] || s.to !== hours[1])) what.push(`${option('from')}–${option('to')}`);
+  if (s.flow !== 'none') what.push(option('flow'));
+  const card = c && document.querySelector(`[data-card="${c.number}"]`);
+  return [isPaired ? plain(document.querySelector('h1')) : document.title, what.join(' · '), ...card ? [`${plain(card.querySelector('.what'))} ${plain(card.querySelector('.verdict'))}`] : []];
+}
 async function copyLink() {
   remember();
-  try { await navigator.clipboard.writeText(location.href); say(word('link')); } catch {
+  const copied = () => say(word(location.protocol === 'file:' ? 'link_file' : 'link'));
+  try { await navigator.clipboard.writeText(location.href); copied(); } catch {
     const area = document.createElement('textarea'); area.value = location.href; area.className = 'vh'; document.body.append(area); area.select();
-    say(word(document.execCommand('copy') ? 'link' : 'no_link')); area.remove(); $('link').focus();
+    if (document.execCommand('copy')) copied(); else say(word('no_link')); area.remove(); $('link').focus();
   }
 }
 async function picture() {
-  const scale = 2, width = 1200, k = width / state.view.w * scale, head = 64 * scale, foot = 116 * scale;
+  const [title, ...lines] = drawn(), scale = 2, width = 1200, k = width / state.view.w * scale, head = (60 + 24 * lines.length) * scale, foot = 116 * scale;
   const canvas = document.createElement('canvas'); canvas.width = width * scale; canvas.height = Math.round(state.view.h * k) + head + foot;
   const c = canvas.getContext('2d'), css = e => getComputedStyle(e), page = css(document.body);
   c.fillStyle = page.backgroundColor; c.fillRect(0, 0, canvas.width, canvas.height);
-  c.fillStyle = page.color; c.font = `600 ${22 * scale}px ${page.fontFamily}`; c.fillText(document.title, 16 * scale, 40 * scale, canvas.width - 32 * scale);
+  c.fillStyle = page.color; c.font = `600 ${22 * scale}px ${page.fontFamily}`; c.fillText(title, 16 * scale, 40 * scale, canvas.width - 32 * scale);
+  c.font = `${15 * scale}px ${page.fontFamily}`; lines.forEach((line, i) => c.fillText(line, 16 * scale, (66 + 24 * i) * scale, canvas.width - 32 * scale));
   c.save(); c.beginPath(); c.rect(0, head, canvas.width, canvas.height - head - foot); c.clip();
   c.translate(-state.view.x * k, head - state.view.y * k); c.scale(k, k);
   const unit = 1 / k * scale, cut = state.view.x + state.view.w * state.cut / 100;
@@ -319,7 +335,7 @@ async function picture() {
   }
   c.fillText(M.maps[state.map].unit, 16 * scale, y, canvas.width - 32 * scale);
   c.font = `600 ${14 * scale}px ${page.fontFamily}`; c.fillText($('out').textContent, 16 * scale, y + 24 * scale, canvas.width - 32 * scale);
-  const link = document.createElement('a'); link.download = `${M.file}.png`; link.href = canvas.toDataURL('image/png'); link.click();
+  const link = document.createElement('a'); link.download = `${[M.file, ...state.change ? [`change-${state.change}`] : [], ...state.show === 'week' ? [] : [state.show], ...state.map === 'violations' ? [] : [state.map]].join('-')}.png`; link.href = canvas.toDataURL('image/png'); link.click();
   say(word('picture', { file: link.download }));
   return link.href;
 }

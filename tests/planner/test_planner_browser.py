@@ -349,7 +349,7 @@ def test_the_picture_is_the_map_and_the_link_the_address(opened: Open) -> None:
     page = opened(address="#show=difference", viewport={"width": 1280, "height": 900})
     with page.expect_download() as waiting:
         page.click("#png")
-    assert waiting.value.suggested_filename == "shop-ground-2026-W46.png"
+    assert waiting.value.suggested_filename == "shop-ground-2026-W46-difference.png"
     picture = cv2.imdecode(np.frombuffer(Path(waiting.value.path()).read_bytes(), dtype=np.uint8), cv2.IMREAD_COLOR)
     assert picture is not None
     assert picture.shape[1] == 2400
@@ -358,6 +358,35 @@ def test_the_picture_is_the_map_and_the_link_the_address(opened: Open) -> None:
     page.click("#link")
     page.wait_for_function("document.getElementById('said').textContent.length > 0")
     assert page.errors == []
+
+
+RECORD = """() => {
+  window.texts = [];
+  const write = CanvasRenderingContext2D.prototype.fillText;
+  CanvasRenderingContext2D.prototype.fillText = function (text, ...at) {
+    window.texts.push(text);
+    return write.call(this, text, ...at);
+  };
+}"""
+
+
+@pytest.mark.parametrize(
+    ("address", "shown"),
+    [
+        ("", "Violations · Week 46"),
+        (
+            "#show=difference&days=0000011&from=10&to=11",
+            "Violations · Week 46, Week 45 · Difference · Saturday, Sunday · 10:00–11:00",
+        ),
+    ],
+)
+def test_a_picture_says_what_it_shows(opened: Open, address: str, shown: str) -> None:
+    """Its title alone is the same for all weeks, days and changes."""
+    page = opened(address=address)
+    page.evaluate(RECORD)
+    with page.expect_download():
+        page.click("#png")
+    assert page.evaluate("window.texts[1]") == shown
 
 
 def test_without_script_the_report_s_map_and_figures_are_there(opened: Open) -> None:
