@@ -48,7 +48,7 @@ function sideRates(p, place) {
 
 /* The table of rates beside a change: before and after as they are; what the change did is said above the map. */
 function tellChange(c) {
-  const place = placeNow(), hide = place.index >= 0 && c.hidden[place.index] || (sum(place.cameras) ? null : word('reason.nobody'));
+  const place = placeNow(), hide = sum(place.cameras) ? null : word('reason.nobody');
   const [was, now] = [c.before, c.after].map(p => place.index < 0 && !p.cells ? null : sideRates(p, place));
   const few = hide || M.noViolations || (!was || was.n < M.rules.mask || now.n < M.rules.mask ? word('reason.masked', { n: M.rules.mask }) : null);
   const shown = (e, kind) => few ? NONE : kind === 'close' ? share(e.close) : fig(e[kind]);

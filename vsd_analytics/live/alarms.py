@@ -267,10 +267,13 @@ class _Stream:
             between: list[Sighting] = []
             if self._companions is not None:
                 between = contacts(frame, self._companions.see(frame, ts_ms=ts_ms, interval_ms=self._interval_ms()))
-            close_pairs, clusters = contacts(frame, frame.edges), gatherings(frame)
+            clusters = gatherings(frame)
             for situations in self._situations:
                 rule = situations.rule
-                sightings = clusters if rule.kind == "gathering" else between if rule.is_between_groups else close_pairs
+                if rule.kind == "gathering":
+                    sightings = clusters
+                else:
+                    sightings = between if rule.is_between_groups else contacts(frame, frame.edges)
                 events += situations.see(self._matching(situations.rule, sightings, ts_ms), ts_ms, self._tolerated_ms)
         if self._last_ms is not None:
             self._intervals.append(ts_ms - self._last_ms)

@@ -6,14 +6,13 @@ sides recorded; they are on the operator's page only.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from typing import Final
 
 import numpy as np
 
-from vsd_analytics.answer import Reason
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.before_after import before_after
 from vsd_analytics.figures.change_weeks import WEEKS, local_day, windows_of
@@ -23,7 +22,7 @@ from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.week.change_effects import change_effects
 from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
 from vsd_analytics.planner import cell_counts
-from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, hidden_places, open_slots, panel_of
+from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, open_slots, panel_of
 from vsd_analytics.site.model import Area, LogEntry, Site
 
 MOST_WEEKS: Final = 12
@@ -53,7 +52,7 @@ class ChangeSide:
     Attributes:
         days: First and last day.
         recorded_ms: Recorded opening time, shape (n_cameras,).
-        n: Violations, shape (n_places, n_cameras); small counts are merged week by week.
+        n: Violations, shape (n_places, n_cameras).
         exposure_ms: Person-milliseconds, same shape.
         close_ms: Those in violation, same shape.
         violations: By cell of half a metre; None without a map.
@@ -81,7 +80,6 @@ class PlannerChange:
         result: What it did, as in the report; None where the whole site is concerned.
         before, after: The matched weeks; None where there are none yet, and on a page for readers: their sums are over
             the hours that both sides recorded, which no report of a week tells.
-        hidden: Why the figures of a place are not given in these weeks, by place.
     """
 
     number: int
@@ -91,17 +89,15 @@ class PlannerChange:
     result: LoggedChangeEffect | None
     before: ChangeSide | None
     after: ChangeSide | None
-    hidden: Mapping[int, Reason]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Week:
-    """A week with small counts merged, and which of the floor's hours it has."""
+    """A week, and which of the floor's hours it has."""
 
     slots: Ints
     panel: HourPanel
     cells: cell_counts.CellCounts | None
-    hidden: Mapping[int, Reason]
 
 
 def entries_of(site: Site, monday: date, *, weeks: int, floor_id: str | None = None) -> list[tuple[int, LogEntry]]:
@@ -149,11 +145,9 @@ def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> Plann
         windows, _ = windows_of(data.warehouse, entry, area_id="", weeks=WEEKS)
         spans = (None, None) if windows is None else (windows.before, windows.after)
     sides: list[ChangeSide | None] = [None, None]
-    hidden: dict[int, Reason] = {}
     if spans[0] is not None and spans[1] is not None and not data.mask.is_on:
         pair = TwoPeriods(Period(data, *spans[0]), Period(data, *spans[1]))
         sides = [made.side(spans[0], pair.used(0)), made.side(spans[1], pair.used(1))]
-        hidden = {**made.hidden(spans[1]), **made.hidden(spans[0])}
     return PlannerChange(
         number=number,
         at=entry.at.astimezone(data.site.zone),
@@ -162,20 +156,15 @@ def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> Plann
         result=result,
         before=sides[0],
         after=sides[1],
-        hidden=dict(sorted(hidden.items())),
     )
 
 
 class _Weeks:
-    """The weeks of a floor with small counts merged, each made once."""
+    """The weeks of a floor, each made once."""
 
     def __init__(self, data: TwoWeeks, counted: Counted) -> None:
         self._data, self._counted = data, counted
         self._made: dict[date, _Week] = {}
-
-    def hidden(self, days: Days) -> dict[int, Reason]:
-        """Return why places are not given: what the report of any of the weeks holds back."""
-        return {k: why for monday in _mondays(days) for k, why in self._week(monday).hidden.items()}
 
     def side(self, days: Days, used: Flags) -> ChangeSide:
         """Return the sums of some days over camera-hours `used`, shape (n_cameras, n_hours)."""
@@ -214,12 +203,11 @@ class _Weeks:
     def _make(self, monday: date) -> _Week:
         data, counted = self._data, self._counted
         days = data.warehouse.days(monday, monday + timedelta(days=6))
-        hidden = hidden_places(data, [monday], counted.areas)
-        panel, slots = panel_of(data, days, counted, [monday], hidden=hidden), open_slots(data, days)
+        panel, slots = panel_of(data, days, counted, [monday], hidden={}), open_slots(data, days)
         nowhere = np.zeros_like(panel.is_counted)
-        asked = counted.cells_asked(data, slots, used=panel.is_counted, shared=nowhere, hidden=hidden)
+        asked = counted.cells_asked(data, slots, used=panel.is_counted, shared=nowhere, hidden={})
         cells = None if asked is None or not slots.size else cell_counts.counts_by_cell(data, asked)
-        return _Week(slots, panel, cells, hidden)
+        return _Week(slots, panel, cells)
 
 
 def _mondays(days: Days) -> list[date]:

@@ -339,7 +339,6 @@ def _change_of_log_meta(change: PlannerChange) -> dict[str, Any]:
         "area": None if change.area is None else f"area:{change.area.area_id}",
         "spans": change_words(change).spans,
         "hasCells": int(change.before is not None and change.before.time is not None),
-        "hidden": {str(k): reason_text(why) for k, why in change.hidden.items()},
     }
 
 

@@ -155,7 +155,6 @@ def _planner(change: Any) -> str:
     place = Area(change.area_name.lower(), change.area_name, "ground", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
     logged = PlannerChange(
         number=change.number, at=change.at, text=change.text, area=place, result=change, before=None, after=None,
-        hidden={},
     )  # fmt: skip
     return change_words(logged).verdict
 

@@ -118,7 +118,7 @@ def test_what_came_of_a_change_is_its_outcome_with_its_range_and_who_took_people
 )
 def test_the_planner_says_of_a_change_what_the_page_says(made: m.LoggedChangeEffect, begins: str) -> None:
     door = Area("door", "Door", "ground", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
-    logged = PlannerChange(number=3, at=AT, text="Moved", area=door, result=made, before=None, after=None, hidden={})
+    logged = PlannerChange(number=3, at=AT, text="Moved", area=door, result=made, before=None, after=None)
     assert change_words(logged).verdict.startswith(begins)
 
 
