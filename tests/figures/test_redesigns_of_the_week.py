@@ -11,9 +11,11 @@ from typing import Any
 import pytest
 from planted_changes import AREAS, planted, site_of
 
+from vsd_analytics.answer import Value
 from vsd_analytics.figures.before_after import BeforeAfterFigure, before_after
-from vsd_analytics.figures.share.counts import Mask
-from vsd_analytics.figures.week.change_effects import change_effects, moved_people
+from vsd_analytics.figures.change_answers import change_answers
+from vsd_analytics.figures.share.counts import GIVES_AWAY, Mask
+from vsd_analytics.figures.week.change_effects import change_effects, moved_people, shared_change_answers
 
 FIRST = date(2026, 8, 31)
 CHANGE = 12 * 7 + 1
@@ -32,6 +34,7 @@ def week(root: Path, *, days_after: int = 25, is_held_back: bool = False) -> Any
         areas=AREAS,
         site=site_of(root),
         mask=Mask(5),
+        warehouse=SimpleNamespace(inputs_digest=""),
         sunday=FIRST + timedelta(days=CHANGE + days_after),
         is_held_back=lambda *_: is_held_back,
         hides_time=lambda *_: is_held_back,
@@ -59,6 +62,17 @@ def test_an_area_whose_counts_are_hidden_shows_none_of_them(tmp_path: Path) -> N
     (made,) = change_effects(week(tmp_path, is_held_back=True), [figure(tmp_path)])
     told = ("burden", "close", "running", "net", "e_value", "contribution", "moved_elsewhere", "through_people")
     assert [getattr(made, name) for name in told] == [None] * len(told)
+
+
+def test_tables_of_a_change_whose_counts_are_hidden_have_no_number_and_say_why(tmp_path: Path) -> None:
+    found = figure(tmp_path, rate=lambda a, d: 0.5 if a == "queue" and d >= CHANGE else 1.0)
+    held_back, shown = (shared_change_answers(week(tmp_path, is_held_back=k), found) for k in (True, False))
+    for answer in held_back:
+        values = [cell for row in answer.rows for cell in row.values() if isinstance(cell, Value)]
+        assert all(value.value is None and value.reason == GIVES_AWAY for value in values), answer.name
+        assert answer.nothing == (None if answer.rows else GIVES_AWAY), answer.name
+    assert held_back["logged_change"].rows[0]["outcome"] == "too_early"
+    assert list(shown) == list(change_answers(found, None, site_of(tmp_path), inputs=""))
 
 
 def test_people_who_left_the_area_are_the_doing_of_a_new_change_and_no_rival_to_it(tmp_path: Path) -> None:

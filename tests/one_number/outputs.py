@@ -20,9 +20,11 @@ import pytest
 from vsd_analytics.api.project import open_project
 from vsd_analytics.cli import main
 from vsd_analytics.config.project import load_site
+from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.hotspots import FloorHotspots, days_needed, hotspots
 from vsd_analytics.figures.operator_counts import hours
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
+from vsd_analytics.render.json_form import as_json
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
 PLACE = ("area_m2", "x_m", "y_m", "peak_x_m", "peak_y_m")
@@ -110,6 +112,13 @@ def outputs(root: Path, monday: date, folder: Path) -> Outputs:
     note("planner", _planner(planner))
     (own,) = planner_pages(site.with_settings(mask_below=0), monday)  # the one for readers sums the whole floor only
     note("planner table", _planner_sums(own))
+    note("page changes", _page_changes(page))
+    for change in planner.changes:
+        if change.answers is not None:
+            printed = command(root, "compare", "--change", str(change.number))["answers"]
+            note("planner changes", _change_tables({answer.name: as_json(answer) for answer in change.answers}))
+            note("vsd compare --change", _change_tables(printed))
+            note("Python change", _python_change(open_project(root).change(change.number)))
     note("vsd hotspots", _spots(command(root, "hotspots", "--week", week)))
     note("Python hotspots", _floor_hotspots(found))
     note("planner hotspots", _floor_hotspots(planner.hotspots))
@@ -300,6 +309,76 @@ def _planner_sums(planner: PlannerData) -> Iterator[tuple[Key, Any]]:
         if time and k not in planner.week.hidden:
             yield ("M6", _place(row.place_id)), float(panel.close_ms[k][used].sum()) / time
             yield ("counted", _place(row.place_id)), int(panel.n[k].sum())
+
+
+EFFECTS = {"close": "close_time_share", "burden": "close_min_per_open_h", "violation_rate": "violations_per_open_h"}
+"""Figures of a logged change on a page and in Python, and the row of `change_effects` that has each."""
+
+
+def _change_tables(answers: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
+    """Return what the answers on a logged change say, as the planner and `vsd compare --change` have them."""
+    [entry] = answers["logged_change"]["rows"]
+    number = str(entry["entry"])
+    yield ("change", number, "outcome"), entry["outcome"]
+    yield ("change", number, "weeks"), str([entry["before_first"], entry["after_last"]])
+    for row in answers["change_so_far"]["rows"]:
+        yield ("change", number, "verdict"), row["so_far_verdict"]
+        yield from _change(number, "running", row["so_far_change"])
+        yield ("change", number, "e_value"), row["e_value"]["value"]
+        yield ("change", number, "n_watched"), row["n_weeks_after"]
+        yield ("change", number, "taken_up"), row["taken_up_share"]["value"]
+    for name, effect in EFFECTS.items():
+        for row in answers["change_effects"]["rows"]:
+            if row["effect"] == effect:
+                yield from _change(number, name, row["effect_change"])
+    for row in answers["change_parts"]["rows"]:
+        if row["part"] == "floor":
+            yield from _change(number, "net", row["part_change"])
+    for row in answers["change_places"]["rows"]:
+        if row["place"] == "area":
+            yield from _change(number, "people", row["place_people_change"])
+    for row in answers["change_receivers"]["rows"]:
+        yield from _change(number, f"received by {row['name']}", row["received_people_change"])
+
+
+def _change(number: str, name: str, value: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
+    if value["value"] is not None:
+        for part in ("value", "lo", "hi"):
+            yield ("change", number, name, part), value[part]
+
+
+def _page_changes(page: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:
+    for change in page["change_effects"]:
+        number = str(change["number"])
+        yield ("change", number, "outcome"), change["outcome"]
+        if change["before"] and change["after"]:
+            yield ("change", number, "weeks"), str([change["before"][0], change["after"][1]])
+        for name in ("running", "net", "people", *EFFECTS):
+            estimate = change[name] or {"change": None}
+            if estimate["change"] is not None:
+                ends = {"lo": estimate["change_lo"], "hi": estimate["change_hi"]}
+                yield from _change(number, name, {"value": estimate["change"], **ends})
+        if change["running"]:
+            yield ("change", number, "verdict"), change["running"]["verdict"]
+            for key, name in (("e_value", "e_value"), ("n_watched", "n_watched"), ("taken_up", "moved_elsewhere")):
+                yield ("change", number, key), change[name]
+        for area in change["receivers"]:
+            ends = {"value": area["change"], "lo": area["change_lo"], "hi": area["change_hi"]}
+            yield from _change(number, f"received by {area['area_name']}", ends)
+
+
+def _python_change(found: BeforeAfterFigure) -> Iterator[tuple[Key, Any]]:
+    number = str(found.number)
+    yield ("change", number, "outcome"), found.outcome
+    net = None if found.floor is None else found.floor.net
+    effects = {"running": found.running, "net": net, "people": found.people}
+    for name, effect in (effects | {name: getattr(found, name) for name in EFFECTS}).items():
+        if effect is not None and effect.value is not None:
+            ends = {part: None if (n := getattr(effect, part)) is None else n - 1 for part in ("value", "lo", "hi")}
+            yield from _change(number, name, ends)
+    if found.running is not None:
+        yield ("change", number, "verdict"), found.running.verdict
+        yield ("change", number, "e_value"), found.running.e_value
 
 
 def _spots(told: Mapping[str, Any]) -> Iterator[tuple[Key, Any]]:

@@ -95,6 +95,22 @@ def test_a_number_is_the_same_in_all_outputs_that_have_it(told: Outputs) -> None
     assert {"counted", "hour", "day", "M0", "M6", "M7", "recorded share", "hotspots from"} <= kinds
 
 
+def test_a_logged_change_is_the_same_on_page_and_planner_in_command_and_python(told: Outputs) -> None:
+    of_changes = {key: values for key, values in told.numbers.items() if key[0] == "change"}
+    everywhere = {"page changes", "planner changes", "vsd compare --change", "Python change"}
+    n_areas = sum(change.answers is not None for change in told.planner.changes)
+    assert sum(everywhere <= values.keys() for key, values in of_changes.items() if key[2] == "outcome") == n_areas
+    for change in told.page["change_effects"]:
+        if change["running"] is not None and change["running"]["change"] is not None:
+            key = ("change", str(change["number"]), "running", "value")
+            assert of_changes[key].keys() == everywhere
+    assert not {
+        key
+        for key, values in of_changes.items()
+        if any(_differ(v, next(iter(values.values()))) for v in values.values())
+    }
+
+
 def test_the_share_between_groups_is_that_of_the_counts_beside_it(told: Outputs) -> None:
     answers = told.page["answers"]
     figure = answers["between_groups"]["rows"][0]["between_share"]

@@ -16,11 +16,11 @@ import pytest
 from planner import dense_floor as dense
 from planner import planted_shop as planted
 
+from vsd_analytics.answer import VALUES, Answers, Value, value_of
+from vsd_analytics.figures.change_answers import SO_FAR
 from vsd_analytics.figures.change_weeks import log_entry, windows_of
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
 from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import CellSums, ChangeSide, PlannerChange
 from vsd_analytics.planner.page import render_planner
@@ -76,7 +76,20 @@ def test_a_logged_change_makes_the_page_hold_twelve_weeks_of_the_log(known: Plan
 def test_the_verdict_on_a_change_is_that_of_the_weekly_report(known: PlannerData, logged: Site) -> None:
     [told] = week_report(logged, planted.MONDAY).change_effects
     assert told.state == "ok"
-    assert by_text(known, "Display").result == told
+    answers = by_text(known, "Display").answers
+    assert answers is not None
+    [entry] = answers["logged_change"].rows
+    assert (entry["outcome"], entry["design"], entry["before_first"]) == (told.outcome, told.design, told.before[0])
+    for name, column, keys, estimate in (
+        ("change_so_far", "so_far_change", {}, told.running),
+        ("change_effects", "effect_change", {"effect": "close_time_share"}, told.close),
+        ("change_places", "place_people_change", {"place": "area"}, told.people),
+        ("change_parts", "part_change", {"whole": "floor", "part": "floor"}, told.net),
+    ):
+        values = [value_of(row, column) for row in answers[name].where(**keys)]
+        expected = [] if estimate is None else [(estimate.change, estimate.change_lo, estimate.change_hi)]
+        assert [(v.value, v.lo, v.hi) for v in values] == expected, name
+    assert told.people is not None
 
 
 def test_weeks_compared_begin_with_the_records_whatever_days_are_open(logged: Site) -> None:
@@ -140,31 +153,31 @@ def test_a_change_of_the_whole_site_is_shown_and_not_judged(known: PlannerData, 
         ({"outcome": "moved"}, "but it moved to other parts of the floor"),
         ({"outcome": "fell"}, "Whether it moved to other parts of the floor is not known yet"),
         ({"outcome": "doubtful"}, "cannot tell whether the change did it"),
-        ({"outcome": "rose", "running": ("clear_rise", 0.4, 0.2, 0.7)}, "clearly rose, by 40%"),
-        ({"outcome": "about_same", "running": ("about_same", 0.0, -0.1, 0.1)}, "About the same"),
+        ({"outcome": "rose", "so_far": ("clear_rise", 0.4, 0.2, 0.7)}, "clearly rose, by 40%"),
+        ({"outcome": "about_same", "so_far": ("about_same", 0.0, -0.1, 0.1)}, "About the same"),
         (
-            {"outcome": "cannot_tell", "running": ("cannot_tell", -0.1, -0.3, 0.5)},
+            {"outcome": "cannot_tell", "so_far": ("cannot_tell", -0.1, -0.3, 0.5)},
             "anything from 30% less to 50% more time too close is possible",
         ),
-        ({"outcome": "alone", "running": None, "design": "alone"}, "no other area was left alone"),
+        ({"outcome": "alone"}, "no other area was left alone"),
     ],
 )
 def test_only_a_controlled_comparison_says_that_a_change_worked(
     known: PlannerData, changed: dict[str, Any], expected: str
 ) -> None:
-    def estimate(verdict: Any, change: float, lo: float, hi: float) -> Estimate:
-        return Estimate(value=None, change=change, change_lo=lo, change_hi=hi, verdict=verdict)
-
     change = by_text(known, "Display")
-    assert isinstance(change.result, LoggedChangeEffect)
-    sure = {
-        "design": "beside", "is_credible": True, "doubts": (), "moved_elsewhere": 0.1, "e_value": 400.0,
-        "outcome": "works",
-        "running": ("clear_fall", -0.4, -0.5, -0.3), "net": ("clear_fall", -0.1, -0.15, -0.05),
-        "contribution": -0.2,
-    } | changed  # fmt: skip
-    made = {k: estimate(*v) if isinstance(v, tuple) and v else v for k, v in sure.items()}
-    said = change_words(replace(change, result=replace(change.result, **made))).verdict
+    assert change.answers is not None
+    verdict, effect, lo, hi = changed.get("so_far", ("clear_fall", -0.4, -0.5, -0.3))
+    entry = {"design": "beside", "is_credible": True, "outcome": changed.get("outcome", "works")}
+    so_far = {"so_far_change": Value(effect, lo, hi), "so_far_verdict": verdict}
+    rest = {column.name: None for column in SO_FAR if column.kind not in VALUES}
+    rest |= {column.name: Value(0.1) for column in SO_FAR if column.kind in VALUES}
+    [row] = change.answers["logged_change"].rows
+    answers = [
+        replace(change.answers["logged_change"], rows=({**row, **entry},)),
+        replace(change.answers["change_so_far"], rows=({**rest, **so_far},), nothing=None, state="ok"),
+    ]
+    said = change_words(replace(change, answers=Answers((*change.answers, *answers)))).verdict
     assert expected in said
     assert ("works" in said) == (not changed)
 
@@ -223,8 +236,6 @@ def test_one_click_answers_whether_a_change_helped(opened: Any, operators: Plann
     assert card.count() == 1
     assert card.locator(".verdict").inner_text() == change_words(change).verdict
     assert "Whole floor, from whatever cause" in card.inner_text()
-    assert change.result is not None
-    assert change.result.net is not None
     assert page.evaluate("[document.body.dataset.show, document.body.dataset.map]") == ["difference", "burden"]
     assert page.input_value("#place") == "area:door"
     assert re.search(r"[ML]", page.get_attribute("#gb .f1", "d") + page.get_attribute("#gb .f2", "d"))

@@ -36,6 +36,7 @@ CHANGE: Final = (
     *(Column(f"{when}_{end}", "fact") for when in ("before", "after", "left_out") for end in ("first", "last")),
     Column("n_weeks_each_side", "fact"),
     Column("comparison_area_ids", "fact"),
+    Column("comparison_names", "fact"),
 )
 """Columns of `logged_change`."""
 EFFECTS: Final = (
@@ -148,7 +149,7 @@ def _why_alone(found: BeforeAfterFigure) -> Value | None:
 
 
 def _entry(found: BeforeAfterFigure, site: Site) -> Row:
-    windows = found.windows
+    windows, names = found.windows, {a.area_id: a.name for a in site.areas}
     spans: dict[str, tuple[date, date] | None] = {"before": None, "after": None, "left_out": None}
     if windows is not None:
         spans = {"before": windows.before, "after": windows.after, "left_out": windows.left_out}
@@ -165,6 +166,7 @@ def _entry(found: BeforeAfterFigure, site: Site) -> Row:
         **{f"{when}_last": None if days is None else days[1] for when, days in spans.items()},
         "n_weeks_each_side": None if windows is None else windows.n_weeks,
         "comparison_area_ids": found.comparison_areas,
+        "comparison_names": tuple(names[area_id] for area_id in found.comparison_areas),
     }
 
 

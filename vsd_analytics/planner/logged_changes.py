@@ -13,14 +13,14 @@ from typing import Final
 
 import numpy as np
 
+from vsd_analytics.answer import Answers
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.before_after import before_after
 from vsd_analytics.figures.change_weeks import WEEKS, local_day, windows_of
 from vsd_analytics.figures.compare import Days
 from vsd_analytics.figures.panels import WEEK, Flags, Ints
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.figures.week.change_effects import change_effects
-from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
+from vsd_analytics.figures.week.change_effects import shared_change_answers
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, open_slots, panel_of
 from vsd_analytics.site.model import Area, LogEntry, Site
@@ -77,7 +77,7 @@ class PlannerChange:
         at: Instant in the site's zone.
         text: Free text.
         area: The area it names; None = the whole site.
-        result: What it did, as in the report; None where the whole site is concerned.
+        answers: What it did (`shared_change_answers`); None where the whole site is concerned.
         before, after: The matched weeks; None where there are none yet, and on a page for readers: their sums are over
             the hours that both sides recorded, which no report of a week tells.
     """
@@ -86,7 +86,7 @@ class PlannerChange:
     at: datetime
     text: str
     area: Area | None
-    result: LoggedChangeEffect | None
+    answers: Answers | None
     before: ChangeSide | None
     after: ChangeSide | None
 
@@ -137,23 +137,22 @@ def logged_changes(data: TwoWeeks, counted: Counted, *, weeks: int) -> tuple[Pla
 
 def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> PlannerChange:
     areas = {a.area_id: a for a in data.areas}
-    result = None
+    answers = None
     if entry.area_id is not None:
-        [result] = change_effects(data, [before_after(data.warehouse, number)], shown_days=MOST_WEEKS * 7)
-        spans = result.before, result.after
+        found = before_after(data.warehouse, number)
+        answers, windows = shared_change_answers(data, found), found.windows
     else:
         windows, _ = windows_of(data.warehouse, entry, area_id="", weeks=WEEKS)
-        spans = (None, None) if windows is None else (windows.before, windows.after)
     sides: list[ChangeSide | None] = [None, None]
-    if spans[0] is not None and spans[1] is not None and not data.mask.is_on:
-        pair = TwoPeriods(Period(data, *spans[0]), Period(data, *spans[1]))
-        sides = [made.side(spans[0], pair.used(0)), made.side(spans[1], pair.used(1))]
+    if windows is not None and not data.mask.is_on:
+        pair = TwoPeriods(Period(data, *windows.before), Period(data, *windows.after))
+        sides = [made.side(windows.before, pair.used(0)), made.side(windows.after, pair.used(1))]
     return PlannerChange(
         number=number,
         at=entry.at.astimezone(data.site.zone),
         text=entry.text,
         area=None if entry.area_id is None else areas[entry.area_id],
-        result=result,
+        answers=answers,
         before=sides[0],
         after=sides[1],
     )

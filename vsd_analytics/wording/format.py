@@ -157,9 +157,12 @@ def likely_change(estimate: Estimate, *, is_counted: bool = True) -> str:
 
 def likely_signed(estimate: Estimate) -> str:
     """Write the interval of a change shortly: likely −49% to −37%; empty when there is none."""
-    if estimate.change_lo is None or estimate.change_hi is None:
-        return ""
-    return say("format.likely_signed", low=_end(estimate.change_lo), high=_end(estimate.change_hi))
+    return likely_between(estimate.change_lo, estimate.change_hi)
+
+
+def likely_between(low: float | None, high: float | None) -> str:
+    """Write the ends of the interval of a change: likely −49% to −37%; empty when one is missing."""
+    return "" if low is None or high is None else say("format.likely_signed", low=_end(low), high=_end(high))
 
 
 def _end(change: float) -> str:

@@ -56,8 +56,13 @@ def direction(verdict: Verdict | None) -> str:
 
 
 def verdict_words(estimate: Estimate) -> str:
-    """Return the verdict in words; too little data where there is none."""
-    return say(f"words.{estimate.verdict or 'too_little_data'}")
+    """Return the verdict of an estimate in words; too little data where there is none."""
+    return said_verdict(estimate.verdict)
+
+
+def said_verdict(verdict: str | None) -> str:
+    """Return a verdict in words; too little data where there is none."""
+    return say(f"words.{verdict or 'too_little_data'}")
 
 
 def camera_name(name: str) -> str:

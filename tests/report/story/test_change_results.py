@@ -10,6 +10,7 @@ import pytest
 from report import model_classes as m
 from report import sample_sections as sections
 from report import sample_weeks as weeks
+from report.change_tables import planner_answers
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.week.model_sections import LoggedChangeResult
@@ -118,7 +119,8 @@ def test_what_came_of_a_change_is_its_outcome_with_its_range_and_who_took_people
 )
 def test_the_planner_says_of_a_change_what_the_page_says(made: m.LoggedChangeEffect, begins: str) -> None:
     door = Area("door", "Door", "ground", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
-    logged = PlannerChange(number=3, at=AT, text="Moved", area=door, result=made, before=None, after=None)
+    answers = planner_answers(made)
+    logged = PlannerChange(number=3, at=AT, text="Moved", area=door, answers=answers, before=None, after=None)
     assert change_words(logged).verdict.startswith(begins)
 
 

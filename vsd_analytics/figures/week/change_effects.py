@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
+from vsd_analytics.answer import Answer, Answers, Outcome, Reason, Value
 from vsd_analytics.figures.before_after import BeforeAfterFigure
+from vsd_analytics.figures.change_answers import NO_RECEIVER, change_answers
+from vsd_analytics.figures.change_verdicts import Receiver
 from vsd_analytics.figures.compare import Days
 from vsd_analytics.figures.share.counts import GIVES_AWAY, Mask
 from vsd_analytics.figures.week.data import WeekData
@@ -18,6 +22,8 @@ from vsd_analytics.stats.running_verdict import RunningVerdict
 
 SHOWN_DAYS: Final = 63
 """A change is on the page for nine weeks: four after it are compared, and washout and holidays may move these."""
+_RATES: Final = ("change_effects", "change_so_far", "change_parts", "change_receivers")
+"""Tables of a logged change that are held back as a whole."""
 NEW_DAYS: Final = 14
 """A change of the week or the one before lies between the two weeks that M23 compares."""
 
@@ -78,19 +84,22 @@ def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffec
     """Return what a logged change did, without what would tell a small count."""
     names, windows = {a.area_id: a.name for a in data.areas}, found.windows
     measured: dict[str, Any] = dict.fromkeys(("effect", "violation_rate", "people", "burden", "close", "running"))
-    measured |= {"outcome": "alone" if found.outcome == "alone" else "too_early", "receivers": ()}
+    measured |= {"outcome": _outcome_held_back(found), "receivers": ()}
     if found.state == "ok":
         measured |= {"effect": _change(found.effect or found.alone), "people": _change(found.people)}
         if is_held_back(data, found):
-            why = data.mask.why if _is_few(found, data.mask) else GIVES_AWAY
-            hidden = Estimate(value=None, state="not_enough_data", reason=why)
-            measured |= {"effect": hidden}
-            if any(data.hides_time(found.area_id, *span) for span in _spans(found)):
+            why = _why_held_back(data, found)
+            measured |= {"effect": Estimate(value=None, state="not_enough_data", reason=why)}
+            if _hides_people(data, found):
                 measured |= {"people": None}
         else:
             is_known = found.violation_rate is not None and found.violation_rate.value is not None
             measured |= {"violation_rate": _change(found.violation_rate) if is_known else None, **_over_weeks(found)}
-            measured |= {"outcome": found.outcome, "receivers": _receivers(data, found)}
+            receivers = (
+                ReceivingArea(area_name=r.name, change=r.more, change_lo=r.lo, change_hi=r.hi)
+                for r in _shown_receivers(data, found)
+            )
+            measured |= {"outcome": found.outcome, "receivers": tuple(receivers)}
     return same_fields(
         LoggedChangeEffect,
         found,
@@ -104,13 +113,61 @@ def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffec
     )
 
 
-def _receivers(data: WeekData, found: BeforeAfterFigure) -> tuple[ReceivingArea, ...]:
-    """Return the areas that took people up, but for those whose weeks hide a count."""
-    return tuple(
-        ReceivingArea(area_name=r.name, change=r.more, change_lo=r.lo, change_hi=r.hi)
-        for r in found.receivers
-        if not any(data.is_held_back(r.area_id, *span) for span in _spans(found))
+def shared_change_answers(data: WeekData, found: BeforeAfterFigure) -> Answers:
+    """Return the answers on a logged change (`change_answers`) without what would tell a small count.
+
+    Where the change is held back, the tables of rates are empty and say why, and `change_places` has no more than the
+    people of the area. Areas that took people up are left out where a week of theirs hides a count.
+
+    Args:
+        data: A week; its mask and its hidden counts decide.
+        found: The change.
+    """
+    told = Answers(change_answers(found, None, data.site, inputs=data.warehouse.inputs_digest))
+    if found.state != "ok":
+        return told
+    if not is_held_back(data, found):
+        shown, received = {r.area_id for r in _shown_receivers(data, found)}, told["change_receivers"]
+        rows = tuple(row for row in received.rows if row["area_id"] in shown)
+        return Answers((*told, replace(received, rows=rows) if rows else _empty(received, NO_RECEIVER)))
+    why = _why_held_back(data, found)
+    [entry] = told["logged_change"].rows
+    return Answers(
+        (
+            replace(told["logged_change"], rows=({**entry, "outcome": _outcome_held_back(found)},)),
+            *(_empty(told[name], why) for name in _RATES),
+            _people_only(data, found, told["change_places"], why),
+        )
     )
+
+
+def _empty(answer: Answer, why: Reason) -> Answer:
+    return replace(answer, rows=(), nothing=why, state="not_enough_data")
+
+
+def _people_only(data: WeekData, found: BeforeAfterFigure, places: Answer, why: Reason) -> Answer:
+    rates = dict.fromkeys(("place_rate_change", "relative_change"), Value.missing(why))
+    people = {"place_people_change": Value.missing(why)} if _hides_people(data, found) else {}
+    return replace(places, rows=tuple({**row, **rates, **people} for row in places.where(place="area")))
+
+
+def _why_held_back(data: WeekData, found: BeforeAfterFigure) -> Reason:
+    return data.mask.why if _is_few(found, data.mask) else GIVES_AWAY
+
+
+def _outcome_held_back(found: BeforeAfterFigure) -> Outcome:
+    return "alone" if found.outcome == "alone" else "too_early"
+
+
+def _hides_people(data: WeekData, found: BeforeAfterFigure) -> bool:
+    return any(data.hides_time(found.area_id, *span) for span in _spans(found))
+
+
+def _shown_receivers(data: WeekData, found: BeforeAfterFigure) -> Iterator[Receiver]:
+    """Yield the areas that took people up, but for those whose weeks hide a count."""
+    for area in found.receivers:
+        if not any(data.is_held_back(area.area_id, *span) for span in _spans(found)):
+            yield area
 
 
 def _change(found: ChangeEstimate | BeforeAfter | RunningVerdict | None) -> Estimate | None:

@@ -5,6 +5,7 @@ A change worked, moved elsewhere, rose, or nobody can tell yet: `vsd_analytics.f
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
@@ -32,19 +33,19 @@ def came_of(change: LoggedChangeEffect | None) -> str:
         case "works" | "fell" as said:
             none = "_none" if running is not None and is_none(running) else ""
             beside = terms.joined(change.compared_with)
-            return say(f"came_of.{said}{none}", likely=likely, areas=beside, receivers=received(change))
+            return say(f"came_of.{said}{none}", likely=likely, areas=beside, receivers=received(change.receivers))
         case "moved":
             share = fmt.percent(min(1.0, change.moved_elsewhere or 0.0))
-            return say("came_of.moved", share=share, receivers=received(change))
+            return say("came_of.moved", share=share, receivers=received(change.receivers))
         case said:
             return say(f"came_of.{said}", likely=likely)
 
 
-def received(change: LoggedChangeEffect | LoggedChangeResult) -> str:
+def received(receivers: Sequence[ReceivingArea]) -> str:
     """Return which areas took people up, each with its range, or that none clearly did."""
-    if not change.receivers:
+    if not receivers:
         return say("came_of.nobody_took_up")
-    areas = [say("came_of.took_up_area", area=r.area_name, likely=_more(r)) for r in change.receivers]
+    areas = [say("came_of.took_up_area", area=r.area_name, likely=_more(r)) for r in receivers]
     return say("came_of.took_up", areas=terms.joined(areas))
 
 
@@ -83,7 +84,7 @@ def _in_area(line: LoggedChangeResult) -> str:
         f"logged_changes.{line.outcome}",
         least=least,
         most=most, n=n, low=low, high=high, usual=fmt.count(_rounded(line.usual_min or 0.0)),
-        areas=terms.joined(line.compared_with), receivers=received(line),
+        areas=terms.joined(line.compared_with), receivers=received(line.receivers),
     )  # fmt: skip
 
 

@@ -67,7 +67,7 @@ def _change_that_fell(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
         change=fmt.percent(abs(running.change or 0.0)),
         likely=fmt.likely_signed(running),
         areas=terms.joined(change.compared_with),
-        receivers=received(change),
+        receivers=received(change.receivers),
     )
     title = say("things.works" if said == "works" else "things.less", area=change.area_name)
     return Thing(kind="worked", title=title, text=text, target="changed")
@@ -76,7 +76,7 @@ def _change_that_fell(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
 def _change_that_moved(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
     share = fmt.percent(min(1.0, change.moved_elsewhere or 0.0))
     key = "things.moved_text" if is_new else "things.moved_short"
-    text = say(key, share=share, area=change.area_name, receivers=received(change))
+    text = say(key, share=share, area=change.area_name, receivers=received(change.receivers))
     return Thing(kind="worked", title=say("things.moved", area=change.area_name), text=text, target="changed")
 
 
