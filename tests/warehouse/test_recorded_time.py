@@ -73,7 +73,7 @@ def test_hours_of_a_week_have_the_right_labels_and_sums(
     put(site, [Person(ts, t, x, 0) for ts in instants for t, x in (("a", 0), ("b", 1000))])
     with open_days(site, first, last, heat_cell_m=1.0) as warehouse:
         rows = warehouse.rows("select * from hours")
-        starts = [operator_counts.local_iso(warehouse, r["hour_start_ms"]) for r in rows]
+        starts = [operator_counts.local_iso(warehouse.site.zone, r["hour_start_ms"]) for r in rows]
         heat = operator_counts.heatmap(warehouse)
     local = [datetime.fromtimestamp(ts / 1000, tz=ZoneInfo(zone)) for ts in instants]
     week = [d for d in local if date.fromisoformat(first) <= d.date() <= date.fromisoformat(last)]

@@ -119,7 +119,7 @@ def not_over_note(warehouse: Warehouse, until_ms: int | None) -> list[str]:
     return (
         []
         if until_ms is None
-        else [f"the range is not over at {local_iso(warehouse, until_ms)}: later hours are not missing"]
+        else [f"the range is not over at {local_iso(warehouse.site.zone, until_ms)}: later hours are not missing"]
     )
 
 

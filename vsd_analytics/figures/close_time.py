@@ -13,7 +13,7 @@ import numpy as np
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.floor_days import NO_FLOOR
-from vsd_analytics.figures.panels import Array, Flags, Place
+from vsd_analytics.figures.panels import Array, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.rates import NOT_RECORDED, change_per_open_hour, encounter_rate_change, history
 from vsd_analytics.site.model import Area, Floor
@@ -37,7 +37,7 @@ def close_time(period: Period, where: Floor | Area | None) -> Place:
         violation_h, (_, exposure_h) = data.violation_in(area_id), data.counted_in(area_id)
         cameras = np.asarray(exposure_h.any(axis=1))
     is_there = data.is_there(where.area_id) if isinstance(where, Area) else None
-    return Place(violation_h * SECONDS, exposure_h, cameras & knows_distances(period), is_there)
+    return Place(violation_h * SECONDS, exposure_h, cameras & period.knows_distances, is_there)
 
 
 def close_time_share(period: Period, place: Place, *, has_history: bool = True) -> RateEstimate:
@@ -110,19 +110,6 @@ def change_burden(pair: TwoPeriods, place: Place) -> ChangeEstimate:
     return _change_in_units(change_per_open_hour(pair, _with_known_distances(pair, place)), MINUTES)
 
 
-def knows_distances(period: Period) -> Flags:
-    """Return the cameras whose distances are known in every hour of the period that they recorded."""
-    data = period.data
-    first, end = period.span_ms
-    rows = data.warehouse.rows(
-        "select camera_id, bool_and(violation_s is not null) as knows from camera_hours "
-        "where recorded_open_s > 0 and hour_start_ms >= $first and hour_start_ms < $end group by camera_id",
-        {"first": first, "end": end},
-    )
-    unknown = {r["camera_id"] for r in rows if not r["knows"]}
-    return np.array([c not in unknown for c in data.ids], dtype=np.bool_)
-
-
 def in_units(found: RateEstimate, per_unit: float, nothing: Reason) -> RateEstimate:
     """Return an estimate of person-seconds as one of so many seconds each; `nothing` is the reason of a rate of 0."""
     if found.value is None:
@@ -148,4 +135,4 @@ def _change_in_units(found: ChangeEstimate, per_unit: float) -> ChangeEstimate:
 
 def _with_known_distances(pair: TwoPeriods, place: Place) -> Place:
     """Return a place without the cameras whose distances are unknown in either period."""
-    return replace(place, cameras=place.cameras & knows_distances(pair.before) & knows_distances(pair.now))
+    return replace(place, cameras=place.cameras & pair.before.knows_distances & pair.now.knows_distances)

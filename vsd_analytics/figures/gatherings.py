@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from datetime import date, datetime, timedelta
+from datetime import date, datetime, timedelta, tzinfo
 from typing import Any, Final
 
 import numpy as np
@@ -165,7 +165,8 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
     n *= period.whole.cameras[:, None]
     day = rows["local_date"].to_numpy()
     inside = rows.filter(pa.array((day >= np.datetime64(period.first)) & (day <= np.datetime64(period.last))))
-    found = [_gathering(warehouse, row) for row in inside.to_pylist()]
+    zone = warehouse.site.zone
+    found = [_gathering(zone, row) for row in inside.to_pylist()]
     sizes = warehouse.table(_SIZES, {"floor": floor.floor_id, "first": period.first, "last": period.last})
     has_history = _is_whole(data, warehouse.first, period.first)
     rate = violation_rate_level(
@@ -185,12 +186,12 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
     )
 
 
-def _gathering(warehouse: Warehouse, row: Mapping[str, Any]) -> Gathering:
+def _gathering(zone: tzinfo, row: Mapping[str, Any]) -> Gathering:
     same = ("floor_id", "camera_id", "duration_s", "n_people", "person_s", "x_m", "y_m", "diameter_m", "is_open")
     return Gathering(
         day=row["local_date"],
-        start=local_instant(warehouse, row["started_ms"]),
-        end=local_instant(warehouse, row["ended_ms"]),
+        start=local_instant(zone, row["started_ms"]),
+        end=local_instant(zone, row["ended_ms"]),
         **{name: row[name] for name in same},
     )
 

@@ -82,15 +82,15 @@ def groups_of(warehouse: Warehouse, ids: Sequence[str], first: date, last: date)
         of = {together.get((row["camera_id"], row["site_day"], track)) for track in row["tracks"]}
         return len(of) > 1 or None in of
 
-    rows = [*walking, *filter(is_new, standing)]
+    rows, zone = [*walking, *filter(is_new, standing)], warehouse.site.zone
     return tuple(
         Group(
             day=row["site_day"],
             camera_id=row["camera_id"],
             is_standing=row["is_standing"],
             tracks=tuple(row["tracks"]),
-            start=local_instant(warehouse, row["first_ms"]),
-            end=local_instant(warehouse, row["last_ms"]),
+            start=local_instant(zone, row["first_ms"]),
+            end=local_instant(zone, row["last_ms"]),
         )
         for row in sorted(rows, key=lambda row: (row["first_ms"], row["camera_id"], row["tracks"]))
     )

@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.close_time import SECONDS, close_time_share, knows_distances
+from vsd_analytics.figures.close_time import SECONDS, close_time_share
 from vsd_analytics.figures.episodes import SEED
 from vsd_analytics.figures.groups import PURGED
 from vsd_analytics.figures.panels import Array, Place
@@ -105,7 +105,7 @@ def level_of(density: float) -> int:
 
 def _share(period: Period, hours: Array) -> RateEstimate:
     data = period.data
-    place = Place(hours * SECONDS, data.everyone.exposure_h, data.everyone.cameras & knows_distances(period))
+    place = Place(hours * SECONDS, data.everyone.exposure_h, data.everyone.cameras & period.knows_distances)
     return close_time_share(period, place, has_history=False)
 
 

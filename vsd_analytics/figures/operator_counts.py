@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import datetime, tzinfo
 from typing import TYPE_CHECKING, Any, Literal
 
 from vsd_analytics.site.places import known_floor
@@ -80,7 +80,8 @@ def hours(
         recorded = [r["ms"] for r in warehouse.rows("select hour_start_ms as ms from hours where recorded_s > 0")]
         is_shown = (frame["hour_start_ms"] < until_ms) | frame["hour_start_ms"].isin(recorded)
         frame = frame[is_shown].reset_index(drop=True)
-    starts = [local_iso(warehouse, ms) for ms in frame.pop("hour_start_ms")]
+    zone = warehouse.site.zone
+    starts = [local_iso(zone, ms) for ms in frame.pop("hour_start_ms")]
     frame.insert(0, "start", starts)
     counts = [c for c in ("person_records", "violation_records", "n_violations") if c in frame]
     return frame.astype(dict.fromkeys(counts, "Int64"))
@@ -170,8 +171,8 @@ def coverage(warehouse: Warehouse, *, until_ms: int | None = None) -> dict[str, 
         "outages": [
             {
                 "camera_id": o["camera_id"],
-                "start": local_iso(warehouse, o["started_ms"]),
-                "end": local_iso(warehouse, o["ended_ms"]),
+                "start": local_iso(warehouse.site.zone, o["started_ms"]),
+                "end": local_iso(warehouse.site.zone, o["ended_ms"]),
                 "open_h": o["open_s"] / 3600,
                 "is_inferred": o["is_inferred"],
             }
@@ -203,16 +204,17 @@ def _outages(warehouse: Warehouse, until_ms: int | None) -> list[dict[str, Any]]
 def _between(warehouse: Warehouse, row: dict[str, Any]) -> dict[str, Any]:
     """Return the camera of a row of `message_gaps` and the messages on either side, as local ISO instants."""
     start, end = (
-        local_instant(warehouse, row[k]).isoformat(timespec="milliseconds") for k in ("started_ms", "ended_ms")
+        local_instant(warehouse.site.zone, row[k]).isoformat(timespec="milliseconds")
+        for k in ("started_ms", "ended_ms")
     )
     return {"camera_id": row["camera_id"], "start": start, "end": end}
 
 
-def local_instant(warehouse: Warehouse, ms: int) -> datetime:
-    """Return an instant (UTC milliseconds) in the site's zone."""
-    return datetime.fromtimestamp(ms / 1000, tz=warehouse.site.zone)
+def local_instant(zone: tzinfo, ms: int) -> datetime:
+    """Return an instant (UTC milliseconds) in a zone."""
+    return datetime.fromtimestamp(ms / 1000, tz=zone)
 
 
-def local_iso(warehouse: Warehouse, ms: int) -> str:
-    """Return an instant (UTC milliseconds) as local ISO 8601 with offset."""
-    return local_instant(warehouse, int(ms)).isoformat(timespec="seconds")
+def local_iso(zone: tzinfo, ms: int) -> str:
+    """Return an instant (UTC milliseconds) as ISO 8601 with the offset of a zone."""
+    return local_instant(zone, int(ms)).isoformat(timespec="seconds")

@@ -100,6 +100,18 @@ class Period:
         return found
 
     @cached_property
+    def knows_distances(self) -> Flags:
+        """Return the cameras whose distances are known in every hour of the period that they recorded."""
+        first, end = self.span_ms
+        rows = self.data.warehouse.rows(
+            "select camera_id, bool_and(violation_s is not null) as knows from camera_hours "
+            "where recorded_open_s > 0 and hour_start_ms >= $first and hour_start_ms < $end group by camera_id",
+            {"first": first, "end": end},
+        )
+        unknown = {r["camera_id"] for r in rows if not r["knows"]}
+        return np.array([c not in unknown for c in self.data.ids], dtype=np.bool_)
+
+    @cached_property
     def why_no_violations(self) -> Reason | None:
         """Return why violations cannot be counted on this floor, or None if they can."""
         recorded = np.asarray(self.data.hours.recorded_s[:, self.is_inside].any(axis=1))

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.close_time import SECONDS, close_time, close_time_share, in_units, knows_distances
+from vsd_analytics.figures.close_time import SECONDS, close_time, close_time_share, in_units
 from vsd_analytics.figures.groups import PURGED, camera_lives
 from vsd_analytics.figures.panels import Place
 from vsd_analytics.figures.periods import Period
@@ -115,7 +115,7 @@ def _close_between(period: Period, known: set[str] | None) -> RateEstimate:
     counted = data.hours.is_counted & period.is_inside
     if (data.violation_h * counted)[able].sum() > 1.001 * (all_pairs_h * counted)[able].sum() + 1e-6:
         return no_rate(PURGED)
-    between = Place(violation_h * SECONDS, data.everyone.exposure_h, able & knows_distances(period))
+    between = Place(violation_h * SECONDS, data.everyone.exposure_h, able & period.knows_distances)
     return close_time_share(period, between, has_history=False)
 
 

@@ -370,10 +370,10 @@ def _local_quarters(site: Site, first: date, last: date) -> tuple[Ints, Ints, In
     as long. A day before is asked too, since clocks set back shortly before the first day repeat an hour in it.
     """
     start, end = _quarter_at(first, site), _quarter_at(last + timedelta(days=1), site)
-    quarters = np.arange(start - 96, end)
+    quarters, zone = np.arange(start - 96, end), site.zone
 
     def offset_s(quarter: int) -> int:
-        return round((datetime.fromtimestamp(quarter * 900, tz=site.zone).utcoffset() or timedelta()).total_seconds())
+        return round((datetime.fromtimestamp(quarter * 900, tz=zone).utcoffset() or timedelta()).total_seconds())
 
     asked = np.append(np.arange(start - 96, end - 1, 24), end - 1)
     answers = np.array([offset_s(int(q)) for q in asked])
