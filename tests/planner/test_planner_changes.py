@@ -16,7 +16,7 @@ import pytest
 from planner import dense_floor as dense
 from planner import planted_shop as planted
 
-from vsd_analytics.answer import VALUES, Answers, Value, value_of
+from vsd_analytics.answer import VALUES, Answers, Reason, Value, value_of
 from vsd_analytics.figures.change_answers import SO_FAR
 from vsd_analytics.figures.change_weeks import log_entry, windows_of
 from vsd_analytics.figures.panels import FloorHours
@@ -146,12 +146,15 @@ def test_a_change_of_the_whole_site_is_shown_and_not_judged(known: PlannerData, 
         assert "map" not in late.verdict
 
 
+GONE = Reason("logged_change.not_yet_gone")
+
+
 @pytest.mark.parametrize(
     ("changed", "expected"),
     [
         ({}, "It works so far: time too close at Door Shop fell by 40%"),
         ({"outcome": "moved"}, "but it moved to other parts of the floor"),
-        ({"outcome": "fell"}, "Whether it moved to other parts of the floor is not known yet"),
+        ({"outcome": "fell", "not_yet": GONE}, "Whether it moved elsewhere is not known yet"),
         ({"outcome": "doubtful"}, "cannot tell whether the change did it"),
         ({"outcome": "rose", "so_far": ("clear_rise", 0.4, 0.2, 0.7)}, "clearly rose, by 40%"),
         ({"outcome": "about_same", "so_far": ("about_same", 0.0, -0.1, 0.1)}, "About the same"),
@@ -173,8 +176,9 @@ def test_only_a_controlled_comparison_says_that_a_change_worked(
     rest = {column.name: None for column in SO_FAR if column.kind not in VALUES}
     rest |= {column.name: Value(0.1) for column in SO_FAR if column.kind in VALUES}
     [row] = change.answers["logged_change"].rows
+    notes = ((None, Reason("logged_change.not_yet", why=changed["not_yet"])),) if "not_yet" in changed else ()
     answers = [
-        replace(change.answers["logged_change"], rows=({**row, **entry},)),
+        replace(change.answers["logged_change"], rows=({**row, **entry},), notes=notes),
         replace(change.answers["change_so_far"], rows=({**rest, **so_far},), nothing=None, state="ok"),
     ]
     said = change_words(replace(change, answers=Answers((*change.answers, *answers)))).verdict

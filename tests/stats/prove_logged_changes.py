@@ -22,7 +22,7 @@ from vsd_analytics.figures.change_outcome import MOSTLY_MOVED, WORKS_E, WORKS_WE
 from vsd_analytics.stats.logged_change import AreaWeeks, taken_up, verdict_of_weeks
 from vsd_analytics.stats.net_effect import net_effect
 from vsd_analytics.stats.placebos import mean_shifts, spread_half_width
-from vsd_analytics.stats.running_verdict import log_e_values
+from vsd_analytics.stats.running_verdict import LAST_PART, LAST_WEEKS, log_e_values
 
 OPEN_H = 70.0
 FEW = 50.0
@@ -62,8 +62,17 @@ def readings(drawn: Weeks) -> Readings:
     fell = was[:, 0] - now[:, 0]
     rest_rose = now[:, 1:].sum(axis=1) - was[:, 1:].sum(axis=1)
     is_gone = (most < MOSTLY_MOVED * lost) & (rest_rose < MOSTLY_MOVED * fell)
-    works = is_fall & (log_e[:, 0] >= math.log(WORKS_E)) & (n >= WORKS_WEEKS) & is_gone & (fell > 0)
+    is_lasting = _last_shifts(before[:, 0], after[:, 0]) <= LAST_PART * shift[:, 0]
+    is_sure = (log_e[:, 0] >= math.log(WORKS_E)) & (n >= WORKS_WEEKS) & is_lasting
+    works = is_fall & is_sure & is_gone & (fell > 0)
     return Readings(is_clear, is_fall, works)
+
+
+def _last_shifts(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Return the shift of the last weeks read, after each week, shape (n_sites, n_weeks)."""
+    weeks = range(1, after.shape[1] + 1)
+    last = np.stack([after[:, max(0, n - LAST_WEEKS) : n].mean(axis=1) for n in weeks], axis=1)
+    return last - before.mean(axis=1, keepdims=True)
 
 
 def one_by_one(drawn: Weeks) -> Readings:
@@ -85,9 +94,8 @@ def one_by_one(drawn: Weeks) -> Readings:
             said["is_clear"][k, n - 1] = found.verdict in ("clear_fall", "clear_rise")
             said["is_fall"][k, n - 1] = is_fall
             is_gone = share is not None and share < MOSTLY_MOVED and rose < MOSTLY_MOVED * fell
-            said["works"][k, n - 1] = (
-                is_fall and is_gone and n >= WORKS_WEEKS and (found.e_value or 0.0) >= WORKS_E and fell > 0
-            )
+            is_sure = (found.e_value or 0.0) >= WORKS_E and n >= WORKS_WEEKS and found.is_lasting
+            said["works"][k, n - 1] = is_fall and is_gone and is_sure and fell > 0
     return Readings(**said)
 
 
@@ -124,8 +132,8 @@ def nothing_done() -> Iterator[tuple[Site, int]]:
     yield named(OFFICE, "site -30 %, felt with log sd 0.4: three comparison areas", whole=(0.7, 0.4), n_areas=4), 8
     for weeks in (8, 26):
         yield named(OFFICE, "season of 25 %, areas up to nine weeks apart", season=(0.25, 9.0)), weeks
-    for weeks in (2, 6):
-        yield named(OFFICE, f"the area -40 % in a holiday of {weeks} weeks", holiday=(0.6, weeks)), 8
+    for weeks, read in ((2, 8), (6, 8), (6, 12), (9, 12)):
+        yield named(OFFICE, f"the area -40 % in a holiday of {weeks} weeks", holiday=(0.6, weeks)), read
     for n in (1, 3):
         name = "its own camera" if n == 1 else "three areas of eight"
         yield named(OFFICE, f"recall .95 to .85 in eight weeks: {name}", drift=((0.85 / 0.95) ** 2, n)), 8

@@ -21,7 +21,7 @@ from vsd_analytics.answer import Design, Outcome, Reason, State
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import rates
 from vsd_analytics.figures.change_doubts import cut_doubts, doubts_and_cautions
-from vsd_analytics.figures.change_outcome import outcome
+from vsd_analytics.figures.change_outcome import MOSTLY_MOVED, outcome
 from vsd_analytics.figures.change_verdicts import (
     FloorEffect,
     Receiver,
@@ -57,8 +57,6 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 
 RING_M: Final = (2.0, 5.0)
 """How far around the changed area people are looked for who only moved on."""
-MOVED: Final = 0.5
-"""Share of the area's fall that the rest of the floor took up, from which on it is said."""
 
 Per = Literal["exposure_h", "x_h"]
 
@@ -123,6 +121,7 @@ class BeforeAfterFigure:
         risers: Areas that clearly have more time too close since, beside those left alone.
         receivers: Areas that clearly have more people since, likewise.
         outcome: What may be said of the change: the one verdict on it.
+        not_yet: Why a fall that is credible is not said to work.
         effect: The effect on violations per person-hour relative to the comparison areas; None without them.
         violation_rate: The effect on violations per open hour, likewise: what moved people away lowers this alone.
         alone: Violations per person-hour in the area, after / before.
@@ -156,6 +155,7 @@ class BeforeAfterFigure:
     risers: tuple[Receiver, ...] = ()
     receivers: tuple[Receiver, ...] = ()
     outcome: Outcome = "too_early"
+    not_yet: Reason | None = None
     effect: test.BeforeAfter | None = None
     violation_rate: test.BeforeAfter | None = None
     alone: ChangeEstimate | None = None
@@ -245,9 +245,7 @@ def before_after(
         doubts = [*doubts, *cut_doubts(data, windows, cameras=_cameras(pair, area))]
     found = replace(
         made, state="ok", reason=None, is_credible=not doubts, doubts=tuple(doubts),
-        cautions=_cautions(
-            burden or effect, whole, windows, [*unsteady, *elsewhere]
-        ),
+        cautions=_cautions(burden or effect, whole, windows, [*unsteady, *elsewhere]),
         burden=burden, close=close, routes=_routes(burden, close), running=so_far,
         floor=whole, effect=effect, violation_rate=violation_rate, alone=alone,
         comparison=rates.encounter_rate_change(pair, _together(others)), people=people,
@@ -256,7 +254,8 @@ def before_after(
         taken_up=moved(data, area, chosen, windows), risers=receivers(data, area, chosen, windows, of=timed),
         receivers=receivers(data, area, chosen, windows, of=peopled),
     )  # fmt: skip
-    return replace(found, outcome=outcome(found))
+    said, not_yet = outcome(found)
+    return replace(found, outcome=said, not_yet=not_yet)
 
 
 def _guard(pair: TwoPeriods, area: Area) -> tuple[State, Reason | None]:
@@ -385,7 +384,7 @@ def _cautions(
             found.append(Reason("logged_change.unseen_trend", per_week=slope, n=trend.n_weeks))
     if effect.value is not None and 1 < effect.n_areas < test.MIN_PLACEBO_AREAS:
         found.append(Reason("logged_change.few_areas", n=effect.n_areas, least=test.MIN_PLACEBO_AREAS))
-    if floor is not None and effect.verdict == "clear_fall" and (floor.moved_elsewhere or 0.0) >= MOVED:
+    if floor is not None and effect.verdict == "clear_fall" and (floor.moved_elsewhere or 0.0) >= MOSTLY_MOVED:
         found.append(Reason("logged_change.moved_elsewhere", share=min(1.0, floor.moved_elsewhere or 0.0)))
     return tuple(found)
 

@@ -173,6 +173,7 @@ def _entry(found: BeforeAfterFigure, site: Site) -> Row:
 def _notes(found: BeforeAfterFigure) -> list[Reason]:
     """Return what a reader must know: why there is no effect, doubts, cautions, areas left out, what must hold."""
     notes = [] if found.state == "ok" or found.reason is None else [found.reason]
+    notes += [] if found.not_yet is None else [Reason("logged_change.not_yet", why=found.not_yet)]
     notes += [Reason("logged_change.doubt", why=doubt) for doubt in found.doubts]
     notes += [Reason("logged_change.caution", why=caution) for caution in found.cautions]
     if found.effect is not None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from vsd_analytics.answer import Outcome
+from vsd_analytics.answer import Outcome, Reason
+from vsd_analytics.stats.running_verdict import LAST_WEEKS, RunningVerdict
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.before_after import BeforeAfterFigure
@@ -12,45 +13,50 @@ if TYPE_CHECKING:
 WORKS_E: Final = 40.0
 """Evidence (e-value) from which it is said that a change works: twice that of a clear verdict. A site that logs a
 change a month then reads it wrongly in fewer than one year of twenty (docs/statistics.md, "A year of pages")."""
-WORKS_WEEKS: Final = 4
-"""Weeks from which on it is said: a broken machine or a short holiday is over by then."""
+WORKS_WEEKS: Final = 8
+"""Weeks from which on it is said: a broken machine, or a school holiday that one area feels, is over by then."""
 MOSTLY_MOVED: Final = 0.5
 """A fall of which the rest of the floor took up this part has moved rather than gone."""
 
 
-def outcome(found: BeforeAfterFigure) -> Outcome:
-    """Return what may be said of a logged change of an area.
+def outcome(found: BeforeAfterFigure) -> tuple[Outcome, Reason | None]:
+    """Return what may be said of a logged change of an area, and why a fall is not said to work.
 
     All of it follows from the running verdict beside areas that were left alone. A clear fall "works" after at least
-    four weeks, with evidence of at least `WORKS_E`, nothing that speaks against the comparison, a whole floor that did
-    not clearly rise, and where neither the rest of the floor rose by half of the area's fall, nor the two places that
-    have most more beside the areas left alone have half of it. It "moved" where they have and one of them clearly rose.
-    Else it "fell", or is "doubtful" where something speaks against it.
+    eight weeks, of which the last two hold half of it, with evidence of at least `WORKS_E`, nothing that speaks against
+    the comparison, a whole floor that did not clearly rise, and where neither the rest of the floor rose by half of the
+    area's fall, nor the two places that have most more beside the areas left alone have half of it. It "moved" where
+    they have and one of them clearly rose. Else it "fell", or is "doubtful" where something speaks against it.
     """
     running = found.running
     if found.state == "ok" and found.design == "alone":
-        return "alone"
+        return "alone", None
     if found.state != "ok" or running is None or running.value is None:
-        return "too_early"
+        return "too_early", None
     match running.verdict:
         case "clear_fall":
-            return _of_a_fall(found, running.e_value or 0.0, running.n_weeks)
+            return _of_a_fall(found, running)
         case "clear_rise":
-            return "rose"
+            return "rose", None
         case "about_same":
-            return "about_same"
+            return "about_same", None
         case _:
-            return "cannot_tell"
+            return "cannot_tell", None
 
 
-def _of_a_fall(found: BeforeAfterFigure, e_value: float, n_weeks: int) -> Outcome:
+def _of_a_fall(found: BeforeAfterFigure, running: RunningVerdict) -> tuple[Outcome, Reason | None]:
     floor = found.floor
-    is_shown = found.is_credible and not found.doubts and e_value >= WORKS_E
+    is_shown = found.is_credible and not found.doubts and (running.e_value or 0.0) >= WORKS_E
     if not is_shown or floor is None or floor.net.verdict == "clear_rise":
-        return "doubtful"
+        return "doubtful", None
     taken = found.taken_up
     share = None if taken is None else taken.share
     if share is not None and share >= MOSTLY_MOVED and found.risers:
-        return "moved"
-    is_gone = share is not None and share < MOSTLY_MOVED and (floor.moved_elsewhere or 0.0) < MOSTLY_MOVED
-    return "works" if is_gone and n_weeks >= WORKS_WEEKS else "fell"
+        return "moved", None
+    if share is None or share >= MOSTLY_MOVED or (floor.moved_elsewhere or 0.0) >= MOSTLY_MOVED:
+        return "fell", Reason("logged_change.not_yet_gone")
+    if not running.is_lasting:
+        return "fell", Reason("logged_change.not_yet_lasting", n=LAST_WEEKS)
+    if running.n_weeks < WORKS_WEEKS:
+        return "fell", Reason("logged_change.not_yet_long", least=WORKS_WEEKS)
+    return "works", None

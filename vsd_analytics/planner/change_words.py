@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from vsd_analytics.answer import Answers, Cell, Reason, Row, Value, value_of
 from vsd_analytics.figures.week.model_sections import ReceivingArea
 from vsd_analytics.planner.logged_changes import ChangeSide, PlannerChange
-from vsd_analytics.report.pages.logged_changes import amount, received
+from vsd_analytics.report.pages.logged_changes import amount, not_yet, received
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
@@ -95,6 +95,7 @@ def _verdict(answers: Answers) -> str:
             low=amount(so_far.lo),
             high=amount(so_far.hi),
             receivers=received([_receiver(area) for area in answers["change_receivers"].rows]),
+            why=not_yet(next(iter(_whys(answers, "not_yet")), None)),
         )
     reason = reason_text(so_far.reason).rstrip(".")
     return say("planner.log.untold", area=entry["name"], reason=reason) if reason else say("came_of.nothing")
@@ -148,9 +149,13 @@ def _notes(answers: Answers, *, has_map: bool) -> tuple[str, ...]:
 
 def _cautions(answers: Answers) -> tuple[str, ...]:
     """Return what speaks against the comparison, and what the data could not rule out."""
-    notes = [note for _, note in answers["logged_change"].notes]
-    whys = [note.values["why"] for note in notes if note.code in ("logged_change.doubt", "logged_change.caution")]
-    return tuple(reason_text(why) for why in whys if isinstance(why, Reason))
+    return tuple(reason_text(why) for why in _whys(answers, "doubt", "caution"))
+
+
+def _whys(answers: Answers, *kinds: str) -> list[Reason]:
+    """Return the reasons in some kinds of notes on the entry."""
+    notes = [note for _, note in answers["logged_change"].notes if note.code in {f"logged_change.{k}" for k in kinds}]
+    return [why for note in notes if isinstance(why := note.values["why"], Reason)]
 
 
 def _so_far(answers: Answers) -> Row | None:

@@ -25,6 +25,7 @@ from vsd_analytics.stats.estimates import verdict_of
 from vsd_analytics.stats.period_days import Bools, Floats
 from vsd_analytics.stats.placebos import mean_shifts, spread_half_width
 from vsd_analytics.stats.running_verdict import (
+    LAST_WEEKS,
     MAX_REFERENCE_WEEKS,
     MOST_LOG_E,
     RunningVerdict,
@@ -133,10 +134,12 @@ def _counted(b: AreaWeeks, a: AreaWeeks, *, confidence: float) -> RunningVerdict
     at = {"exposure_ratio": float(ratios[-1]), "phi": phi, "confidence": confidence}
     lo, hi = few_events.running_limits(n_before, float(so_far[-1]), **at)
     theta = float(so_far[-1]) / n_before / float(ratios[-1])
+    last = a.at(np.arange(a.n.shape[1]) >= a.n.shape[1] - LAST_WEEKS)
+    last_value = float(last.n[0].sum()) / n_before / float(_exposure_ratios(b, last)[-1])
     return RunningVerdict(
         value=theta, lo=lo, hi=hi, e_value=e[-1], e_by_week=tuple(e), clear_since=None, n_reference=b.n.shape[1],
         n_weeks=a.n.shape[1], verdict=verdict_of(lo, hi), state="ok", reason=None, all_value=theta, all_lo=lo,
-        all_hi=hi, is_counted=True,
+        all_hi=hi, last_value=last_value, is_counted=True,
     )  # fmt: skip
 
 

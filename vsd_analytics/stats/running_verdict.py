@@ -35,6 +35,9 @@ from vsd_analytics.stats.period_days import Floats
 MIN_REFERENCE_WEEKS: Final = 4
 MAX_REFERENCE_WEEKS: Final = 12
 """Older weeks tell of another site."""
+LAST_WEEKS: Final = 2
+LAST_PART: Final = 0.5
+"""An effect lasts if this part of its logarithm is left in the last weeks read."""
 LEAST: Final = 1e-9
 MOST_LOG_E: Final = math.log(1e9)
 """Evidence is counted up to here: beyond it no verdict changes, and a number of 300 digits says no more."""
@@ -65,6 +68,7 @@ class RunningVerdict:
             interval. None = on no single one.
         unclear_without: Without which one the running interval would not exclude "no change", where it does beside
             all; None = it would without any.
+        last_value: The ratio of the last two weeks read over the reference weeks, beside all comparison areas.
         is_counted: By counts (`vsd_analytics.stats.few_events`), as logs of weeks cannot be taken: ratio, range and
             evidence are those of violations.
     """
@@ -88,7 +92,16 @@ class RunningVerdict:
     without: tuple[float | None, ...] = ()
     rests_on: int | None = None
     unclear_without: int | None = None
+    last_value: float | None = None
     is_counted: bool = False
+
+    @property
+    def is_lasting(self) -> bool:
+        """Whether the last two weeks hold half of the effect, in logs: a holiday of one area ends."""
+        if self.all_value is None or self.last_value is None:
+            return False
+        effect = _log(self.all_value)
+        return _log(self.last_value) * math.copysign(1.0, effect) >= LAST_PART * abs(effect)
 
 
 def running_verdict(
@@ -132,6 +145,7 @@ def running_verdict(
         clear_since=int(reached[0]) + 1 if len(reached) else None, n_reference=m, n_weeks=n,
         verdict=verdict_of(0.0 if lo is None else lo, hi), state="ok", reason=None,
         all_value=math.exp(log_theta), all_lo=lo, all_hi=hi,
+        last_value=math.exp(float(after[-LAST_WEEKS:].mean() - y.mean())),
     )  # fmt: skip
     parts = [running_verdict(*y, confidence=confidence, min_reference_weeks=min_reference_weeks) for y in without]
     return as_far_as(found, parts, None if spread is None else float(half_spread[-1]))

@@ -65,9 +65,14 @@ WENT = (m.ReceivingArea(area_name="Aisle", change=0.3, change_lo=0.2, change_hi=
             "took people up.",
         ),
         (
-            change("fell", *FALL),
+            change("fell", *FALL, not_yet=Reason("logged_change.not_yet_gone")),
             "People there spend between 90% less and 80% less time too close than before, compared with Pharmacy; no "
             "other area clearly took people up. Whether it moved elsewhere is not known yet.",
+        ),
+        (
+            change("fell", *NONE, not_yet=Reason("logged_change.not_yet_long", least=8)),
+            "Nobody there is too close any more (none, at most 3% of the time before), compared with Pharmacy; no "
+            "other area clearly took people up. Too early to say that it works: that takes 8 weeks.",
         ),
         (
             change("doubtful", *NONE),

@@ -14,7 +14,7 @@ from report import sample_weeks as weeks
 from report.sample_sections import change_effects, trend
 from report.story.golden_cases import CASES, CLOSE, OFTEN, after_a_gap, beside_usual, silent, unusual_hour
 
-from vsd_analytics.answer import Verdict
+from vsd_analytics.answer import Reason, Verdict
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import LoggedChangeEffect, Usual
 from vsd_analytics.report.model.week import Story, WeekReport
@@ -290,6 +290,9 @@ def test_a_headline_without_a_change_to_name_says_where_the_difference_lies(shar
     assert story_of(replace(report, areas=areas)).headline == f"Violations fell by about a seventh{said}"
 
 
+GONE = Reason("logged_change.not_yet_gone")
+
+
 def planted_redesign(**other: object) -> LoggedChangeEffect:
     """A change that its running verdict, seen beside other areas, shows to work."""
     effect = Estimate(value=None, change=-0.48, change_lo=-0.6, change_hi=-0.33, verdict="clear_fall")
@@ -320,7 +323,7 @@ def test_only_a_controlled_comparison_may_say_that_a_change_works() -> None:
 
 
 def test_a_fall_that_may_have_moved_elsewhere_is_no_success() -> None:
-    report = replace(weeks.normal(), change_effects=(replace(planted_redesign(), outcome="fell"),))
+    report = replace(weeks.normal(), change_effects=(replace(planted_redesign(), outcome="fell", not_yet=GONE),))
     fell = story_of(report).things[0]
     assert fell.title == "Less time too close at Checkout queue since the change"
     assert fell.text.endswith("Whether it moved elsewhere is not known yet.")

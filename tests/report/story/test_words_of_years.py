@@ -17,7 +17,7 @@ from report.story.prove_words import AREAS, N_AREAS, REFERENCE, entries, monday,
 
 pytestmark = pytest.mark.simulation
 
-WATCHED = 8
+WATCHED = 9
 
 
 @pytest.mark.parametrize(("effect", "said"), [(0.4, "works"), (1.0, None)])

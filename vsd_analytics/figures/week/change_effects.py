@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
-from vsd_analytics.answer import Answer, Answers, Outcome, Reason, Value
+from vsd_analytics.answer import Answer, Answers, Outcome, Reason, Row, Value
 from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.change_answers import NO_RECEIVER, change_answers
 from vsd_analytics.figures.change_verdicts import Receiver
@@ -20,8 +20,8 @@ from vsd_analytics.stats.decomposition import MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate
 from vsd_analytics.stats.running_verdict import RunningVerdict
 
-SHOWN_DAYS: Final = 63
-"""A change is on the page for nine weeks: four after it are compared, and washout and holidays may move these."""
+SHOWN_DAYS: Final = 84
+"""A change is on the page for twelve weeks: eight after it may say that it works, washout and holidays move these."""
 _RATES: Final = ("change_effects", "change_so_far", "change_parts", "change_receivers")
 """Tables of a logged change that are held back as a whole."""
 NEW_DAYS: Final = 14
@@ -33,7 +33,7 @@ def change_effects(
 ) -> tuple[LoggedChangeEffect, ...]:
     """Return the logged changes whose weeks before and after reach into the report's week or are still to come.
 
-    A change is reported as long as its weeks after include a day of this week, or it lies in the last nine weeks. In
+    A change is reported as long as its weeks after include a day of this week, or it lies in the last twelve weeks. In
     the second case the report says what is still missing.
 
     Args:
@@ -84,7 +84,7 @@ def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffec
     """Return what a logged change did, without what would tell a small count."""
     names, windows = {a.area_id: a.name for a in data.areas}, found.windows
     measured: dict[str, Any] = dict.fromkeys(("effect", "violation_rate", "people", "burden", "close", "running"))
-    measured |= {"outcome": _outcome_held_back(found), "receivers": ()}
+    measured |= {"outcome": _outcome_held_back(found), "not_yet": None, "receivers": ()}
     if found.state == "ok":
         measured |= {"effect": _change(found.effect or found.alone), "people": _change(found.people)}
         if is_held_back(data, found):
@@ -99,7 +99,7 @@ def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffec
                 ReceivingArea(area_name=r.name, change=r.more, change_lo=r.lo, change_hi=r.hi)
                 for r in _shown_receivers(data, found)
             )
-            measured |= {"outcome": found.outcome, "receivers": tuple(receivers)}
+            measured |= {"outcome": found.outcome, "not_yet": found.not_yet, "receivers": tuple(receivers)}
     return same_fields(
         LoggedChangeEffect,
         found,
@@ -134,11 +134,16 @@ def shared_change_answers(data: WeekData, found: BeforeAfterFigure) -> Answers:
     [entry] = told["logged_change"].rows
     return Answers(
         (
-            replace(told["logged_change"], rows=({**entry, "outcome": _outcome_held_back(found)},)),
+            _entry_held_back(told["logged_change"], {**entry, "outcome": _outcome_held_back(found)}),
             *(_empty(told[name], why) for name in _RATES),
             _people_only(data, found, told["change_places"], why),
         )
     )
+
+
+def _entry_held_back(answer: Answer, entry: Row) -> Answer:
+    notes = tuple(note for note in answer.notes if note[1].code != "logged_change.not_yet")
+    return replace(answer, rows=(entry,), notes=notes)
 
 
 def _empty(answer: Answer, why: Reason) -> Answer:

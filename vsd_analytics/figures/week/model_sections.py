@@ -225,6 +225,7 @@ class LoggedChangeEffect:
     text: str = _f("Free text.")
     area_name: str = _f("Area looked at; free text.")
     outcome: Outcome = _f("What may be said of it: see `logged_changes`.", default="too_early")
+    not_yet: Reason | None = _o("In words, why a fall is not said to work.")
     receivers: tuple[ReceivingArea, ...] = _f("Areas that clearly have more people since, most first.", default=())
     design: Design = _f("Beside areas that were left alone, or the area by itself.")
     is_credible: bool = _f("False: something speaks against the comparison, see `doubts`.")
@@ -285,9 +286,9 @@ class LoggedChangeResult:
     area_name: str | None = _o("Its name; free text.")
     outcome: Outcome = _f(
         "What may be said: works only beside areas that were left alone, by the running verdict, where the rest of "
-        "the floor did not take up half of the fall; moved: it did, and an area of it clearly rose; fell: a fall "
-        "beside these areas, of which nobody can tell whether it moved; doubtful: a fall that something else may have "
-        "made; "
+        "the floor did not take up half of the fall, after eight weeks, and where the last two hold half of it; "
+        "moved: the rest took it up, and an area of it clearly rose; fell: a fall beside these areas, and `not_yet` "
+        "says why it is not said to work; doubtful: a fall that something else may have made; "
         "about_same: its whole range lies near no change; alone: no area was left alone to compare with."
     )
     usual_min: float | None = _o(
@@ -306,6 +307,7 @@ class LoggedChangeResult:
     watched_until: date | None = _o("Last day it is watched; None: it is decided, or cannot be.")
     compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
     receivers: tuple[ReceivingArea, ...] = _f("Areas that clearly have more people since, most first.", default=())
+    not_yet: Reason | None = _o("In words, why a fall is not said to work.")
     reason: Reason | None = _o("Why nothing can be said yet.")
 
 

@@ -49,6 +49,7 @@ def _measured(data: WeekData, line: LoggedChangeResult, found: BeforeAfterFigure
         watched_until=_watched_until(data, found, is_decided=said in ("works", "moved", "rose")),
         compared_with=change.compared_with,
         receivers=change.receivers,
+        not_yet=change.not_yet,
         reason=change.reason if running is None else running.reason,
     )
     if floor is None or floor.area_min is None or floor.floor_min is None or is_held_back(data, found):

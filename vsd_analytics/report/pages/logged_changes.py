@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
 
+from vsd_analytics.answer import Reason
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import LoggedChangeEffect, LoggedChangeResult, ReceivingArea
 from vsd_analytics.report.model.week import WeekReport
@@ -33,12 +34,18 @@ def came_of(change: LoggedChangeEffect | None) -> str:
         case "works" | "fell" as said:
             none = "_none" if running is not None and is_none(running) else ""
             beside = terms.joined(change.compared_with)
-            return say(f"came_of.{said}{none}", likely=likely, areas=beside, receivers=received(change.receivers))
+            took_up, why = received(change.receivers), not_yet(change.not_yet)
+            return say(f"came_of.{said}{none}", likely=likely, areas=beside, receivers=took_up, why=why)
         case "moved":
             share = fmt.percent(min(1.0, change.moved_elsewhere or 0.0))
             return say("came_of.moved", share=share, receivers=received(change.receivers))
         case said:
             return say(f"came_of.{said}", likely=likely)
+
+
+def not_yet(reason: Reason | None) -> str:
+    """Return why a fall is not said to work, as a sentence; empty where nothing is in its way."""
+    return "" if reason is None else terms.sentence(reason_text(reason))
 
 
 def received(receivers: Sequence[ReceivingArea]) -> str:
@@ -84,7 +91,7 @@ def _in_area(line: LoggedChangeResult) -> str:
         f"logged_changes.{line.outcome}",
         least=least,
         most=most, n=n, low=low, high=high, usual=fmt.count(_rounded(line.usual_min or 0.0)),
-        areas=terms.joined(line.compared_with), receivers=received(line.receivers),
+        areas=terms.joined(line.compared_with), receivers=received(line.receivers), why=not_yet(line.not_yet),
     )  # fmt: skip
 
 
@@ -128,7 +135,7 @@ def amount(change: float | None) -> str:
 
 LINES_MAX: Final = 3
 """Earlier questions on a page; all are in the JSON file."""
-FOLLOWED: Final = timedelta(weeks=9)
+FOLLOWED: Final = timedelta(weeks=12)
 """What was tried is followed for so long; other answers are reported once."""
 
 

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from vsd_analytics.figures.change_outcome import WORKS_WEEKS
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_recording import CameraRecord
 from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.model.week import Thing, WeekReport
-from vsd_analytics.report.pages.logged_changes import received
+from vsd_analytics.report.pages.logged_changes import not_yet, received
 from vsd_analytics.report.pages.no_data import nothing
 from vsd_analytics.report.pages.spoken import week_before
 from vsd_analytics.wording import format as fmt
@@ -68,6 +69,7 @@ def _change_that_fell(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
         likely=fmt.likely_signed(running),
         areas=terms.joined(change.compared_with),
         receivers=received(change.receivers),
+        why=not_yet(change.not_yet),
     )
     title = say("things.works" if said == "works" else "things.less", area=change.area_name)
     return Thing(kind="worked", title=title, text=text, target="changed")
@@ -82,7 +84,8 @@ def _change_that_moved(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
 
 def _is_news(change: LoggedChangeEffect, report: WeekReport) -> bool:
     """Tell whether the result of a change is new to a reader of every week's page."""
-    return report.agenda is None or (change.n_watched or 0) <= NEWS_WEEKS
+    first = WORKS_WEEKS if change.outcome == "works" else 1
+    return report.agenda is None or (change.n_watched or 0) < first + NEWS_WEEKS
 
 
 def _results(report: WeekReport, *, is_new: bool) -> list[Thing]:
