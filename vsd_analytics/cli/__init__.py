@@ -103,7 +103,7 @@ def cli(ctx: click.Context, folder: str, now: str | None, quiet: bool, verbose: 
 
     Exit codes: 0 done, 1 done but something needs you, 2 could not run, 130 interrupted.
     """
-    ctx.obj = Project(folder=folder, now_text=now, quiet=quiet, verbose=verbose, is_own_process=bool(ctx.obj))
+    ctx.obj = Project(folder=folder, now_text=now, quiet=quiet, verbose=verbose)
     if now is not None:
         instant(now, zone="UTC", what="--now")
 
@@ -117,7 +117,7 @@ def main(arguments: list[str] | None = None) -> None:
     """
     if arguments is not None:
         sys.exit(run(cli, arguments))
-    code = run(cli, sys.argv[1:], is_own_process=True)
+    code = run(cli, sys.argv[1:])
     if code != 0:
         sys.exit(code)
     for stream in (sys.stdout, sys.stderr):

@@ -40,15 +40,12 @@ def build(project: Project, /, address: str | None, url: str | None, has_records
       vsd build --on tcp://192.168.1.20:8786
       vsd build --publish s3://figures/shop
     """
-    from vsd_analytics.cli.without_pandas import answer_pyarrow
     from vsd_analytics.store.store import Store
     from vsd_analytics.warehouse.build import build as build_facts
 
     site, s3 = project.site, None
     if has_records and url is None:
         raise UsageError("--records needs --publish URL", fix="vsd build --publish s3://figures/shop --records")
-    if project.is_own_process and address is None:  # workers bring their own libraries
-        answer_pyarrow()
     if url is not None:
         from vsd_analytics.cluster import bucket
         from vsd_analytics.cluster.record_mirror import RECORDS, publish_records

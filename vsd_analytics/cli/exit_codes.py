@@ -21,20 +21,19 @@ BEYOND_CORE: Final = frozenset(
 """Libraries that commands of `deploy/core-requirements.txt` do without: they draw, measure pictures and test."""
 
 
-def run(command: click.Command, arguments: list[str], *, is_own_process: bool = False) -> int:
+def run(command: click.Command, arguments: list[str]) -> int:
     """Run a click command and return its exit code, printing every error in one shape.
 
     Args:
         command: The command.
         arguments: Those of the command line.
-        is_own_process: The process ends with the command.
     """
     as_json = "--json" in arguments
     verbose = any(a in ("-v", "--verbose") for a in arguments)
     try:
         if not {"explain", "-h", "--help", "--version"} & set(arguments):
             refuse_unsupported(sys.platform)
-        result = command.main(arguments, prog_name="vsd", standalone_mode=False, obj=is_own_process)
+        result = command.main(arguments, prog_name="vsd", standalone_mode=False)
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except VsdError as error:

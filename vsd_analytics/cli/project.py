@@ -27,7 +27,6 @@ class Project:
         now_text: As given by `--now`.
         quiet: Print nothing but results and errors.
         verbose: Show tracebacks.
-        is_own_process: The process ends with the command.
         is_exact: `--exact`: what the command makes is for the operator and hides nothing.
     """
 
@@ -35,7 +34,6 @@ class Project:
     now_text: str | None = None
     quiet: bool = False
     verbose: bool = False
-    is_own_process: bool = False
     is_exact: bool = False
 
     def inside(self, folder: Path) -> Project:

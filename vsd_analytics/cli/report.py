@@ -91,10 +91,7 @@ def report(
       vsd report --week last --mail --send
     """
     from vsd_analytics.cli import report_mail
-    from vsd_analytics.cli.without_pandas import answer_pyarrow
 
-    if project.is_own_process:
-        answer_pyarrow()
     is_mailed = is_mailed or is_sent
     if as_json:
         if is_mailed or figure is not None or kinds not in (None, ("json",)):
