@@ -383,6 +383,64 @@ def test_commands_that_print_answers_compute_nothing() -> None:
     assert {name: found for name, path in printing.items() if (found := computes(path))} == {}
 
 
+OUTPUTS = ("report", "planner", "calibration_page", "site_index", "service", "api", "live", "doctor", "cli")
+COMPUTE_OUTSIDE_FIGURES = {
+    "vsd_analytics.api.days": "hands on whole tables of sql/tables",
+    "vsd_analytics.live.companions": "one rule on the people of this second, of whom nothing is stored yet",
+    "vsd_analytics.planner.cell_counts": "packs counts by hour and cell, which the page's script adds up",
+    "vsd_analytics.planner.script": "gives the script the factors of its intervals",
+    "vsd_analytics.report.draw.funnel_chart": "draws a limit at every width: a curve has no rows",
+    "vsd_analytics.report.pages.duckdb_file": "copies the calendar, and counts the rows that it wrote",
+    "vsd_analytics.site_index.site_comparison": "reads the JSON files of other sites, which no warehouse has",
+}
+"""Modules of the outputs that call statistics or query facts, and why they may."""
+SELECT = re.compile(r"^\s*(with\s+\w+\s+as\b.*)?select\b.*\bfrom\s+\w", re.IGNORECASE | re.DOTALL)
+
+
+def makes_figures(tree: ast.AST) -> list[str]:
+    """Return the functions of `stats/` that a module imports, and the queries of its own; types may be imported."""
+    found = [
+        f"{node.module}.{alias.name}"
+        for node in nodes(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("vsd_analytics.stats")
+        for alias in node.names
+        if not alias.name[0].isupper()
+    ]
+    texts = (text for n in nodes(tree) if (text := _text(n)))
+    return found + [text for text in texts if SELECT.search(text)]
+
+
+def _text(node: ast.AST) -> str:
+    """Return a text, an f-string with x for what is filled in; empty for all else."""
+    if isinstance(node, ast.JoinedStr):
+        return "".join(_text(part) or "x" for part in node.values)
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
+
+
+def test_no_figure_is_computed_outside_figures() -> None:
+    """Outputs render answers. A name on the list that computes nothing any more leaves it."""
+    computing = {name for name, path in KNOWN.items() if room(name) in OUTPUTS and makes_figures(parsed(path))}
+    assert computing == set(COMPUTE_OUTSIDE_FIGURES)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "from vsd_analytics.stats.rates import violation_rate",
+        "from vsd_analytics.stats import rates",
+        "warehouse.rows('select sum(n) as n from hours')",
+        "QUERY = 'with used as (select 1) select * from used'",
+        "f'select {column} from hours'",
+    ],
+)
+def test_a_figure_of_an_output_is_found(source: str) -> None:
+    assert makes_figures(ast.parse(source))
+
+
+def test_types_of_statistics_and_prose_are_no_figures() -> None:
+    assert not makes_figures(ast.parse("from vsd_analytics.stats.usual import Position\nx = 'with joints'"))
+
+
 def test_no_page_or_message_compares_a_day_with_its_usual_range() -> None:
     """Where a day lies is a property of the day: a page and a topic once compared different numbers with it."""
     above = [path for name, path in KNOWN.items() if ROOMS.index(room(name)) > ROOMS.index("figures")]

@@ -27,10 +27,6 @@ if TYPE_CHECKING:
 MapKind = Literal["exposure", "burden", "risk", "excess"]
 T = TypeVar("T")
 
-_COVERAGE = (
-    "select camera_id, local_date, sum(open_s) / 3600 as open_h, sum(recorded_open_s) / 3600 as recorded_h "
-    "from camera_hours group by all order by camera_id, local_date"
-)
 COMPUTED_TABLES: Final = {
     "visits": "One row per area with visits = true: visits per open hour (M35) and dwell times (M36).",
     "queues": "One row per area with queue = true: people waiting (M39) and waiting times (M40).",
@@ -219,7 +215,11 @@ class Days:
             >>> len(week.coverage)  # four cameras on seven days
             28
         """
-        return self._query(_COVERAGE, "Coverage")
+        from vsd_analytics.figures.operator_counts import camera_days
+
+        with self._warehouse() as warehouse:
+            rows = camera_days(warehouse)
+        return Table(rows, title=f"Coverage, {self.name}")
 
     @cached_property
     def areas(self) -> Table:
@@ -424,11 +424,6 @@ class Days:
     def _table(self, name: str) -> Table:
         rows = self.sql(f"select * from {name}").arrow()
         return Table(rows, title=f"{name.replace('_', ' ').capitalize()}, {self.name}", note=_NOTES.get(name, ""))
-
-    def _query(self, query: str, title: str) -> Table:
-        with self._warehouse() as warehouse:
-            rows = warehouse.table(query)
-        return Table(rows, title=f"{title}, {self.name}")
 
     @contextmanager
     def _warehouse(self, first: date | None = None, last: date | None = None) -> Iterator[Warehouse]:

@@ -6,16 +6,12 @@ from collections import defaultdict
 from datetime import date
 
 from vsd_analytics.api.notebook_html import days_html
+from vsd_analytics.figures.operator_counts import n_violations_in, recorded_hours
 from vsd_analytics.figures.week.model_recording import CameraDay
 from vsd_analytics.warehouse.warehouse import Warehouse
 from vsd_analytics.wording import format as fmt
 
 DAYS_SHOWN = 14
-_QUERY = (
-    "select camera_id, local_date, local_hour, sum(open_s)::double as open_s, "
-    "sum(recorded_open_s)::double as recorded_s "
-    "from camera_hours group by all order by local_date, local_hour"
-)
 
 
 def recorded_html(warehouse: Warehouse, *, title: str) -> str:
@@ -26,19 +22,18 @@ def recorded_html(warehouse: Warehouse, *, title: str) -> str:
         title: Site and days, in words.
     """
     hours: dict[tuple[str, date], dict[int, tuple[float, float]]] = defaultdict(dict)
-    for row in warehouse.rows(_QUERY):
-        hours[row["camera_id"], row["local_date"]][row["local_hour"]] = (row["open_s"], row["recorded_s"] or 0.0)
+    for row in recorded_hours(warehouse):
+        hours[row["camera_id"], row["local_date"]][row["local_hour"]] = (row["open_s"], row["recorded_s"])
     days = sorted({day for _, day in hours})
     cameras = {
         c.name: [_day(day, hours[c.camera_id, day]) for day in days[:DAYS_SHOWN]] for c in warehouse.site.cameras
     }
     open_hours = [h for of_day in hours.values() for h, (open_s, _) in of_day.items() if open_s > 0] or [0, 23]
-    [sums] = warehouse.rows("select sum(n_violations)::bigint as n, sum(person_records)::bigint as people from hours")
     scheduled_h, recorded_h = (
         sum(pair[k] for of_day in hours.values() for pair in of_day.values()) / 3600 for k in (0, 1)
     )
     share = fmt.percent(recorded_h / scheduled_h if scheduled_h else None)
-    summary = f"{fmt.count(sums['n'])} violations; {share} of the open camera-hours recorded"
+    summary = f"{fmt.count(n_violations_in(warehouse))} violations; {share} of the open camera-hours recorded"
     if len(days) > DAYS_SHOWN:
         summary += f"; the first {DAYS_SHOWN} of {len(days):,} days are drawn"
     return days_html(

@@ -10,6 +10,7 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
 
 At = Literal["midpoint", "person"]
 
@@ -185,6 +186,35 @@ def coverage(warehouse: Warehouse, *, until_ms: int | None = None) -> dict[str, 
         ],
         "restarts": [_between(warehouse, row) for row in numbers if row["is_restart"]],
     }
+
+
+def camera_days(warehouse: Warehouse) -> pa.Table:
+    """Return one row per camera and local day: `camera_id`, `local_date`, `open_h`, `recorded_h` of its open hours."""
+    return warehouse.table(
+        "select camera_id, local_date, sum(open_s) / 3600 as open_h, sum(recorded_open_s) / 3600 as recorded_h "
+        "from camera_hours group by all order by camera_id, local_date"
+    )
+
+
+def recorded_hours(warehouse: Warehouse) -> list[dict[str, Any]]:
+    """Return one row per camera and local hour: `camera_id`, `local_date`, `local_hour`, `open_s`, `recorded_s`."""
+    return warehouse.rows(
+        "select camera_id, local_date, local_hour, sum(open_s)::double as open_s, "
+        "coalesce(sum(recorded_open_s), 0)::double as recorded_s "
+        "from camera_hours group by all order by local_date, local_hour"
+    )
+
+
+def n_violations_in(warehouse: Warehouse) -> int:
+    """Return the violations of a range, in all its hours."""
+    [row] = warehouse.rows("select coalesce(sum(n_violations), 0)::bigint as n from hours")
+    return int(row["n"])
+
+
+def last_recorded_ms(warehouse: Warehouse) -> int | None:
+    """Return when the last record of a range was (UTC milliseconds); None without any."""
+    [row] = warehouse.rows("select max(ended_ms) as ms from recorded_spans")
+    return None if row["ms"] is None else int(row["ms"])
 
 
 def _outages(warehouse: Warehouse, until_ms: int | None) -> list[dict[str, Any]]:

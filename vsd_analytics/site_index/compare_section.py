@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
@@ -11,9 +10,8 @@ from markupsafe import Markup
 
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.report.draw.funnel_chart import NARROW, WIDE, FunnelPoint, PointKind, funnel_chart
-from vsd_analytics.site_index.site_comparison import CONFIDENCE, ComparedFloor, FloorStatus, SiteComparison
+from vsd_analytics.site_index.site_comparison import ComparedFloor, FloorStatus, SiteComparison
 from vsd_analytics.site_index.summary import in_words, some
-from vsd_analytics.stats.quantiles import z_quantile
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
@@ -118,8 +116,7 @@ def _change(floor: ComparedFloor) -> Estimate:
 
 
 def _notes(found: SiteComparison) -> Iterable[str]:
-    if found.usual_sd is not None:
-        reach = math.exp(z_quantile(confidence=CONFIDENCE) * found.usual_sd)
+    if (reach := found.usual_reach) is not None:
         yield say("index.compare.usual", low=fmt.signed(1 / reach - 1), high=fmt.signed(reach - 1))
     for status in GROUPS:
         floors = [f for f in found.floors if f.status == status]

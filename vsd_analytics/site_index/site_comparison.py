@@ -24,7 +24,7 @@ from vsd_analytics.settings import DEFAULTS
 from vsd_analytics.site_index.floor_weeks import FloorKey, FloorWeeks
 from vsd_analytics.site_index.read_reports import IndexedReport
 from vsd_analytics.stats.funnel import Funnel, funnel
-from vsd_analytics.stats.quantiles import t_quantile
+from vsd_analytics.stats.quantiles import t_quantile, z_quantile
 from vsd_analytics.stats.shrinkage import Pulled, pull_limited
 from vsd_analytics.stats.standard_ratio import SiteTime, StandardRatio, known_shares, standard_ratios
 from vsd_analytics.wording.reasons import text_or_none
@@ -86,6 +86,11 @@ class SiteComparison:
     floors: tuple[ComparedFloor, ...]
     usual_sd: float | None
     distance_m: float
+
+    @property
+    def usual_reach(self) -> float | None:
+        """Return how many times a usual floor lies above or below the mean at most; None without `usual_sd`."""
+        return None if self.usual_sd is None else math.exp(z_quantile(confidence=CONFIDENCE) * self.usual_sd)
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain values, as `vsd site build --json` prints it."""

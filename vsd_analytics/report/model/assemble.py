@@ -9,6 +9,7 @@ from vsd_analytics.errors import ReportError
 from vsd_analytics.figures.catalogue import SO_FAR, map_figures, shared_answers
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.close_by_crowding import close_by_crowding
+from vsd_analytics.figures.operator_counts import last_recorded_ms
 from vsd_analytics.figures.panels import WEEK, FloorHours
 from vsd_analytics.figures.share.counts import GIVES_AWAY, in_week_before, mask_of
 from vsd_analytics.figures.share.periods import check_days, is_over, last_closed_day, not_yet
@@ -260,9 +261,10 @@ def _made_at(data: WeekData, now: datetime | None) -> datetime:
     if now is not None:
         return now.astimezone(data.site.zone)
     end = data.midnight(data.monday + data.span)
-    last = data.warehouse.rows("select max(ended_ms) as ms from recorded_spans")[0]["ms"]
-    is_before = last is None or data.local(last) < data.midnight(data.monday)
-    return end if is_before else min(end, data.local(last))
+    last = last_recorded_ms(data.warehouse)
+    if last is None or data.local(last) < data.midnight(data.monday):
+        return end
+    return min(end, data.local(last))
 
 
 def _plain(value: object) -> str:
