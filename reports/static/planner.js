@@ -272,8 +272,9 @@ function drawn() {
   if (!isPaired && (s.from !== hours[0] || s.to !== hours[1])) what.push(`${option('from')}–${option('to')}`);
   if (s.flow !== 'none') what.push(option('flow'));
   const card = c && document.querySelector(`[data-card="${c.number}"]`);
-  return [isPaired ? plain(document.querySelector('h1')) : document.title, what.join(' · '), ...card ? [`${plain(card.querySelector('.what'))} ${plain(card.querySelector('.verdict'))}`] : []];
+  return [isPaired ? plain(document.querySelector('h1')) : document.title, what.join(' · '), ...all('.tag').map(plain), ...card ? [`${plain(card.querySelector('.what'))} ${plain(card.querySelector('.verdict'))}`] : []];
 }
+const fileName = ending => `${[M.file, ...state.change ? [`change-${state.change}`] : [], ...state.show === 'week' ? [] : [state.show], ...state.map === 'violations' ? [] : [state.map]].join('-')}.${ending}`;
 async function copyLink() {
   remember();
   const copied = () => say(word(location.protocol === 'file:' ? 'link_file' : 'link'));
@@ -335,7 +336,7 @@ async function picture() {
   }
   c.fillText(M.maps[state.map].unit, 16 * scale, y, canvas.width - 32 * scale);
   c.font = `600 ${14 * scale}px ${page.fontFamily}`; c.fillText($('out').textContent, 16 * scale, y + 24 * scale, canvas.width - 32 * scale);
-  const link = document.createElement('a'); link.download = `${[M.file, ...state.change ? [`change-${state.change}`] : [], ...state.show === 'week' ? [] : [state.show], ...state.map === 'violations' ? [] : [state.map]].join('-')}.png`; link.href = canvas.toDataURL('image/png'); link.click();
+  const link = document.createElement('a'); link.download = fileName('png'); link.href = canvas.toDataURL('image/png'); link.click();
   say(word('picture', { file: link.download }));
   return link.href;
 }

@@ -25,6 +25,7 @@ function listen() {
     setRectangle(r); e.target.value = state.rect[i]; retell();
   }));
   on('link', 'click', copyLink); on('png', 'click', picture);
+  all('[data-save]').forEach(b => b.addEventListener('click', () => saveDrawing(b.dataset.save)));
   addEventListener('hashchange', () => { recall(); draw(); });
   if (!svg) return;
   box.addEventListener('keydown', key);

@@ -86,7 +86,7 @@ def test_a_page_of_another_language_has_no_word_of_this_one(
     names |= {reason_text(p.violation_rate.reason) for p in masked.places} | {
         reason_text(p.encounter_rate.reason) for p in masked.places
     }
-    names |= {reason_text(masked.hotspots.reason), "JSON"}
+    names |= {reason_text(masked.hotspots.reason), "JSON", "SVG", "DXF", "GeoJSON"}
     assert masked.shown is not None
     names |= {f.name for f in masked.shown.fixtures}
     page = tab(path.as_uri())
