@@ -88,10 +88,10 @@ function drawingSvg(layers, lines) {
     add(legend, 'path', { d: `M${x0 + 0.2} ${y - 0.3}h0.6v0.35h-0.6z`, fill: l.shapes[0].fill, stroke: font.color, 'stroke-width': 0.02 });
     add(legend, 'text', { x: x0 + 1, y, 'font-size': 0.3, 'font-family': 'sans-serif', fill: font.color }, l.shapes[0].name);
   });
-  return `<?xml version="1.0" encoding="UTF-8"?>\n${new XMLSerializer().serializeToString(root)}\n`;
+  return `${new XMLSerializer().serializeToString(root)}\n`;
 }
 
-/* DXF of R12, which every CAD program reads: outlines and texts on layers, in metres. */
+/* DXF in the oldest form (AC1009), which every CAD program reads: outlines and texts on layers, in metres. */
 function drawingDxf(layers, lines) {
   const out = [], put = (code, value) => out.push(`${String(code).padStart(3)}\n${value}`);
   const text = s => [...s.replace(/[\u0000-\u001f\u007f]/g, ' ')].map(c => c > '~' ? [...Array(c.length).keys()].map(i => `\\U+${c.charCodeAt(i).toString(16).toUpperCase().padStart(4, '0')}`).join('') : c).join('');
