@@ -16,8 +16,7 @@ import pytest
 from planner import dense_floor as dense
 from planner import planted_shop as planted
 
-from vsd_analytics.answer import VALUES, Answers, Reason, Value, value_of
-from vsd_analytics.figures.change_answers import SO_FAR
+from vsd_analytics.answer import value_of
 from vsd_analytics.figures.change_weeks import log_entry, windows_of
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period, TwoPeriods
@@ -25,10 +24,12 @@ from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import CellSums, ChangeSide, PlannerChange
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
+from vsd_analytics.report.pages.change_story import came_of
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import open_warehouse
+from vsd_analytics.wording.languages import speaking
 
 MOVED = planted.MONDAY
 NOTED = planted.MONDAY - timedelta(days=7)
@@ -146,44 +147,13 @@ def test_a_change_of_the_whole_site_is_shown_and_not_judged(known: PlannerData, 
         assert "map" not in late.verdict
 
 
-GONE = Reason("logged_change.not_yet_gone")
-
-
-@pytest.mark.parametrize(
-    ("changed", "expected"),
-    [
-        ({}, "It works so far: time too close at Door Shop fell by 40%"),
-        ({"outcome": "moved"}, "but it moved to other parts of the floor"),
-        ({"outcome": "fell", "not_yet": GONE}, "Whether it moved elsewhere is not known yet"),
-        ({"outcome": "doubtful"}, "cannot tell whether the change did it"),
-        ({"outcome": "rose", "so_far": ("clear_rise", 0.4, 0.2, 0.7)}, "clearly rose, by 40%"),
-        ({"outcome": "about_same", "so_far": ("about_same", 0.0, -0.1, 0.1)}, "About the same"),
-        (
-            {"outcome": "cannot_tell", "so_far": ("cannot_tell", -0.1, -0.3, 0.5)},
-            "anything from 30% less to 50% more time too close is possible",
-        ),
-        ({"outcome": "alone"}, "no other area was left alone"),
-    ],
-)
-def test_only_a_controlled_comparison_says_that_a_change_worked(
-    known: PlannerData, changed: dict[str, Any], expected: str
-) -> None:
-    change = by_text(known, "Display")
-    assert change.answers is not None
-    verdict, effect, lo, hi = changed.get("so_far", ("clear_fall", -0.4, -0.5, -0.3))
-    entry = {"design": "beside", "is_credible": True, "outcome": changed.get("outcome", "works")}
-    so_far = {"so_far_change": Value(effect, lo, hi), "so_far_verdict": verdict}
-    rest = {column.name: None for column in SO_FAR if column.kind not in VALUES}
-    rest |= {column.name: Value(0.1) for column in SO_FAR if column.kind in VALUES}
-    [row] = change.answers["logged_change"].rows
-    notes = ((None, Reason("logged_change.not_yet", why=changed["not_yet"])),) if "not_yet" in changed else ()
-    answers = [
-        replace(change.answers["logged_change"], rows=({**row, **entry},), notes=notes),
-        replace(change.answers["change_so_far"], rows=({**rest, **so_far},), nothing=None, state="ok"),
-    ]
-    said = change_words(replace(change, answers=Answers((*change.answers, *answers)))).verdict
-    assert expected in said
-    assert ("works" in said) == (not changed)
+def test_the_verdict_is_the_page_s_sentence(known: PlannerData, logged: Site) -> None:
+    report = week_report(logged, planted.MONDAY)
+    [told] = report.change_effects
+    with speaking("en"):
+        assert change_words(by_text(known, "Display"), day=report.week.sunday).verdict == came_of(
+            told, day=report.week.sunday
+        )
 
 
 def test_twelve_weeks_with_a_change_in_each_stay_within_800_kb(exact: PlannerData, known: PlannerData) -> None:

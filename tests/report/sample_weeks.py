@@ -300,7 +300,6 @@ def normal(names: tuple[str, ...] = AREA_NAMES, camera_names: tuple[str, ...] = 
                 text="Seasonal display moved from inside the main door to 5 m east of it.",
                 area_id="a1",
                 area_name=names[1],
-                since=estimate(20.5, -0.57, 0.07),
                 moved_after=0.92,
                 floor_share=1.04,
                 rest_verdict="cannot_tell",

@@ -11,18 +11,23 @@ from datetime import timedelta
 import pytest
 from report.ingested_worlds import MONDAY, Place, messages, report, toml, world
 
+from vsd_analytics.answer import Reason, value_of
 from vsd_analytics.api.project import open_project
 from vsd_analytics.cli import main
 from vsd_analytics.cli.answers import answers_json
+from vsd_analytics.figures.change_outcome import WORKS_WEEKS
 from vsd_analytics.figures.change_weeks import REFERENCE_WEEKS
 from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.planner_data import planner_pages
-from vsd_analytics.report.pages.logged_changes import came_of
+from vsd_analytics.report.pages.change_story import came_of
+from vsd_analytics.report.pages.logged_changes import log_rows
+from vsd_analytics.report.pages.things_to_know import things
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.site.model import Site
 from vsd_analytics.wording.languages import speaking
 
 N_BEFORE, N_AFTER = 13, 4
+TOO_EARLY = Reason("logged_change.not_yet_long", least=WORKS_WEEKS)
 AREAS = {
     "queue": ("Queue", (1, 1, 5, 5)),
     "door": ("Door", (21, 1, 25, 5)),
@@ -68,11 +73,12 @@ def test_an_area_cleared_to_none_is_a_clear_fall_on_every_page_since(site: Site)
         assert (change.running.verdict, change.running.change, change.n_watched) == ("clear_fall", -1.0, week + 1)
         assert change.running.change_hi is not None
         assert -1 < change.running.change_hi < 0
-        assert change.outcome == ("works" if week >= 3 else "fell")
+        assert (change.outcome, change.not_yet) == ("fell", TOO_EARLY)
         (line,) = made.logged_changes
         assert line.avoided_min == line.usual_min
         with speaking("en"):
-            assert "obody there is too close any more (none, at most " in came_of(change)
+            assert "obody there is too close any more, instead of " in came_of(change)
+            assert "person-minutes a week (none, at most " in came_of(change)
             page = render_html(made)
         told = "Changes at the site do not show in the figures yet"
         assert told not in page
@@ -109,9 +115,19 @@ def test_page_planner_command_and_python_give_one_verdict_on_one_reference(site:
         assert of_page == pytest.approx(python, rel=1e-9, abs=1e-9)
     assert command["so_far_verdict"] == found.running.verdict == change.running.verdict == "clear_fall"
     (entry,) = told["answers"]["logged_change"]["rows"]
-    assert entry["outcome"] == found.outcome == change.outcome == "works"
+    assert entry["outcome"] == found.outcome == change.outcome == "fell"
     text = printed(site, "compare", "--change", "1")
-    assert "it works so far" in text
+    assert "too early to say that it works: that takes 8 weeks" in text
     assert "cannot tell" not in text
     with speaking("en"):
-        assert change_words(of_planner).verdict.startswith("It works so far: time too close at Queue fell by 100%")
+        story = came_of(change)
+        assert story.startswith("Nobody there is too close any more, instead of ")
+        (line,) = page.logged_changes
+        (row,) = [row for row in log_rows(page, with_weeks=True) if row.result]
+        assert change_words(of_planner).verdict == story == told["story"] == came_of(line)
+        assert row.result.startswith(story)
+        assert story[1:] in things(page)[0].text
+    assert f"Queue: {story}" in text
+    (of_week,) = page.answers["changes"].rows
+    assert value_of(of_week, "so_far_change").value == pytest.approx(change.running.change)
+    assert (of_week["outcome"], of_week["n_weeks_after"]) == (change.outcome, change.n_watched)

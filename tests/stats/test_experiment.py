@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from vsd_analytics.stats.experiment import Variation, choices, variation_of, weeks_needed
+from vsd_analytics.stats.logged_change import AreaWeeks, verdict_of_weeks
 from vsd_analytics.stats.period_days import PeriodDays
 from vsd_analytics.stats.running_verdict import running_verdict
 
@@ -58,6 +60,36 @@ def test_the_power_promised_is_the_power_that_comes(m: int, sd: float, theta: fl
         promised.append(plan.power)
         came.append(since.clear_since is not None and since.value is not None and since.value < 1)
     assert np.mean(came) == pytest.approx(np.mean(promised), abs=0.05)
+
+
+@pytest.mark.simulation
+@pytest.mark.parametrize(("n_areas", "theta"), [(1, 0.7), (2, 0.5), (3, 0.5), (4, 0.7), (7, 0.7)])
+def test_the_power_promised_is_that_of_the_whole_verdict(n_areas: int, theta: float) -> None:
+    """A verdict needs the area to stand out from its comparison areas, too: beside few of them hardly anything does."""
+    rng = np.random.default_rng(9)
+    promised, came = [], []
+    for _ in range(60):
+        logs = rng.normal(0, 0.1, (n_areas + 1, 20)) + rng.normal(0, 0.2, 20)
+        logs[0, 10:] += math.log(theta)
+        n, open_h = 500 * np.exp(logs), np.full(logs.shape, 70.0)
+        days = np.arange(70)
+        daily, hours = np.repeat(n[:, :10] / 7, 7, axis=1), np.full((n_areas + 1, 70), 10.0)
+        known = variation_of(PeriodDays(daily[0], hours[0], daily[1:], hours[1:], days % 7, days // 7), None)
+        assert known is not None
+        plan = weeks_needed(known, theta, weeks_max=10)
+        before, since = (AreaWeeks(n[:, w], open_h[:, w], n[:, w]) for w in (slice(0, 10), slice(10, 20)))
+        read = (verdict_of_weeks(before, since.at(np.arange(10) <= k)) for k in range(plan.weeks_after or 10))
+        promised.append(plan.power)
+        came.append(any(verdict.verdict == "clear_fall" for verdict in read))
+    assert np.mean(came) == pytest.approx(np.mean(promised), abs=0.13)
+
+
+def test_beside_one_area_no_fall_of_less_than_71_percent_is_ever_clear() -> None:
+    known, _ = variation(12, 0.02, np.random.default_rng(10))
+    alone = replace(known, areas_sd=(0.1,))
+    assert weeks_needed(alone, 0.35).power < 0.01
+    assert weeks_needed(alone, 0.2).weeks_after is not None
+    assert weeks_needed(known, 0.7).weeks_after is not None
 
 
 def test_smaller_effects_and_noisier_sites_need_longer() -> None:

@@ -9,6 +9,7 @@ import click
 
 from vsd_analytics.cli.answers import print_answers
 from vsd_analytics.cli.options import floor_option, json_option
+from vsd_analytics.cli.output import plain
 from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
 from vsd_analytics.cli.ranges import last_monday, purged_hours_notes, warehouse_of
 from vsd_analytics.errors import UsageError
@@ -35,6 +36,13 @@ LAYOUTS: Final[dict[str, Layout]] = {
         ),
         TableLayout(("left_out_first", "left_out_last"), only="left_out_first"),
     ),
+    "change_so_far": (
+        TableLayout(("effect", "so_far_change", "so_far_verdict", "e_value", "clear_since_week", "n_weeks_after")),
+        TableLayout(("effect", "beside_all_change", "without_least", "without_most"), only="without_least"),
+        TableLayout(("effect", "taken_up_share"), only="taken_up_share"),
+    ),
+    "change_receivers": (TableLayout(("name", "received_people_change")),),
+    "change_foreseen": (TableLayout(("planned_change", "power_asked", "weeks_after", "power_then", "clear_by")),),
     "change_effects": (
         TableLayout(("effect", "effect_change", "n_comparison_areas")),
         TableLayout(("effect", "by_day", "by_week"), only="by_day"),
@@ -44,13 +52,7 @@ LAYOUTS: Final[dict[str, Layout]] = {
         TableLayout(("effect", "by_line"), only="by_line"),
         TableLayout(("effect", "trend_per_week", "detectable_per_week", "n_trend_weeks"), only="n_trend_weeks"),
     ),
-    "change_so_far": (
-        TableLayout(("effect", "so_far_change", "so_far_verdict", "e_value", "clear_since_week", "n_weeks_after")),
-        TableLayout(("effect", "beside_all_change", "without_least", "without_most"), only="without_least"),
-        TableLayout(("effect", "taken_up_share"), only="taken_up_share"),
-    ),
     "change_parts": (TableLayout(("whole", "part", "part_change")),),
-    "change_receivers": (TableLayout(("name", "received_people_change")),),
     "change_places": (
         TableLayout(("place", "place_rate_change", "relative_change")),
         TableLayout(("place", "place_people_change")),
@@ -131,6 +133,9 @@ def _change_of_log(project: Project, number: int, area_id: str | None, weeks: in
     from vsd_analytics.figures.change_answers import change_answers
     from vsd_analytics.figures.change_weeks import days_needed
     from vsd_analytics.figures.experiments import score
+    from vsd_analytics.figures.week.change_effects import exact_effect
+    from vsd_analytics.report.pages.change_story import came_of
+    from vsd_analytics.wording.languages import speaking
 
     warn_of_broken_log_lines(project)
     first, last = days_needed(project.site, number, weeks=weeks)
@@ -141,7 +146,11 @@ def _change_of_log(project: Project, number: int, area_id: str | None, weeks: in
         answers = change_answers(found, scored, project.site, inputs=warehouse.inputs_digest)
         notes = purged_hours_notes(warehouse)
     days = (answers[0].holds_for.first, answers[0].holds_for.last)
-    print_answers(Answers(answers), days=days, layouts=LAYOUTS, as_json=as_json, notes=notes)
+    with speaking("en"):
+        story = came_of(exact_effect(project.site, found), day=last)
+    if not as_json:
+        click.echo(f"{plain(found.area_name)}: {plain(story)}\n")
+    print_answers(Answers(answers), days=days, layouts=LAYOUTS, as_json=as_json, notes=notes, beside={"story": story})
     return 0 if found.state == "ok" else 1
 
 

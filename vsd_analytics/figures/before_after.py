@@ -8,9 +8,9 @@ person-time in violation per open hour; its share of person-time says how much o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from datetime import date, datetime
+from datetime import datetime
 from functools import partial
 from typing import Final, Literal
 
@@ -38,15 +38,16 @@ from vsd_analytics.figures.change_verdicts import (
 from vsd_analytics.figures.change_weeks import (
     WEEKS,
     Windows,
-    changed_areas,
     log_entry,
     windows_of,
 )
 from vsd_analytics.figures.compare import span, why_not
+from vsd_analytics.figures.comparison_areas import comparison_areas
+from vsd_analytics.figures.experiments import ExperimentPlan, foreseen
 from vsd_analytics.figures.panels import FloorHours, Ints, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.settings import FLOOR_CELL_M, Settings
-from vsd_analytics.site.model import Area
+from vsd_analytics.site.model import Area, LogEntry
 from vsd_analytics.site.places import known_area, known_floor
 from vsd_analytics.stats import before_after as test
 from vsd_analytics.stats.decomposition import additive_parts
@@ -57,6 +58,9 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 
 RING_M: Final = (2.0, 5.0)
 """How far around the changed area people are looked for who only moved on."""
+
+UNDECIDED: Final = ("too_early", "cannot_tell", "alone")
+"""Outcomes of which more weeks, or another design, may make one that is clear."""
 
 Per = Literal["exposure_h", "x_h"]
 
@@ -122,6 +126,7 @@ class BeforeAfterFigure:
         receivers: Areas that clearly have more people since, likewise.
         outcome: What may be said of the change: the one verdict on it.
         not_yet: Why a fall that is credible is not said to work.
+        foreseen: When it will be clear, by the plan from the weeks before it; None where nothing more is to come.
         effect: The effect on violations per person-hour relative to the comparison areas; None without them.
         violation_rate: The effect on violations per open hour, likewise: what moved people away lowers this alone.
         alone: Violations per person-hour in the area, after / before.
@@ -156,6 +161,7 @@ class BeforeAfterFigure:
     receivers: tuple[Receiver, ...] = ()
     outcome: Outcome = "too_early"
     not_yet: Reason | None = None
+    foreseen: ExperimentPlan | None = None
     effect: test.BeforeAfter | None = None
     violation_rate: test.BeforeAfter | None = None
     alone: ChangeEstimate | None = None
@@ -194,14 +200,22 @@ def before_after(
             fix=f"vsd compare --change {number} --area ID",
         )
     area = known_area(site, area_id or str(entry.area_id))
-    windows, why = windows_of(warehouse, entry, area_id=area.area_id, weeks=weeks)
+    data = FloorHours(warehouse, floor=known_floor(site, None, [area]))
+    found = _compared(data, entry, area, number=number, weeks=weeks)
+    is_open = found.outcome in UNDECIDED and found.state != "not_measurable"
+    return replace(found, foreseen=foreseen(data, area, entry)) if is_open else found
+
+
+def _compared(data: FloorHours, entry: LogEntry, area: Area, *, number: int, weeks: int) -> BeforeAfterFigure:
+    """Return what a change did, by the weeks stored so far."""
+    site = data.site
+    windows, why = windows_of(data.warehouse, entry, area_id=area.area_id, weeks=weeks)
     made = BeforeAfterFigure(
         number, entry.at, entry.text, area.area_id, area.name, "not_enough_data", why, "beside", is_credible=False
     )
     if windows is None:
         return made
     made = replace(made, windows=windows)
-    data = FloorHours(warehouse, floor=known_floor(site, None, [area]))
     pair = TwoPeriods(Period(data, *windows.before), Period(data, *windows.after))
     state, why = _guard(pair, area)
     if state != "ok":
@@ -284,35 +298,6 @@ def _guard(pair: TwoPeriods, area: Area) -> tuple[State, Reason | None]:
             days = span((period.first, period.last))
             return "not_enough_data", Reason("logged_change.coverage", share=share, days=days, least=least)
     return "ok", None
-
-
-def comparison_areas(
-    data: FloorHours, area: Area, days: tuple[date, date], *, why_not: Callable[[Area], Reason | None]
-) -> tuple[list[Area], dict[str, Reason]]:
-    """Return the areas of the floor that serve for comparison with an area, and why the others do not.
-
-    Args:
-        data: The floor.
-        area: The area; others nearer to it than `change_apart_m` are no comparison.
-        days: First and last day: an area with a logged change in between is no comparison.
-        why_not: Returns why the records of an area are no comparison; None where they are.
-    """
-    changed, shape = changed_areas(data.site, *days), shapely.Polygon(area.polygon)
-    least_m = data.site.settings.change_apart_m
-    chosen, left_out = [], dict[str, Reason]()
-    for other in data.areas:
-        apart_m = float(shape.distance(shapely.Polygon(other.polygon)))
-        if other.area_id == area.area_id:
-            continue
-        if apart_m < least_m:
-            left_out[other.area_id] = Reason("logged_change.near", apart_m=apart_m, least_m=least_m)
-        elif other.area_id in changed:
-            left_out[other.area_id] = Reason("logged_change.changed_too", day=str(changed[other.area_id]))
-        elif (why := why_not(other)) is not None:
-            left_out[other.area_id] = why
-        else:
-            chosen.append(other)
-    return chosen, left_out
 
 
 def _why_no_comparison(pair: TwoPeriods, other: Area) -> Reason | None:

@@ -12,7 +12,7 @@ from typing import Final
 
 from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, Value
 from vsd_analytics.figures.before_after import BeforeAfterFigure
-from vsd_analytics.figures.experiments import PlanScore
+from vsd_analytics.figures.experiments import ExperimentPlan, PlanScore, clear_by
 from vsd_analytics.figures.values import known, lack, relative
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.before_after import BeforeAfter
@@ -85,6 +85,14 @@ PARTS: Final = (
     Column("part_change", "rate", "change"),
 )
 """Columns of `change_parts`: the change of a whole, and the parts that add up to it."""
+FORESEEN: Final = (
+    Column("planned_change", "key"),
+    Column("power_asked", "share", "share"),
+    Column("weeks_after", "number", "weeks"),
+    Column("power_then", "share", "share"),
+    Column("clear_by", "fact"),
+)
+"""Columns of `change_foreseen`: by which day a change that is not clear yet will be, as `vsd plan` has it."""
 PLANNED: Final = (
     Column("made", "key"),
     Column("planned_change", "rate", "change"),
@@ -109,7 +117,8 @@ def change_answers(
     relative to the comparison areas, the ranges its own is made of, and the trend before the change. `change_so_far`:
     the one verdict, which may be read every week, and how much of a fall two other places took up. `change_parts`: how
     the effect on the time too close is made up, and the change of the whole floor. `change_receivers`: areas that
-    clearly have more people since. `change_places`: the area, the comparison areas, and 2 to 5 m around it.
+    clearly have more people since. `change_foreseen`: when a change that is not clear yet will be, if it is as large as
+    planned. `change_places`: the area, the comparison areas, and 2 to 5 m around it.
     `plan_score`: how a plan came out.
 
     Args:
@@ -132,6 +141,8 @@ def change_answers(
         _answer("change_receivers", RECEIVERS, _receivers(found), holds, why or Value.missing(NO_RECEIVER)),
         _answer("change_places", PLACES, _places(found), holds, why),
     ]
+    if found.foreseen is not None:
+        answers.append(_foreseen(found, found.foreseen, site, holds))
     if scored is not None:
         answers.append(Answer("plan_score", PLANNED, (_score(scored),), holds))
     return tuple(answers)
@@ -284,6 +295,22 @@ def _receivers(found: BeforeAfterFigure) -> Iterable[Row]:
     for area in found.receivers:
         more = Value(area.more, area.lo, area.hi)
         yield {"area_id": area.area_id, "name": area.name, "received_people_change": more}
+
+
+def _foreseen(found: BeforeAfterFigure, plan: ExperimentPlan, site: Site, holds: HoldsFor) -> Answer:
+    """Return by which day a change will be clear; its notes say why areas do not serve, where none does."""
+    why = None if plan.state == "ok" else lack(plan.state, plan.reason)
+    rows: list[Row] = [
+        {
+            "planned_change": plan.effect,
+            "power_asked": Value(plan.power),
+            "weeks_after": known(way.weeks_after, Reason("logged_change.more_weeks", most=plan.weeks_max)),
+            "power_then": Value(way.power),
+            "clear_by": clear_by(found, site),
+        }
+        for way in plan.choices[:1]
+    ]
+    return _answer("change_foreseen", FORESEEN, rows, holds, why)
 
 
 def _score(scored: PlanScore) -> Row:

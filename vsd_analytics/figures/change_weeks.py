@@ -58,10 +58,10 @@ def days_needed(site: Site, number: int, *, weeks: int = WEEKS) -> Days:
     day = local_day(site, log_entry(site, number))
     n_out = int(site.settings.washout_days) * DAY
     first, last = day - max(weeks, REFERENCE_WEEKS) * WEEK - n_out, day + max(weeks, WATCHED_WEEKS) * WEEK + n_out
-    return _stored(site, day, first, last)
+    return days_stored(site, day, first, last)
 
 
-def _stored(site: Site, day: date, first: date, last: date) -> Days:
+def days_stored(site: Site, day: date, first: date, last: date) -> Days:
     """Return the days that records can fill, so that page, planner and command compare the same weeks."""
     extent = stored_extent(site, near=day)
     if extent is None:
@@ -93,10 +93,10 @@ def windows_of(
         weeks: Whole weeks compared on either side, at most.
     """
     site = warehouse.site
-    day, n_out = local_day(site, entry), int(site.settings.washout_days)
-    first, last = _stored(site, day, warehouse.first, warehouse.last)
-    first_out = day - (n_out - 1) // 2 * DAY if n_out else day
-    end_before, start_after = first_out - DAY, first_out + n_out * DAY
+    n_out = int(site.settings.washout_days)
+    first, last = days_stored(site, local_day(site, entry), warehouse.first, warehouse.last)
+    end_before, start_after = left_out_around(site, entry)
+    first_out = end_before + DAY
     n_before, n_after = ((end_before - first).days + 1) // 7, ((last - start_after).days + 1) // 7
     n = min(n_before, n_after, weeks)
     if n < 1:
@@ -118,6 +118,13 @@ def windows_of(
         left_out=(first_out, start_after - DAY) if n_out else None,
         watched=(start_after, start_after + max(n, n_watched) * WEEK - DAY),
     ), None
+
+
+def left_out_around(site: Site, entry: LogEntry) -> Days:
+    """Return the last day before a change and the first day after it, without the days left out around it."""
+    day, n_out = local_day(site, entry), int(site.settings.washout_days)
+    first_out = day - (n_out - 1) // 2 * DAY if n_out else day
+    return first_out - DAY, first_out + n_out * DAY
 
 
 def changed_areas(site: Site, first: date, last: date) -> dict[str, date]:

@@ -8,24 +8,35 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from datetime import date, timedelta
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import shapely
 
 from vsd_analytics.answer import Reason, State
-from vsd_analytics.config.plans import Plan
+from vsd_analytics.config.plans import Plan, read_plans
 from vsd_analytics.errors import UsageError
-from vsd_analytics.figures.before_after import BeforeAfterFigure, comparison_areas
 from vsd_analytics.figures.change_verdicts import history_of, log_rates
-from vsd_analytics.figures.change_weeks import REFERENCE_WEEKS, changed_areas
+from vsd_analytics.figures.change_weeks import (
+    REFERENCE_WEEKS,
+    WATCHED_WEEKS,
+    changed_areas,
+    days_stored,
+    left_out_around,
+    local_day,
+    log_entry,
+)
+from vsd_analytics.figures.comparison_areas import areas_that_serve
 from vsd_analytics.figures.panels import WEEK, FloorHours
-from vsd_analytics.site.model import Area, Site
+from vsd_analytics.site.model import Area, LogEntry, Site
 from vsd_analytics.site.places import known_area, known_floor
 from vsd_analytics.stats.experiment import Variation, WeeksNeeded, choices, variation_of
 from vsd_analytics.stats.running_verdict import MIN_REFERENCE_WEEKS
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse
+
+if TYPE_CHECKING:
+    from vsd_analytics.figures.before_after import BeforeAfterFigure
 
 Days = tuple[date, date]
 MIN_WEEKS_ALIKE: Final = 4
@@ -34,6 +45,9 @@ MIN_WEEKS_ALIKE: Final = 4
 EFFECTS: Final = (-0.99, 1.0)
 """Effects that can be planned for, shares."""
 POWERS: Final = (0.5, 0.99)
+USUAL_EFFECT: Final = -0.3
+"""Effect that a change without a plan is judged by: what a redesign that is worth its trouble does."""
+USUAL_POWER: Final = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,54 +173,82 @@ def plan_experiment(
         'not_enough_data'
     """
     check_plan(effect=effect, power=power)
-    site = warehouse.site
-    area = known_area(site, area_id)
-    data = FloorHours(warehouse, floor=known_floor(site, None, [area]))
+    area = known_area(warehouse.site, area_id)
+    data = FloorHours(warehouse, floor=known_floor(warehouse.site, None, [area]))
     unknown = ExperimentPlan(area.area_id, area.name, effect, power, weeks_max)
-    n_weeks = ((warehouse.last - warehouse.first).days + 1) // WEEK.days
-    if n_weeks == 0 or not np.isfinite(data.violation_h).all():
-        why = Reason("logged_change.week_before", days=(warehouse.last - warehouse.first).days + 1)
-        return replace(unknown, reason=why if n_weeks == 0 else Reason("engine.no_positions"))
-    known = (warehouse.last - n_weeks * WEEK + timedelta(days=1), warehouse.last)
+    return _planned(data, area, unknown, (warehouse.first, warehouse.last), beside_until=warehouse.last)
 
-    chosen, left_out = areas_that_serve(data, area, known)
-    changed = changed_areas(site, *known)
-    if area.area_id in changed:  # its own weeks before an earlier change are those of another area
-        days = (warehouse.last - changed[area.area_id]).days
-        n_weeks = min(n_weeks, days // WEEK.days)
-        known = (warehouse.last - n_weeks * WEEK + timedelta(days=1), warehouse.last)
-    if not chosen or n_weeks == 0:
-        few = Reason("logged_change.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
-        reason = few if chosen else Reason("logged_change.no_comparison")
-        return replace(unknown, known=known, reason=reason, areas_left_out=tuple(left_out.items()))
-    variation = variation_of(history_of(data, area, chosen, known), None)
-    if variation is None:
-        reason = Reason("logged_change.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
-        return replace(unknown, known=known, reason=reason, areas_left_out=tuple(left_out.items()))
-    ways = choices(variation, 1 + effect, power=power, weeks_max=weeks_max, confidence=site.settings.confidence)
-    serve = [_served(data, area, other, known) for other in chosen]
-    serve.sort(key=lambda c: np.inf if c.sd_apart is None else c.sd_apart)
-    return replace(
-        unknown, known=known, variation=variation, choices=ways, comparison=tuple(serve),
-        areas_left_out=tuple(left_out.items()), state="ok",
+
+def foreseen(data: FloorHours, area: Area, entry: LogEntry) -> ExperimentPlan:
+    """Return how long a change that was made must be watched: the plan from the weeks before it.
+
+    The effect and the power are those of the latest plan for the area made by then; without one, `USUAL_EFFECT` and
+    `USUAL_POWER`.
+
+    Args:
+        data: The floor; its warehouse reaches back to the weeks before the change.
+        area: The changed area.
+        entry: The change.
+    """
+    day = local_day(data.site, entry)
+    plans = [p for p in read_plans(data.site) if p.area == area.area_id and p.made <= day]
+    effect, power = (plans[-1].effect, plans[-1].power) if plans else (USUAL_EFFECT, USUAL_POWER)
+    (since, last), (until, _) = (
+        days_stored(data.site, day, data.warehouse.first, data.warehouse.last), left_out_around(data.site, entry)
     )  # fmt: skip
+    unknown = ExperimentPlan(area.area_id, area.name, effect, power, WATCHED_WEEKS)
+    return _planned(data, area, unknown, (since, until), beside_until=last)
 
 
-def areas_that_serve(data: FloorHours, area: Area, days: Days) -> tuple[list[Area], dict[str, Reason]]:
-    """Return the areas that a change of an area would be compared with, and why the others do not serve.
+def clear_by(found: BeforeAfterFigure, site: Site) -> date | None:
+    """Return the last day of the weeks after which a change will be clear; None where none will tell."""
+    weeks = found.foreseen.choices[0].weeks_after if found.foreseen is not None and found.foreseen.choices else None
+    if weeks is None:
+        return None
+    return left_out_around(site, log_entry(site, found.number))[1] + weeks * WEEK - timedelta(days=1)
 
-    Without any, a change of the area can be tried, but no week will ever tell whether it worked.
+
+def _planned(
+    data: FloorHours, area: Area, unknown: ExperimentPlan, before: Days, *, beside_until: date
+) -> ExperimentPlan:
+    """Return a plan from the weeks known before a change.
 
     Args:
         data: The floor.
         area: The area to be changed.
-        days: First and last day of the weeks before the change.
+        unknown: The plan without what the weeks tell.
+        before: First and last day before the change.
+        beside_until: Last day up to which areas with an entry of their own are no comparison.
     """
+    site, (first, until) = data.site, before
+    n_weeks = min(REFERENCE_WEEKS, max(0, (until - first).days + 1) // WEEK.days)
+    if n_weeks == 0 or not np.isfinite(data.violation_h).all():
+        why = Reason("logged_change.week_before", days=max(0, (until - first).days + 1))
+        return replace(unknown, reason=why if n_weeks == 0 else Reason("engine.no_positions"))
 
-    def why_not(other: Area) -> Reason | None:
-        return None if data.violation_in(other.area_id).any() else Reason("logged_change.nobody_there")
+    def weeks(n: int) -> Days:
+        return until - n * WEEK + timedelta(days=1), until
 
-    return comparison_areas(data, area, days, why_not=why_not)
+    known = weeks(n_weeks)
+    chosen, left_out = areas_that_serve(data, area, (known[0], beside_until))
+    changed = changed_areas(site, *known)
+    if area.area_id in changed:  # its own weeks before an earlier change are those of another area
+        n_weeks = min(n_weeks, (until - changed[area.area_id]).days // WEEK.days)
+        known = weeks(n_weeks)
+    unknown = replace(unknown, known=known, areas_left_out=tuple(left_out.items()))
+    few = Reason("logged_change.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
+    if not chosen or n_weeks == 0:
+        return replace(unknown, reason=few if chosen else Reason("logged_change.no_comparison"))
+    variation = variation_of(history_of(data, area, chosen, known), None)
+    if variation is None:
+        return replace(unknown, reason=few)
+    ways = choices(
+        variation, 1 + unknown.effect, power=unknown.power, weeks_max=unknown.weeks_max,
+        confidence=site.settings.confidence,
+    )  # fmt: skip
+    serve = [_served(data, area, other, known) for other in chosen]
+    serve.sort(key=lambda c: np.inf if c.sd_apart is None else c.sd_apart)
+    return replace(unknown, variation=variation, choices=ways, comparison=tuple(serve), state="ok")
 
 
 def stored_plan(found: ExperimentPlan, *, made: date) -> Plan | None:

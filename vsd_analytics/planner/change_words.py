@@ -6,11 +6,11 @@ Only a comparison with areas that were left alone may say that a change worked; 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import date
 
 from vsd_analytics.answer import Answers, Cell, Reason, Row, Value, value_of
-from vsd_analytics.figures.week.model_sections import ReceivingArea
 from vsd_analytics.planner.logged_changes import ChangeSide, PlannerChange
-from vsd_analytics.report.pages.logged_changes import amount, not_yet, received
+from vsd_analytics.report.pages.change_story import came_of
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
@@ -54,8 +54,13 @@ class ChangeWords:
     spans: tuple[str, ...]
 
 
-def change_words(change: PlannerChange) -> ChangeWords:
-    """Return a logged change as texts."""
+def change_words(change: PlannerChange, *, day: date | None = None) -> ChangeWords:
+    """Return a logged change as texts.
+
+    Args:
+        change: The change.
+        day: Last day of the page.
+    """
     answers, sides = change.answers, [side for side in (change.before, change.after) if side is not None]
     is_known = answers is not None and answers["change_places"].state == "ok"
     return ChangeWords(
@@ -63,7 +68,7 @@ def change_words(change: PlannerChange) -> ChangeWords:
         day=fmt.date_short(change.at.date()),
         place=say("planner.log.site") if change.area is None else change.area.name,
         text=fmt.ended(change.text),
-        verdict=_site_verdict(change) if answers is None else _verdict(answers),
+        verdict=_site_verdict(change) if change.result is None else came_of(change.result, day=day),
         rows=_rows(answers) if answers is not None and is_known else (),
         notes=_notes(answers, has_map=bool(sides)) if answers is not None and is_known else (),
         cautions=() if answers is None else _cautions(answers),
@@ -80,33 +85,6 @@ def _site_verdict(change: PlannerChange) -> str:
     return say("planner.log.whole_site" if change.before is None else "planner.log.whole_site_map")
 
 
-def _verdict(answers: Answers) -> str:
-    """Return the sentence that answers whether a change of an area helped."""
-    [entry] = answers["logged_change"].rows
-    places, row = answers["change_places"], _so_far(answers)
-    if places.state != "ok":
-        return say("planner.log.refused", reason=reason_text(places.nothing).rstrip("."))
-    so_far = Value.missing(None) if row is None else value_of(row, "so_far_change")
-    if entry["outcome"] != "too_early" and not (entry["outcome"] == "cannot_tell" and so_far.lo is None):
-        return say(
-            f"planner.log.{entry['outcome']}",
-            area=entry["name"],
-            change=fmt.percent(abs(so_far.value or 0.0)),
-            low=amount(so_far.lo),
-            high=amount(so_far.hi),
-            receivers=received([_receiver(area) for area in answers["change_receivers"].rows]),
-            why=not_yet(next(iter(_whys(answers, "not_yet")), None)),
-        )
-    reason = reason_text(so_far.reason).rstrip(".")
-    return say("planner.log.untold", area=entry["name"], reason=reason) if reason else say("came_of.nothing")
-
-
-def _receiver(area: Row) -> ReceivingArea:
-    more = value_of(area, "received_people_change")
-    assert more.value is not None
-    return ReceivingArea(area_name=str(area["name"]), change=more.value, change_lo=more.lo, change_hi=more.hi)
-
-
 def _rows(answers: Answers) -> tuple[ChangeEffectRow, ...]:
     """Return the figures of a change; only that of all weeks so far has a verdict: a change has one."""
     [entry] = answers["logged_change"].rows
@@ -116,7 +94,6 @@ def _rows(answers: Answers) -> tuple[ChangeEffectRow, ...]:
     n = _whole(None if so_far is None else so_far["n_weeks_after"])
     figures = (
         ("running", so_far, "so_far_change"),
-        ("close", _row(answers, "change_effects", effect="close_time_share"), "effect_change"),
         ("people", _row(answers, "change_places", place="area"), "place_people_change"),
         ("net", floor, "part_change"),
     )
@@ -138,9 +115,9 @@ def _figure(name: str, change: Value, *, verdict: str) -> ChangeEffectRow:
 
 def _notes(answers: Answers, *, has_map: bool) -> tuple[str, ...]:
     [entry] = answers["logged_change"].rows
-    n, names, so_far, notes = _whole(entry["n_weeks_each_side"]), entry["comparison_names"], _so_far(answers), []
+    names, so_far, notes = entry["comparison_names"], _so_far(answers), []
     if entry["design"] == "beside" and isinstance(names, tuple):
-        notes.append(say("planner.log.beside", plural=n, n=n, areas=terms.joined(map(str, names))))
+        notes.append(say("planner.log.beside", areas=terms.joined(map(str, names))))
     taken_up = None if so_far is None else value_of(so_far, "taken_up_share").value
     if taken_up and entry["outcome"] == "moved":  # else nobody can tell whether it moved
         notes.append(say("planner.log.elsewhere", share=fmt.percent(min(1.0, taken_up)), area=entry["name"]))

@@ -20,7 +20,8 @@ from vsd_analytics.figures.change_weeks import WEEKS, local_day, windows_of
 from vsd_analytics.figures.compare import Days
 from vsd_analytics.figures.panels import WEEK, Flags, Ints
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.figures.week.change_effects import shared_change_answers
+from vsd_analytics.figures.week.change_effects import change_effect, shared_change_answers
+from vsd_analytics.figures.week.model_sections import JudgedChange
 from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.hour_counts import Counted, HourPanel, TwoWeeks, open_slots, panel_of
 from vsd_analytics.site.model import Area, LogEntry, Site
@@ -78,6 +79,7 @@ class PlannerChange:
         text: Free text.
         area: The area it names; None = the whole site.
         answers: What it did (`shared_change_answers`); None where the whole site is concerned.
+        result: The same as the report has it, for the sentence that all outputs say; likewise.
         before, after: The matched weeks; None where there are none yet, and on a page for readers: their sums are over
             the hours that both sides recorded, which no report of a week tells.
     """
@@ -87,6 +89,7 @@ class PlannerChange:
     text: str
     area: Area | None
     answers: Answers | None
+    result: JudgedChange | None
     before: ChangeSide | None
     after: ChangeSide | None
 
@@ -137,10 +140,10 @@ def logged_changes(data: TwoWeeks, counted: Counted, *, weeks: int) -> tuple[Pla
 
 def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> PlannerChange:
     areas = {a.area_id: a for a in data.areas}
-    answers = None
+    answers = result = None
     if entry.area_id is not None:
         found = before_after(data.warehouse, number)
-        answers, windows = shared_change_answers(data, found), found.windows
+        answers, result, windows = shared_change_answers(data, found), change_effect(data, found), found.windows
     else:
         windows, _ = windows_of(data.warehouse, entry, area_id="", weeks=WEEKS)
     sides: list[ChangeSide | None] = [None, None]
@@ -153,6 +156,7 @@ def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> Plann
         text=entry.text,
         area=None if entry.area_id is None else areas[entry.area_id],
         answers=answers,
+        result=result,
         before=sides[0],
         after=sides[1],
     )

@@ -180,7 +180,7 @@ def _page(data: PlannerData, *, is_at_desk: bool) -> PlannerPage:
         drawing=drawing,
         rows=tuple(_figures(data, k, row) for k, row in enumerate(data.places)),
         spots=_spot_rows(data),
-        changes=tuple(change_words(c) for c in data.changes),
+        changes=tuple(change_words(c, day=week.sunday) for c in data.changes),
         has_pairs=data.before is not None or any(c.before is not None for c in data.changes),
         use=space_use_view(data.space),
         watching=tuple(dict.fromkeys(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching)),

@@ -3,8 +3,11 @@
 The weeks before the change are known: m log ratios of the area beside the comparison areas with sum of squares Q. What
 is not known is drawn, as the right Haar prior of the running verdict has it: sigma^2 = Q / chi^2_(m-1), weeks still to
 come before the change, and weeks after it, N(mu + ln theta, sigma^2). The power after n weeks is the share of draws in
-which the e-value (`vsd_analytics.stats.running_verdict`) has reached 1/(1 - confidence) in the effect's direction. The
-draws have a fixed seed: the same weeks give the same plan.
+which the e-value (`vsd_analytics.stats.running_verdict`) has reached 1/(1 - confidence) in the effect's direction, and
+the estimate lies farther from no effect than the spread of the comparison areas' own shifts
+(`vsd_analytics.stats.placebos`), whose weeks are drawn with the standard deviation that each has beside their mean.
+With fewer than four areas that spread is wide: beside one area only falls of more than 71 % are ever clear. The draws
+have a fixed seed: the same weeks give the same plan.
 """
 
 from __future__ import annotations
@@ -16,12 +19,15 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from vsd_analytics.stats.comparison_weights import day_influence, weekly_log_ratios
-from vsd_analytics.stats.period_days import Floats, PeriodDays, of_days
+from vsd_analytics.stats.comparison_weights import day_influence, weekly_log_rates, weekly_log_ratios
+from vsd_analytics.stats.period_days import Floats, Ints, PeriodDays, of_days
+from vsd_analytics.stats.placebos import spread_half_width
 from vsd_analytics.stats.running_verdict import MAX_REFERENCE_WEEKS, MIN_REFERENCE_WEEKS, log_e_values
 
 DRAWS: Final = 4000
 SEED: Final = 11
+MIN_SEEN: Final = 2
+"""Areas that tell how areas differ beside their mean."""
 PREDICTED: Final = (0.025, 0.975)
 """Quantiles of the estimate a plan predicts."""
 
@@ -35,12 +41,15 @@ class Variation:
         sd: Standard deviation of a week.
         sd_days: The part that differences between days explain.
         sd_weeks: The part beyond: sd^2 = sd_days^2 + sd_weeks^2 where that is positive, else 0.
+        areas_sd: Standard deviation of a week of each comparison area beside their mean; empty = only the evidence of
+            the area itself counts.
     """
 
     log_ratios: tuple[float, ...]
     sd: float
     sd_days: float
     sd_weeks: float
+    areas_sd: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +86,8 @@ def variation_of(history: PeriodDays, weights: Floats | None) -> Variation | Non
         return None
     variance = float(np.var(y, ddof=1))
     by_days = min(variance, _by_days(history, weeks.tolist(), weights))
-    return Variation(tuple(y.tolist()), math.sqrt(variance), math.sqrt(by_days), math.sqrt(variance - by_days))
+    parts = math.sqrt(variance), math.sqrt(by_days), math.sqrt(variance - by_days)
+    return Variation(tuple(y.tolist()), *parts, areas_sd=_areas_sd(history, weeks))
 
 
 def weeks_needed(
@@ -146,7 +156,39 @@ def _draws(
     log_e = log_e_values(n_reference, mean, total, weeks)
     estimates = np.cumsum(weeks, axis=1) / np.arange(1, weeks_max + 1) - mean[:, None]
     is_clear = (log_e >= -math.log(1 - confidence)) & (np.sign(estimates) == np.sign(log_theta))
+    if variation.areas_sd:
+        scale = sigma / variation.sd if variation.sd else np.ones(DRAWS)
+        is_clear &= np.abs(estimates) > _spread(variation.areas_sd, estimates, scale, n_reference, confidence, rng)
     return np.asarray(np.maximum.accumulate(is_clear, axis=1).mean(axis=0)), estimates
+
+
+def _spread(
+    areas_sd: tuple[float, ...],
+    estimates: Floats,
+    scale: Floats,
+    n_reference: int,
+    confidence: float,
+    rng: np.random.Generator,
+) -> Floats:
+    """Return draws of how far an estimate must lie from no effect to stand out, shape (draws, weeks)."""
+    n_areas, n_weeks = len(areas_sd), estimates.shape[1]
+    sd = scale[:, None, None] * np.array(areas_sd)[None, :, None]
+    before = rng.normal(size=(DRAWS, n_areas, 1)) / math.sqrt(n_reference)
+    since = np.cumsum(rng.normal(size=(DRAWS, n_areas, n_weeks)), axis=2) / np.arange(1, n_weeks + 1)
+    shifts = sd * (since - before)
+    return spread_half_width(estimates + np.median(shifts, axis=1), shifts, confidence=confidence)
+
+
+def _areas_sd(history: PeriodDays, weeks: Ints) -> tuple[float, ...]:
+    """Return the standard deviation of a week of each comparison area beside their mean, of areas seen every week."""
+    week, _, others = weekly_log_rates(history)
+    others = others[:, np.isin(week, weeks)]
+    seen = others[np.isfinite(others).all(axis=1)]
+    if len(seen) < MIN_SEEN:
+        return (0.0,) * len(others)
+    apart = seen - seen.mean(axis=0)
+    own = apart.std(axis=1, ddof=1) / math.sqrt(1 - 1 / len(seen))
+    return tuple(own.tolist()) + (float(own.mean()),) * (len(others) - len(seen))
 
 
 def _by_days(history: PeriodDays, weeks: list[int], weights: Floats | None) -> float:

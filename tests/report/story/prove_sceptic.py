@@ -23,14 +23,13 @@ from unittest import mock
 if __name__ == "__main__":
     sys.path[:0] = [str(Path(__file__).parents[2] / name) for name in ("", "figures", "stats")]
 
-from report.change_tables import planner_answers
 from sceptic_judges import UNJUDGED, Said, claims_nothing, is_about_worked, judge_of
 from sceptic_worlds import TALES, Tale, Truth, sites_of, weeks_of
 
 from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.report.model.week import WeekReport
-from vsd_analytics.report.pages.logged_changes import came_of
+from vsd_analytics.report.pages.change_story import came_of
 from vsd_analytics.report.pages.week import Page, make_page
 from vsd_analytics.site.model import Area
 from vsd_analytics.wording import catalogue
@@ -155,7 +154,7 @@ def _titles(page: Page) -> Iterator[str]:
 def _planner(change: Any) -> str:
     place = Area(change.area_name.lower(), change.area_name, "ground", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
     logged = PlannerChange(
-        number=change.number, at=change.at, text=change.text, area=place, answers=planner_answers(change),
+        number=change.number, at=change.at, text=change.text, area=place, answers=None, result=change,
         before=None, after=None,
     )  # fmt: skip
     return change_words(logged).verdict

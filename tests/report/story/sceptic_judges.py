@@ -401,7 +401,7 @@ def since_range(said: Said, truth: Truth) -> bool | None:
 def on_floor(said: Said, truth: Truth) -> bool | None:
     """Judge what is said of the whole floor since an entry."""
     way, net = said.key.removeprefix("logged_changes.floor_"), said.change.net if said.change is not None else None
-    verdict = {"fewer": "clear_fall", "more": "clear_rise"}.get(way, "cannot_tell")
+    verdict = {"less": "clear_fall", "more": "clear_rise"}.get(way, "cannot_tell")
     true = truth.effect(None)
     return both(allows(verdict, true), covers(net, true))
 
@@ -524,13 +524,9 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "things.enough": all_seen,
     "things.few*": few,
     "things.works": works,
-    "things.works_*": both_of(works, since_range),
     "things.moved*": moved,
     "things.less": since("clear_fall"),
-    "things.fell_text": both_of(since("clear_fall"), since_range),
-    "things.fell_short": both_of(since("clear_fall"), since_range),
     "things.fell_since": of_area("clear_fall"),
-    "things.worked_text": against,
     "things.fell": of_area("clear_fall"),
     "things.rose": of_area("clear_rise"),
     "things.floor_fell": lead_clear,
@@ -584,34 +580,19 @@ JUDGES: Final[Mapping[str, Judge]] = {
     "trend.left_out": is_silent,
     "trend.left_out_little": is_silent,
     "trend.one": is_first,
-    "logged_changes.works": both_of(works, since_range),
-    "logged_changes.moved": moved,
-    "logged_changes.fell": both_of(since("clear_fall"), since_range),
-    "logged_changes.doubtful": both_of(since("clear_fall"), since_range),
-    "logged_changes.rose": both_of(since("clear_rise"), since_range),
-    "logged_changes.about_same": both_of(since("about_same"), since_range),
-    "logged_changes.cannot_tell": since_range,
     "logged_changes.floor_*": on_floor,
     "came_of.works": both_of(works, since_range),
-    "came_of.works_none": both_of(works, since_range),
-    "came_of.moved": moved,
-    "came_of.fell": both_of(since("clear_fall"), since_range),
-    "came_of.fell_none": both_of(since("clear_fall"), since_range),
-    "came_of.doubtful": both_of(since("clear_fall"), since_range),
-    "came_of.rose": both_of(since("clear_rise"), since_range),
-    "came_of.about_same": both_of(since("about_same"), since_range),
+    "came_of.story_works": both_of(works, since_range),
+    "came_of.story_moved": moved,
+    "came_of.story_fell": both_of(since("clear_fall"), since_range),
+    "came_of.story_doubtful": both_of(since("clear_fall"), since_range),
+    "came_of.story_rose": both_of(since("clear_rise"), since_range),
+    "came_of.story_about_same": both_of(since("about_same"), since_range),
     "came_of.cannot_tell": since_range,
-    "planner.log.works": works,
-    "planner.log.moved": moved,
-    "planner.log.fell": since("clear_fall"),
-    "planner.log.doubtful": since("clear_fall"),
-    "planner.log.rose": since("clear_rise"),
-    "planner.log.about_same": since("about_same"),
-    "planner.log.cannot_tell": since_range,
     "change_effects.*.range": redesign_range,
     "change_effects.*.*": redesign_word,
 }  # fmt: skip
-WORKED: Final = ("*.works*", "*.moved*", "headline.after")
+WORKED: Final = ("*.works*", "*.moved*", "*.story_works", "*.story_moved", "headline.after")
 """Keys that lay a change to what was done: none of these may claim too much."""
 
 SPOKEN: Final = (
@@ -673,7 +654,6 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "trend.without": "says what is not compared",
     "trend.*": "a table's words",
     "planner.log.running": "names a row that is judged as `change_effect.running`",
-    "planner.log.close": "names a row that is judged as `change_effect.close`",
     "planner.log.net": "names a row that is judged as `change_effect.net`",
     "planner.log.people": "names a row",
     "planner.log.beside": "says what is compared",
@@ -728,26 +708,27 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "trend.violation_rate": "joins a measure and its title, which is judged",
     "trend.close": "joins a measure and its title, which is judged",
     "next.why": _ASKS,
-    "logged_changes.too_early": _ASKS,
     "logged_changes.until": "a date",
     "spots.excess_little": "less than a minute, of no consequence",
-    "logged_changes.fewer": "part of a range that is judged",
-    "logged_changes.more": "part of a range that is judged",
-    "logged_changes.none": "part of a range that is judged",
     "came_of.none": "part of a range that is judged",
     "came_of.took_up*": "who took people up, who do not move in these worlds",
     "came_of.nobody_took_up": "no clear change is claimed",
     "came_of.between": "part of a range that is judged",
     "came_of.same": "part of a range that is judged",
+    "came_of.effect_*": "the effect of a story, which is judged",
+    "came_of.minutes_*": "the effect of a story in minutes",
+    "came_of.usual": "minutes a week before",
+    "came_of.any": "part of a range that is judged",
+    "came_of.went_unknown": "no clear change is claimed",
+    "foreseen.*": "a plan, whose power tests/stats proves",
+    "things.since": "joins weeks and a story, which is judged",
+    "things.of_change": "joins a day and a story, which is judged",
     "came_of.early": _ASKS,
     "came_of.nothing": _ASKS,
     "came_of.alone": _ASKS,
     "planner.log.whole_site": _ASKS,
     "planner.log.whole_site_map": _ASKS,
     "planner.log.no_map": _ASKS,
-    "planner.log.refused": _ASKS,
-    "planner.log.untold": _ASKS,
-    "planner.log.alone": _ASKS,
 }  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from datetime import date, datetime, timedelta
 from typing import Any
 
@@ -10,13 +10,13 @@ import pytest
 from report import model_classes as m
 from report import sample_sections as sections
 from report import sample_weeks as weeks
-from report.change_tables import planner_answers
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.week.model_sections import LoggedChangeResult
+from vsd_analytics.figures.week.model_sections import JudgedChange, LoggedChangeResult
 from vsd_analytics.planner.change_words import change_words
 from vsd_analytics.planner.logged_changes import PlannerChange
-from vsd_analytics.report.pages.logged_changes import came_of, log_rows, result_words
+from vsd_analytics.report.pages.change_story import came_of, result_words
+from vsd_analytics.report.pages.logged_changes import log_rows
 from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.site.model import Area
 
@@ -39,35 +39,41 @@ def line(**more: Any) -> LoggedChangeResult:
 FALL = ("clear_fall", -0.9, -0.8)
 NONE = ("clear_fall", -1.0, -0.97)
 WENT = (m.ReceivingArea(area_name="Aisle", change=0.3, change_lo=0.2, change_hi=0.4),)
+MINUTES: dict[str, Any] = {"usual_min": 1868.3, "avoided_min": 1588.0}
+LEFT = m.Estimate(value=None, change=-0.4, change_lo=-0.5, change_hi=-0.3, verdict="clear_fall")
+EFFECT = "85% less time too close there, about 1,600 of 1,900 person-minutes a week (likely −90% to −80%)"
+SOON = m.Foreseen(change=-0.3, power=0.8, weeks=8, weeks_max=26, clear_by=date(2026, 12, 8), n_areas=4)
 
 
 @pytest.mark.parametrize(
     ("made", "says"),
     [
         (
-            change("works", *FALL),
-            "So far it works: people there spend between 90% less and 80% less time too close than before, compared "
-            "with Pharmacy; no other area clearly took people up.",
+            change("works", *FALL, **MINUTES),
+            f"It works so far: {EFFECT}, compared with Pharmacy; no other area clearly took people up.",
         ),
         (
-            change("works", *FALL, receivers=WENT),
-            "So far it works: people there spend between 90% less and 80% less time too close than before, compared "
-            "with Pharmacy; Aisle (+20% to +40%) took people up.",
+            change("works", *FALL, **MINUTES, receivers=WENT),
+            f"It works so far: {EFFECT}, compared with Pharmacy; Aisle (+20% to +40%) took people up.",
         ),
         (
-            change("works", *NONE),
-            "So far it works: nobody there is too close any more (none, at most 3% of the time before), compared with "
-            "Pharmacy; no other area clearly took people up.",
+            change("works", *FALL, **MINUTES, people=LEFT),
+            f"It works so far: {EFFECT}, compared with Pharmacy; where the people went is not known.",
         ),
         (
-            change("moved", *FALL, receivers=WENT),
-            "There is less time too close there, but the rest of the floor took up 90% of it; Aisle (+20% to +40%) "
+            change("works", *NONE, usual_min=1868.3, avoided_min=1868.3),
+            "It works so far: nobody there is too close any more, instead of 1,900 person-minutes a week (none, at "
+            "most 3% of the time before), compared with Pharmacy; no other area clearly took people up.",
+        ),
+        (
+            change("moved", *FALL, **MINUTES, receivers=WENT),
+            f"{EFFECT}, compared with Pharmacy, but the rest of the floor took up 90% of it; Aisle (+20% to +40%) "
             "took people up.",
         ),
         (
-            change("fell", *FALL, not_yet=Reason("logged_change.not_yet_gone")),
-            "People there spend between 90% less and 80% less time too close than before, compared with Pharmacy; no "
-            "other area clearly took people up. Whether it moved elsewhere is not known yet.",
+            change("fell", *FALL, **MINUTES, not_yet=Reason("logged_change.not_yet_gone")),
+            f"{EFFECT}, compared with Pharmacy; no other area clearly took people up. Whether it moved elsewhere is "
+            "not known yet.",
         ),
         (
             change("fell", *NONE, not_yet=Reason("logged_change.not_yet_long", least=8)),
@@ -76,94 +82,111 @@ WENT = (m.ReceivingArea(area_name="Aisle", change=0.3, change_lo=0.2, change_hi=
         ),
         (
             change("doubtful", *NONE),
-            "There is less time too close there (none, at most 3% of the time before), but something else may have "
+            "Nobody there is too close any more (none, at most 3% of the time before), but something else may have "
             "done it.",
         ),
         (
             change("about_same", "about_same", -0.1, 0.05),
-            "Since then there is about as much time too close there (between 10% less and 5% more).",
+            "About as much time too close there as before (likely −10% to +5%).",
         ),
         (
-            change("rose", "clear_rise", 0.2, 0.9),
-            "Since then there is more time too close there (between 20% more and 90% more).",
+            change("rose", "clear_rise", 0.2, 0.9, usual_min=100.0, avoided_min=-55.0),
+            "55% more time too close there, about 55 person-minutes a week on top of 100 (likely +20% to +90%), "
+            "compared with Pharmacy.",
         ),
         (
-            change("cannot_tell", "cannot_tell", -0.3, 0.5),
-            "Cannot tell yet: anything between 30% less and 50% more time too close is possible.",
+            change("cannot_tell", "cannot_tell", -0.3, 0.5, usual_min=669.0),
+            "Cannot tell yet: anything between 30% less and 50% more time too close there is possible, of 670 "
+            "person-minutes a week.",
         ),
-        (change("alone", *FALL), "Cannot tell: no other area was left alone in these weeks."),
+        (change("alone", *FALL, running=None), "Cannot tell: no other area was left alone in these weeks."),
         (change("too_early", *FALL, running=None), "Cannot tell yet."),
+        (
+            change("too_early", *FALL, running=None, reason=Reason("logged_change.nobody_there")),
+            "Cannot tell yet: nobody was seen there.",
+        ),
     ],
 )
-def test_what_came_of_a_change_is_its_outcome_with_its_range_and_who_took_people_up(
-    made: m.LoggedChangeEffect, says: str
-) -> None:
+def test_what_became_of_a_change_is_one_sentence_on_page_log_and_planner(made: m.LoggedChangeEffect, says: str) -> None:
+    """Its verdict, its effect with its range and its minutes a week, and who took people up."""
     assert came_of(made) == says
+    door = Area("door", "Door", "ground", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
+    logged = PlannerChange(number=3, at=AT, text="Moved", area=door, answers=None, result=made, before=None, after=None)
+    assert change_words(logged).verdict == says
+    shared = {f.name: getattr(made, f.name) for f in fields(JudgedChange)}
+    assert result_words(LoggedChangeResult(**shared, area_id="door")) == says
 
 
 @pytest.mark.parametrize(
-    ("made", "begins"),
+    ("foreseen", "day", "says"),
     [
+        (SOON, date(2026, 11, 15), "If it fell by 30%, we shall know by week 50, with a chance of 80%."),
         (
-            change("works", *FALL),
-            "It works so far: time too close at Door fell by 85%, compared with areas that were lef",
+            replace(SOON, change=0.2),
+            date(2026, 11, 15),
+            "If it rose by 20%, we shall know by week 50, with a chance of 80%.",
         ),
-        (change("moved", *FALL), "Time too close at Door fell by 85%, but it"),
-        (change("fell", *FALL), "Time too close at Door fell by 85%, compared with areas that"),
-        (change("doubtful", *FALL), "Time too close at Door fell by 85%. Other things"),
-        (change("about_same", "about_same", -0.1, 0.05), "About the same: at Door"),
-        (change("rose", "clear_rise", 0.2, 0.9), "Time too close at Door clearly rose, by 55%"),
         (
-            change("cannot_tell", "cannot_tell", -0.3, 0.5),
-            "Cannot tell yet: at Door, anything from 30% less to 50% more time",
+            SOON,
+            date(2026, 12, 13),
+            "A fall of 30% would have shown by week 50, with a chance of 80%; a smaller one takes longer.",
         ),
-        (change("alone", *FALL), "Cannot tell: no other area was left alone"),
-        (change("too_early", *FALL, running=None), "Cannot tell yet."),
-        (change("too_early", *FALL, state="not_enough_data", reason=Reason("logged_change.nobody_there")), "No result"),
+        (
+            replace(SOON, weeks=None, clear_by=None, power=0.44),
+            date(2026, 11, 15),
+            "A fall of 30% will not show within 26 weeks (chance 44%), as weeks there differ too much. Days with and "
+            "without the change in turn would tell sooner.",
+        ),
+        (
+            replace(SOON, weeks=None, clear_by=None, power=0.0, n_areas=1),
+            date(2026, 11, 15),
+            "A fall of 30% will not show within 26 weeks (chance 0%), as only 1 area is left to compare with. Four "
+            "areas, or days with and without the change in turn, would tell.",
+        ),
     ],
 )
-def test_the_planner_says_of_a_change_what_the_page_says(made: m.LoggedChangeEffect, begins: str) -> None:
-    door = Area("door", "Door", "ground", ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
-    answers = planner_answers(made)
-    logged = PlannerChange(number=3, at=AT, text="Moved", area=door, answers=answers, before=None, after=None)
-    assert change_words(logged).verdict.startswith(begins)
+def test_a_change_that_is_not_clear_says_by_when_it_will_be(foreseen: m.Foreseen, day: date, says: str) -> None:
+    made = change("cannot_tell", "cannot_tell", -0.3, 0.5, foreseen=foreseen)
+    assert came_of(made, day=day).endswith(f"is possible. {says}")
+    early = change("too_early", *FALL, running=None, foreseen=foreseen)
+    assert came_of(early, day=day) == f"Cannot tell yet. {says}"
+    for decided in ("works", "moved", "fell", "doubtful", "rose", "about_same"):
+        assert "chance" not in came_of(change(decided, *FALL, foreseen=foreseen), day=day)
 
 
-def test_a_change_that_works_says_what_it_avoids_a_week_with_its_range() -> None:
-    words = result_words(
-        line(
-            outcome="works", usual_min=1868.3, avoided_min=1701.0, avoided_lo=1638.0, avoided_hi=1746.0,
-            compared_with=("Pharmacy",), floor_avoided_min=-317.0,
-            floor_avoided_lo=-1030.0, floor_avoided_hi=366.0,
-        )
-    )  # fmt: skip
-    assert words == (
-        "Avoids about 1,700 a week of the usual 1,900 there (likely between 1,600 and 1,700), compared with Pharmacy; "
-        "no other area clearly took people up. Whole floor: anything from 1,000 more to 370 fewer."
+def test_a_place_that_cannot_be_tested_says_why_and_what_would_help() -> None:
+    near = Reason("logged_change.left_out", area="Aisle", why=Reason("logged_change.near", apart_m=3.2, least_m=5.0))
+    nothing = replace(SOON, weeks=None, clear_by=None, left_out=(near,), reason=Reason("logged_change.no_comparison"))
+    assert came_of(change("alone", *FALL, running=None, foreseen=nothing)) == (
+        "This place cannot be tested here, because no area is left to compare with (Aisle: 3.2 m away, and 5 m are "
+        "needed), unless an area farther away is named and left alone, or days with and without the change take turns."
+    )
+    few = replace(nothing, left_out=(), reason=Reason("logged_change.reference_weeks", least=4, has=1))
+    assert came_of(change("too_early", *FALL, running=None, foreseen=few)) == (
+        "This change cannot be tested here, because it needs at least 4 weeks before the change, has 1, unless days "
+        "with and without it take turns."
     )
 
 
-def test_a_change_that_cannot_be_told_says_what_is_possible_and_how_long_it_is_watched() -> None:
-    words = result_words(
-        line(
-            outcome="cannot_tell", usual_min=669.0, avoided_min=35.0, avoided_lo=-360.0, avoided_hi=279.0,
-            watched_until=date(2027, 5, 4),
-        )
-    )  # fmt: skip
-    assert words == "Cannot tell yet: from 360 more to 280 fewer there, of 670 a week. Watched until Tue 4 May."
+def test_a_line_of_the_log_says_what_became_of_the_whole_floor_and_how_long_it_is_watched() -> None:
+    whole = m.Estimate(value=None, change=-0.1, change_lo=-0.2, change_hi=0.05, verdict="cannot_tell")
+    running = change("works", *FALL).running
+    said: dict[str, Any] = {"running": running, "net": whole, "watched_until": date(2027, 5, 4)}
+    assert result_words(line(outcome="fell", **said)).endswith(
+        "Whole floor, from whatever cause: not clear (likely −20% to +5%). Watched until Tue 4 May."
+    )
+    clear = replace(whole, change_hi=-0.02)
+    assert "from whatever cause: less (likely −20% to −2%)" in result_words(
+        line(outcome="fell", **said | {"net": clear})
+    )
 
 
 def test_a_change_that_cannot_be_told_speaks_of_the_floor_only_where_that_is_clear() -> None:
-    said = {
-        "outcome": "cannot_tell",
-        "usual_min": 669.0,
-        "avoided_min": 35.0,
-        "avoided_lo": -360.0,
-        "avoided_hi": 279.0,
-    }
-    clear = {"floor_avoided_min": 300.0, "floor_avoided_lo": 100.0, "floor_avoided_hi": 500.0}
-    assert "Whole floor: fewer" in result_words(line(**said, **clear))
-    assert "Whole floor" not in result_words(line(**said, **{**clear, "floor_avoided_lo": -20.0}))
+    whole = m.Estimate(value=None, change=-0.3, change_lo=-0.5, change_hi=-0.1, verdict="clear_fall")
+    open_ = change("cannot_tell", "cannot_tell", -0.3, 0.5).running
+    assert "Whole floor" in result_words(line(outcome="cannot_tell", running=open_, net=whole))
+    either = replace(whole, change_hi=0.02)
+    assert "Whole floor" not in result_words(line(outcome="cannot_tell", running=open_, net=either))
 
 
 def test_a_change_of_the_whole_site_claims_nothing() -> None:

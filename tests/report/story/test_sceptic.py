@@ -129,15 +129,12 @@ def test_a_false_success_is_seen_wherever_it_is_said(tmp_path: Path) -> None:
         design="beside",
         moved_elsewhere=0.0,
     )
-    line = replace(
-        report.logged_changes[0], outcome="works", avoided_min=10.0, avoided_lo=5.0, avoided_hi=15.0, usual_min=50.0
-    )
+    line = replace(report.logged_changes[0], outcome="works", running=running, usual_min=50.0, avoided_min=20.0)
     wrong = read(replace(report, change_effects=(made,), logged_changes=(line,)), truth)
     assert {
         "things.works",
         "came_of.works",
-        "planner.log.works",
-        "logged_changes.works",
+        "came_of.story_works",
         "change_effects.running.clear_fall",
     } <= wrong
 

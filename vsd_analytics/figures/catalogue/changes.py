@@ -7,8 +7,8 @@ from typing import Final
 from vsd_analytics.answer import Answer, Column, Reason, Row, Value
 from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
-from vsd_analytics.figures.values import known, lack, measured
-from vsd_analytics.figures.week.change_effects import is_held_back
+from vsd_analytics.figures.values import known, lack, measured, relative
+from vsd_analytics.figures.week.change_effects import change_effect, is_held_back
 
 CHANGES: Final = (
     Column("entry", "key"),
@@ -17,6 +17,9 @@ CHANGES: Final = (
     Column("name", "fact"),
     Column("design", "fact"),
     Column("outcome", "fact", "outcome"),
+    Column("so_far_change", "rate", "change", "M27"),
+    Column("n_weeks_after", "fact"),
+    Column("clear_by", "fact"),
     Column("encounter_rate_ratio", "rate", "ratio", "M27"),
     Column("violation_rate_ratio", "rate", "ratio", "M27"),
     Column("placebo_lo", "rate", "ratio"),
@@ -28,13 +31,18 @@ CHANGES: Final = (
 """Columns of `changes`."""
 
 
+ANY: Final = Reason("logged_change.any_effect")
+
+
 @answers("M27")
 def changes(inputs: FigureInputs) -> tuple[Answer, ...]:
     """Return what each logged change of the floor did to its area, beside areas that were left alone (M27).
 
-    Columns: what may be said of it, the one verdict; violations per person-hour after over before, relative to the
-    comparison areas where there are any; the same of violations per open hour; the range of ratios without a change;
-    the ratio shrunken towards 1. Notes of a row: what speaks against it, and what it takes for granted.
+    Columns: what may be said of it, the one verdict; its effect, the change of the time too close per open hour over
+    all weeks since; the day by which a change that is not clear yet will be. Other figures have ranges only:
+    violations per person-hour after over before, relative to the comparison areas where there are any; the same of
+    violations per open hour; the range of ratios without a change; the ratio shrunken towards 1. Notes of a row: what
+    speaks against it, and what it takes for granted.
     """
     found = inputs.found.change_effects
     if not found:
@@ -51,35 +59,36 @@ def changes(inputs: FigureInputs) -> tuple[Answer, ...]:
 
 def _change(inputs: FigureInputs, found: BeforeAfterFigure) -> Row:
     ratio = found.effect or found.alone
-    why = _why_not(inputs, found)
+    hidden, few = _why_hidden(inputs, found), Value.missing(None if ratio is None else ratio.reason)
+    why = hidden or (few if ratio is None or ratio.value is None else None)
     effect = found.effect
+    alone = Reason("logged_change.alone")
+    so_far, foreseen = found.running, change_effect(inputs.data, found).foreseen
     shrunken = None if effect is None else effect.shrunken
     violation_rate = found.violation_rate
-    alone = Reason("logged_change.alone")
     return {
         "entry": found.number,
         "at": found.at,
         "area_id": found.area_id,
         "name": found.area_name,
         "design": found.design,
-        "outcome": None if why else found.outcome,
+        "outcome": None if hidden else found.outcome,
+        "so_far_change": hidden
+        or (Value.missing(alone) if so_far is None else relative(so_far, reason=so_far.reason or ANY)),
+        "n_weeks_after": None if hidden or so_far is None else so_far.n_weeks,
+        "clear_by": None if foreseen is None else foreseen.clear_by,
         "encounter_rate_ratio": why or measured(ratio),
         "violation_rate_ratio": why or measured(violation_rate),
         "placebo_lo": why or known(None if effect is None else effect.placebo_lo, alone),
         "placebo_hi": why or known(None if effect is None else effect.placebo_hi, alone),
         "shrunken_ratio": why or known(None if shrunken is None else shrunken.value, alone),
         "n_comparison_areas": len(found.comparison_areas),
-        "is_credible": None if why else found.is_credible,
+        "is_credible": None if hidden else found.is_credible,
     }
 
 
-def _why_not(inputs: FigureInputs, found: BeforeAfterFigure) -> Value | None:
-    """Return why a change has no figures, as a value; None where it has."""
-    ratio = found.effect or found.alone
+def _why_hidden(inputs: FigureInputs, found: BeforeAfterFigure) -> Value | None:
+    """Return why nothing is said of a change, as a value; None where something is."""
     if found.state != "ok":
         return lack(found.state, found.reason)
-    if is_held_back(inputs.data, found):
-        return Value.missing(inputs.data.mask.why)
-    if ratio is None or ratio.value is None:
-        return lack("not_enough_data", None if ratio is None else ratio.reason)
-    return None
+    return Value.missing(inputs.data.mask.why) if is_held_back(inputs.data, found) else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -11,10 +11,12 @@ from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.change_answers import NO_RECEIVER, change_answers
 from vsd_analytics.figures.change_verdicts import Receiver
 from vsd_analytics.figures.compare import Days
+from vsd_analytics.figures.experiments import clear_by
 from vsd_analytics.figures.share.counts import GIVES_AWAY, Mask
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_estimate import Estimate, change_estimate, same_fields
-from vsd_analytics.figures.week.model_sections import Causes, LoggedChangeEffect, ReceivingArea
+from vsd_analytics.figures.week.model_sections import Causes, Foreseen, LoggedChangeEffect, ReceivingArea
+from vsd_analytics.site.model import Site
 from vsd_analytics.stats.before_after import BeforeAfter
 from vsd_analytics.stats.decomposition import MixingChange
 from vsd_analytics.stats.estimates import ChangeEstimate
@@ -22,10 +24,17 @@ from vsd_analytics.stats.running_verdict import RunningVerdict
 
 SHOWN_DAYS: Final = 84
 """A change is on the page for twelve weeks: eight after it may say that it works, washout and holidays move these."""
-_RATES: Final = ("change_effects", "change_so_far", "change_parts", "change_receivers")
+_RATES: Final = ("change_effects", "change_so_far", "change_parts", "change_receivers", "change_foreseen")
 """Tables of a logged change that are held back as a whole."""
 NEW_DAYS: Final = 14
 """A change of the week or the one before lies between the two weeks that M23 compares."""
+
+
+OVER_WEEKS: Final = (
+    "violation_rate", "burden", "close", "running", "e_value", "n_watched", "through_people", "through_closeness",
+    "usual_min", "avoided_min", "net", "contribution", "moved_elsewhere", "not_yet", "foreseen",
+)  # fmt: skip
+"""Fields that a hidden count takes with it."""
 
 
 def change_effects(
@@ -82,33 +91,47 @@ def moved_people(data: WeekData, found: Sequence[BeforeAfterFigure]) -> tuple[in
 
 def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffect:
     """Return what a logged change did, without what would tell a small count."""
-    names, windows = {a.area_id: a.name for a in data.areas}, found.windows
+    change = exact_effect(data.site, found)
+    known = None if found.foreseen is None else found.foreseen.known
+    if known is not None and data.is_held_back(found.area_id, *known):
+        change = replace(change, foreseen=None)
+    if found.state != "ok":
+        return change
+    if not is_held_back(data, found):
+        return replace(change, receivers=_receiving(_shown_receivers(data, found)))
+    hidden = Estimate(value=None, state="not_enough_data", reason=_why_held_back(data, found))
+    none: dict[str, Any] = dict.fromkeys(OVER_WEEKS)
+    return replace(
+        change, effect=hidden, people=None if _hides_people(data, found) else change.people, receivers=(),
+        outcome=_outcome_held_back(found), **none,
+    )  # fmt: skip
+
+
+def exact_effect(site: Site, found: BeforeAfterFigure) -> LoggedChangeEffect:
+    """Return what a logged change did, exact: for the operator, or to hide what would tell a small count."""
+    names, windows = {a.area_id: a.name for a in site.areas}, found.windows
     measured: dict[str, Any] = dict.fromkeys(("effect", "violation_rate", "people", "burden", "close", "running"))
-    measured |= {"outcome": _outcome_held_back(found), "not_yet": None, "receivers": ()}
     if found.state == "ok":
-        measured |= {"effect": _change(found.effect or found.alone), "people": _change(found.people)}
-        if is_held_back(data, found):
-            why = _why_held_back(data, found)
-            measured |= {"effect": Estimate(value=None, state="not_enough_data", reason=why)}
-            if _hides_people(data, found):
-                measured |= {"people": None}
-        else:
-            is_known = found.violation_rate is not None and found.violation_rate.value is not None
-            measured |= {"violation_rate": _change(found.violation_rate) if is_known else None, **_over_weeks(found)}
-            receivers = (
-                ReceivingArea(area_name=r.name, change=r.more, change_lo=r.lo, change_hi=r.hi)
-                for r in _shown_receivers(data, found)
-            )
-            measured |= {"outcome": found.outcome, "not_yet": found.not_yet, "receivers": tuple(receivers)}
+        is_known = found.violation_rate is not None and found.violation_rate.value is not None
+        measured |= {
+            "effect": _change(found.effect or found.alone),
+            "people": _change(found.people),
+            "violation_rate": _change(found.violation_rate) if is_known else None,
+            **_over_weeks(found),
+        }
     return same_fields(
         LoggedChangeEffect,
         found,
-        at=found.at.astimezone(data.site.zone),
+        at=found.at.astimezone(site.zone),
+        outcome=found.outcome if found.state == "ok" else "too_early",
+        not_yet=found.not_yet if found.state == "ok" else None,
         is_credible=found.is_credible and found.state == "ok",
         n_weeks=None if windows is None else windows.n_weeks,
         before=None if windows is None else windows.before,
         after=None if windows is None else windows.after,
         compared_with=tuple(names.get(a, a) for a in found.comparison_areas),
+        receivers=_receiving(found.receivers),
+        foreseen=_foreseen(site, found),
         **measured,
     )
 
@@ -135,10 +158,39 @@ def shared_change_answers(data: WeekData, found: BeforeAfterFigure) -> Answers:
     return Answers(
         (
             _entry_held_back(told["logged_change"], {**entry, "outcome": _outcome_held_back(found)}),
-            *(_empty(told[name], why) for name in _RATES),
+            *(_empty(told[name], why) for name in _RATES if name in told),
             _people_only(data, found, told["change_places"], why),
         )
     )
+
+
+def _foreseen(site: Site, found: BeforeAfterFigure) -> Foreseen | None:
+    """Return when a change will be clear; None where nothing more is to come."""
+    plan = found.foreseen
+    if plan is None:
+        return None
+    names = {a.area_id: a.name for a in site.areas}
+    said = Foreseen(
+        change=plan.effect,
+        power=plan.power,
+        weeks_max=plan.weeks_max,
+        n_areas=len(plan.comparison),
+        left_out=tuple(
+            Reason("logged_change.left_out", area=names.get(area_id, area_id), why=why)
+            for area_id, why in plan.areas_left_out
+        ),
+        reason=None if plan.state == "ok" else plan.reason,
+    )
+    if plan.state != "ok":
+        return said
+    way = plan.choices[0]
+    if way.weeks_after is None:
+        return replace(said, power=way.power)
+    return replace(said, weeks=way.weeks_after, clear_by=clear_by(found, site))
+
+
+def _receiving(receivers: Iterable[Receiver]) -> tuple[ReceivingArea, ...]:
+    return tuple(ReceivingArea(area_name=r.name, change=r.more, change_lo=r.lo, change_hi=r.hi) for r in receivers)
 
 
 def _entry_held_back(answer: Answer, entry: Row) -> Answer:
@@ -186,9 +238,14 @@ def _over_weeks(found: BeforeAfterFigure) -> dict[str, Any]:
         known |= {"e_value": found.running.e_value, "n_watched": found.running.n_weeks}
     if found.routes is not None:
         known |= {"through_people": found.routes.people, "through_closeness": found.routes.closeness}
-    if found.floor is not None and found.floor.net.value is not None:
-        known["net"] = change_estimate(found.floor.net)
-        known["contribution"] = found.floor.net.contributions[found.floor.places.index(found.area_id)]
+    floor, running = found.floor, known["running"]
+    if floor is not None:
+        known["usual_min"] = floor.area_min
+        if floor.area_min is not None and running is not None and running.change is not None:
+            known["avoided_min"] = -running.change * floor.area_min
+    if floor is not None and floor.net.value is not None:
+        known["net"] = change_estimate(floor.net)
+        known["contribution"] = floor.net.contributions[floor.places.index(found.area_id)]
         known["moved_elsewhere"] = None if found.taken_up is None else found.taken_up.share
     return known
 

@@ -12,7 +12,6 @@ from vsd_analytics.figures import rates
 from vsd_analytics.figures.panels import Place
 from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.model_estimate import Estimate
 
 
 def not_compared(data: WeekData) -> dict[str, Reason]:
@@ -31,20 +30,20 @@ def recorded_cameras(data: WeekData, monday: date) -> set[str]:
     return {c for i, c in enumerate(data.ids) if hours[i].any()}
 
 
-def since_instant(data: WeekData, place: Place, ms: int) -> tuple[Estimate | None, float | None]:
-    """Return a place since an instant against the same hours of the week before, and the share of its change.
+def moved_since(data: WeekData, place: Place, ms: int) -> float | None:
+    """Return the share of a place's change over the week that came after an instant; None where it is not known.
 
     Nothing is reported where a count before or after the instant, in either week, is too small to print, or would
     tell an hour that is hidden.
     """
     if data.why_no_violations is not None or data.why_no_places is not None:
-        return None, None
+        return None
     whole, after = (estimates.measure(data, place, is_compared=True, since=at) for at in (None, ms))
     counts = (whole.n, after.n, whole.n - after.n, whole.n_before, after.n_before, whole.n_before - after.n_before)
     if data.hidden.hides_hours or data.hidden_before.hides_hours or data.mask.hides(*counts):
-        return None, None
+        return None
     change, late = (_difference(data, place, since=at) for at in (None, ms))
-    return after.violation_rate, None if change == 0 else min(1.0, max(0.0, late / change))
+    return None if change == 0 else min(1.0, max(0.0, late / change))
 
 
 def _difference(data: WeekData, place: Place, *, since: int | None) -> float:

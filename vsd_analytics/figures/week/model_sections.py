@@ -217,16 +217,69 @@ class ReceivingArea:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoggedChangeEffect:
-    """What a logged change did to its area (M27)."""
+class Foreseen:
+    """When a logged change that is not clear yet will be, by the plan from the weeks before it (`vsd plan`)."""
+
+    change: float = _f("Effect that is looked for: that of the plan made for the area, else -0.3.", "share", "M27")
+    power: float = _f("Chance of a clear verdict by `clear_by`, or within `weeks_max`.", "share", "M27")
+    weeks: int | None = _o("Whole weeks after the change until then; None: more than `weeks_max`, or never.", "weeks")
+    weeks_max: int = _f("Whole weeks that a change is watched.", "weeks")
+    clear_by: date | None = _o("Last day of these weeks.")
+    n_areas: int = _f("Areas that it is compared with.", default=0)
+    left_out: tuple[Reason, ...] = _f("Why other areas are not compared with.", default=())
+    reason: Reason | None = _o("Why no week will tell.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JudgedChange:
+    """A logged change, and what may be said of it: one verdict, and one effect, on the time too close in its area."""
 
     number: int = _f("Its place in the log, from 1.")
     at: datetime = _f("Instant in the site's zone.")
     text: str = _f("Free text.")
-    area_name: str = _f("Area looked at; free text.")
-    outcome: Outcome = _f("What may be said of it: see `logged_changes`.", default="too_early")
-    not_yet: Reason | None = _o("In words, why a fall is not said to work.")
+    area_name: str | None = _o("Area looked at; free text. None: the whole site.")
+    outcome: Outcome = _f(
+        "What may be said: works only beside areas that were left alone, by the running verdict, where the rest of "
+        "the floor did not take up half of the fall, after eight weeks, and where the last two hold half of it; "
+        "moved: the rest took it up, and an area of it clearly rose; fell: a fall beside these areas, and `not_yet` "
+        "says why it is not said to work; doubtful: a fall that something else may have made; "
+        "about_same: its whole range lies near no change; alone: no area was left alone to compare with.",
+        default="too_early",
+    )
+    running: Estimate | None = _o(
+        "The effect: the change of person-time in violation over all weeks watched, beside the comparison areas, with "
+        "an interval and a verdict that hold however often they are read.",
+        "per open hour", "M27",
+    )  # fmt: skip
+    n_watched: int | None = _o("Weeks since the change that `running` has read.", "weeks", "M27")
+    usual_min: float | None = _o(
+        "Person-minutes too close in the area in a week before the change.", "person-minutes a week", "M27"
+    )
+    avoided_min: float | None = _o(
+        "Fewer of them a week since the change, by `running`; below 0 where there are more.",
+        "person-minutes a week", "M27",
+    )  # fmt: skip
+    people: Estimate | None = _o("Change of people in the area.", metric="M27")
     receivers: tuple[ReceivingArea, ...] = _f("Areas that clearly have more people since, most first.", default=())
+    moved_elsewhere: float | None = _o(
+        "Share of the area's fall that the two places took up that have most more, beside the areas left alone.",
+        "share",
+        "M27",
+    )
+    net: Estimate | None = _o(
+        "Change of person-time in violation per open hour on the whole floor, by itself.", "per open hour", "M27",
+    )  # fmt: skip
+    compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
+    not_yet: Reason | None = _o("In words, why a fall is not said to work.")
+    foreseen: Foreseen | None = _o("When it will be clear; None where nothing more is to come.")
+    reason: Reason | None = _o("Why nothing can be said yet.")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoggedChangeEffect(JudgedChange):
+    """What a logged change did to its area, with the figures behind it (M27)."""
+
+    area_name: str = _f("Area looked at; free text.")
     design: Design = _f("Beside areas that were left alone, or the area by itself.")
     is_credible: bool = _f("False: something speaks against the comparison, see `doubts`.")
     n_weeks: int | None = _o("Whole weeks on either side.", "weeks")
@@ -239,7 +292,6 @@ class LoggedChangeEffect:
     violation_rate: Estimate | None = _o(
         "The same of violations per open hour; None where the area is looked at by itself.", "per open hour", "M27"
     )
-    people: Estimate | None = _o("Change of people in the area.", metric="M27")
     burden: Estimate | None = _o(
         "Change of person-time in violation per open hour, beside the comparison areas.", "per open hour", "M27",
     )  # fmt: skip
@@ -252,63 +304,20 @@ class LoggedChangeEffect:
     through_closeness: float | None = _o(
         "Part of `burden` that another share of time too close makes; both parts add up to it.", "share", "M27",
     )  # fmt: skip
-    running: Estimate | None = _o(
-        "The change over all weeks watched, with an interval and a verdict that hold however often they are read.",
-        "per open hour", "M27",
-    )  # fmt: skip
     e_value: float | None = _o("Evidence of `running` against no change; clear from 20 on.", metric="M27")
-    n_watched: int | None = _o("Weeks since the change that `running` has read.", "weeks", "M27")
-    net: Estimate | None = _o(
-        "Change of person-time in violation per open hour on the whole floor, by itself.", "per open hour", "M27",
-    )  # fmt: skip
     contribution: float | None = _o("Part of the area in `net`.", "share", "M27")
-    moved_elsewhere: float | None = _o(
-        "Share of the area's fall that the two places took up that have most more, beside the areas left alone.",
-        "share",
-        "M27",
-    )
     cautions: tuple[Reason, ...] = _f("What the data could not rule out.", default=())
-    compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
     doubts: tuple[Reason, ...] = _f("What speaks against the comparison.", default=())
     assumptions: tuple[Reason, ...] = _f("What must hold for the change to be the logged change's.", default=())
     state: State = _f("Whether a change can be given.", default="ok")
-    reason: Reason | None = _o("In words, why not.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoggedChangeResult:
-    """One logged change, and what became of the time too close."""
+class LoggedChangeResult(JudgedChange):
+    """One logged change, also of the whole site, and until when it is watched."""
 
-    number: int = _f("Its place in the log, from 1.")
-    at: datetime = _f("Instant in the site's zone.")
-    text: str = _f("Free text.")
     area_id: str | None = _o("Area it concerns; None for the whole site.")
-    area_name: str | None = _o("Its name; free text.")
-    outcome: Outcome = _f(
-        "What may be said: works only beside areas that were left alone, by the running verdict, where the rest of "
-        "the floor did not take up half of the fall, after eight weeks, and where the last two hold half of it; "
-        "moved: the rest took it up, and an area of it clearly rose; fell: a fall beside these areas, and `not_yet` "
-        "says why it is not said to work; doubtful: a fall that something else may have made; "
-        "about_same: its whole range lies near no change; alone: no area was left alone to compare with."
-    )
-    usual_min: float | None = _o(
-        "Person-minutes too close in the area in a week before the change.", "person-minutes a week", "M27"
-    )
-    avoided_min: float | None = _o(
-        "Fewer of them a week since the change, beside the comparison areas; below 0 where there are more.",
-        "person-minutes a week", "M27",
-    )  # fmt: skip
-    avoided_lo: float | None = _o("Lower end of its range.", "person-minutes a week", "M27")
-    avoided_hi: float | None = _o("Upper end of its range.", "person-minutes a week", "M27")
-    floor_avoided_min: float | None = _o("The same of the whole floor, by itself.", "person-minutes a week", "M27")
-    floor_avoided_lo: float | None = _o("Lower end of its range.", "person-minutes a week", "M27")
-    floor_avoided_hi: float | None = _o("Upper end of its range.", "person-minutes a week", "M27")
-    n_watched: int | None = _o("Weeks since the change that were read.", "weeks", "M27")
     watched_until: date | None = _o("Last day it is watched; None: it is decided, or cannot be.")
-    compared_with: tuple[str, ...] = _f("Names of the comparison areas; free text.", default=())
-    receivers: tuple[ReceivingArea, ...] = _f("Areas that clearly have more people since, most first.", default=())
-    not_yet: Reason | None = _o("In words, why a fall is not said to work.")
-    reason: Reason | None = _o("Why nothing can be said yet.")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -306,9 +306,6 @@ class LogLine:
     kind: LogKind = _f("Written by a person, or detected.", default="logged")
     area_id: str | None = _o("Area it concerns; None for the whole floor.")
     area_name: str | None = _o("Its display name.")
-    since: Estimate | None = _o(
-        "The area since the entry, against the same hours of the week before.", "per open hour", "M27"
-    )
     moved_after: float | None = _o(
         "Share of the area's change over the week that came after the entry, 0 to 1.", "share"
     )

@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from vsd_analytics.config.asked_questions import read_asked
 from vsd_analytics.config.change_log import read_answers, read_log
 from vsd_analytics.figures.change_weeks import REFERENCE_WEEKS
-from vsd_analytics.figures.experiments import areas_that_serve
+from vsd_analytics.figures.comparison_areas import areas_that_serve
 from vsd_analytics.figures.hotspots import FloorHotspots
 from vsd_analytics.figures.panels import WEEK
 from vsd_analytics.figures.week.areas import busiest_area

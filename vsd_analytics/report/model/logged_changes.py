@@ -1,22 +1,18 @@
-"""Every logged change: what each avoided, what became of the whole floor, and until when it is watched.
-
-No estimator of its own: the running verdict and the net effect of M27, times the person-minutes of a week before.
-"""
+"""Every logged change: what may be said of it, and until when it is watched."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from datetime import date, timedelta
 
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.before_after import BeforeAfterFigure
 from vsd_analytics.figures.change_weeks import WATCHED_WEEKS
 from vsd_analytics.figures.panels import WEEK
-from vsd_analytics.figures.week.change_effects import change_effect, is_held_back
+from vsd_analytics.figures.week.change_effects import change_effect
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.lazy_answers import LazyAnswers
-from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import LoggedChangeResult
+from vsd_analytics.figures.week.model_sections import JudgedChange, LoggedChangeResult
 from vsd_analytics.site.model import LogEntry
 
 
@@ -39,42 +35,13 @@ def logged_changes(data: WeekData, found: LazyAnswers) -> tuple[LoggedChangeResu
 
 def _measured(data: WeekData, line: LoggedChangeResult, found: BeforeAfterFigure) -> LoggedChangeResult:
     change = change_effect(data, found)
-    said = change.outcome
-    running, net, floor = change.running, change.net, found.floor
-    line = replace(
-        line,
-        area_name=change.area_name,
-        outcome=said,
-        n_watched=change.n_watched,
-        watched_until=_watched_until(data, found, is_decided=said in ("works", "moved", "rose")),
-        compared_with=change.compared_with,
-        receivers=change.receivers,
-        not_yet=change.not_yet,
-        reason=change.reason if running is None else running.reason,
-    )
-    if floor is None or floor.area_min is None or floor.floor_min is None or is_held_back(data, found):
-        return line
-    value, lo, hi = _avoided(running, floor.area_min)
-    whole, whole_lo, whole_hi = _avoided(net, floor.floor_min)
+    is_decided = change.outcome in ("works", "moved", "rose")
+    is_over = change.foreseen is not None and change.foreseen.reason is not None
     return replace(
         line,
-        usual_min=floor.area_min,
-        avoided_min=value,
-        avoided_lo=lo,
-        avoided_hi=hi,
-        floor_avoided_min=whole,
-        floor_avoided_lo=whole_lo,
-        floor_avoided_hi=whole_hi,
+        **{field.name: getattr(change, field.name) for field in fields(JudgedChange)},
+        watched_until=_watched_until(data, found, is_decided=is_decided or is_over),
     )
-
-
-def _avoided(effect: Estimate | None, usual_min: float) -> tuple[float | None, float | None, float | None]:
-    """Return what a change takes from the minutes of a usual week: best value, least and most."""
-    if effect is None or effect.change is None:
-        return None, None, None
-    lo = None if effect.change_hi is None else -effect.change_hi * usual_min
-    hi = None if effect.change_lo is None else -effect.change_lo * usual_min
-    return -effect.change * usual_min, lo, hi
 
 
 def _watched_until(data: WeekData, found: BeforeAfterFigure, *, is_decided: bool) -> date | None:

@@ -9,7 +9,7 @@ from typing import Final
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures import comparable
 from vsd_analytics.figures.week import estimates
-from vsd_analytics.figures.week.changes import recorded_cameras, share_of_change, since_instant, verdict_without
+from vsd_analytics.figures.week.changes import moved_since, recorded_cameras, share_of_change, verdict_without
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.figures.week.model_recording import Coverage, Outage
@@ -29,8 +29,7 @@ NEAR: Final = timedelta(hours=1)
 def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple[LogLine, ...]:
     """Return the site's log of both weeks, and what nobody logged: long outages and other frame rates, by time.
 
-    For an entry in an area of this floor and week, the area since then is compared with the same hours of the week
-    before.
+    For an entry in an area of this floor and week: how much of the area's change over the week came after it.
     """
     zone, start = data.site.zone, data.midnight(data.monday)
     entries = [
@@ -44,12 +43,12 @@ def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple
     for entry in entries:
         if entry.area_id in elsewhere:
             continue
-        since = moved = share = rest = None
+        moved = share = rest = None
         is_compared_here = entry.at >= start and entry.area_id in names and is_compared
         if is_compared_here and not data.is_held_back(str(entry.area_id), data.monday - data.span, data.sunday):
             area = data.area(entry.area_id)
-            since, moved = since_instant(data, area, round(entry.at.timestamp() * 1000))
-            if since is not None and not data.is_revealed_by_comparing:
+            moved = moved_since(data, area, round(entry.at.timestamp() * 1000))
+            if moved is not None and not data.is_revealed_by_comparing:
                 share, rest = share_of_change(data, area), verdict_without(data, area)
         lines.append(
             LogLine(
@@ -57,7 +56,6 @@ def log_lines(data: WeekData, coverage: Coverage, *, is_compared: bool) -> tuple
                 text=entry.text,
                 area_id=entry.area_id,
                 area_name=names.get(entry.area_id or ""),
-                since=since,
                 moved_after=moved,
                 floor_share=share,
                 rest_verdict=rest,

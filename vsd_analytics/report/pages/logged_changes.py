@@ -1,141 +1,20 @@
-"""What came of logged changes and earlier questions: a sentence each, lines above the question, rows of the log.
-
-A change worked, moved elsewhere, rose, or nobody can tell yet: `vsd_analytics.figures.change_outcome` says which.
-"""
+"""Earlier questions with what came of them, above the question of the week, and the rows of the log."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
 
-from vsd_analytics.answer import Reason
-from vsd_analytics.figures.week.model_estimate import Estimate
-from vsd_analytics.figures.week.model_sections import LoggedChangeEffect, LoggedChangeResult, ReceivingArea
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.model.week_agenda import PastQuestion
+from vsd_analytics.report.pages.change_story import came_of, result_words
 from vsd_analytics.wording import format as fmt
-from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
-from vsd_analytics.wording.reasons import reason_text
-
-
-def came_of(change: LoggedChangeEffect | None) -> str:
-    """Return what became of the time too close in the area of a change; None = nothing is known of it."""
-    if change is None:
-        return say("came_of.nothing")
-    running = change.running
-    likely = "" if running is None else between(running)
-    match change.outcome:
-        case "too_early":
-            reason = reason_text(change.reason if running is None else running.reason).rstrip(".")
-            return say("came_of.early", reason=reason) if reason else say("came_of.nothing")
-        case "works" | "fell" as said:
-            none = "_none" if running is not None and is_none(running) else ""
-            beside = terms.joined(change.compared_with)
-            took_up, why = received(change.receivers), not_yet(change.not_yet)
-            return say(f"came_of.{said}{none}", likely=likely, areas=beside, receivers=took_up, why=why)
-        case "moved":
-            share = fmt.percent(min(1.0, change.moved_elsewhere or 0.0))
-            return say("came_of.moved", share=share, receivers=received(change.receivers))
-        case said:
-            return say(f"came_of.{said}", likely=likely)
-
-
-def not_yet(reason: Reason | None) -> str:
-    """Return why a fall is not said to work, as a sentence; empty where nothing is in its way."""
-    return "" if reason is None else terms.sentence(reason_text(reason))
-
-
-def received(receivers: Sequence[ReceivingArea]) -> str:
-    """Return which areas took people up, each with its range, or that none clearly did."""
-    if not receivers:
-        return say("came_of.nobody_took_up")
-    areas = [say("came_of.took_up_area", area=r.area_name, likely=_more(r)) for r in receivers]
-    return say("came_of.took_up", areas=terms.joined(areas))
-
-
-def _more(area: ReceivingArea) -> str:
-    low = fmt.signed(area.change if area.change_lo is None else area.change_lo)
-    if area.change_hi is None:
-        return say("came_of.took_up_from", low=low)
-    return say("came_of.took_up_range", low=low, high=fmt.signed(area.change_hi))
-
-
-def is_none(estimate: Estimate) -> bool:
-    """Tell whether a change is a fall to none at all."""
-    return estimate.change is not None and estimate.change <= -1
-
-
-def result_words(line: LoggedChangeResult) -> str:
-    """Return what a line of the log says after the change itself; empty for a change of the whole site."""
-    if line.outcome == "site_wide":
-        return ""
-    parts = [_in_area(line), _on_floor(line)]
-    if line.watched_until is not None:
-        parts.append(say("logged_changes.until", date=fmt.date_short(line.watched_until)))
-    return " ".join(part for part in parts if part)
-
-
-def _in_area(line: LoggedChangeResult) -> str:
-    if line.outcome == "alone":
-        return say("came_of.alone")
-    if line.avoided_min is None or line.avoided_lo is None or line.avoided_hi is None:
-        reason = reason_text(line.reason).rstrip(".")
-        return say("came_of.early", reason=reason) if reason else say("came_of.nothing")
-    low, high = _minutes(line.avoided_lo), _minutes(line.avoided_hi)
-    n = fmt.count(_rounded(abs(line.avoided_min)))
-    least, most = (fmt.count(_rounded(abs(end))) for end in (line.avoided_lo, line.avoided_hi))
-    return say(
-        f"logged_changes.{line.outcome}",
-        least=least,
-        most=most, n=n, low=low, high=high, usual=fmt.count(_rounded(line.usual_min or 0.0)),
-        areas=terms.joined(line.compared_with), receivers=received(line.receivers), why=not_yet(line.not_yet),
-    )  # fmt: skip
-
-
-def _on_floor(line: LoggedChangeResult) -> str:
-    lo, hi = line.floor_avoided_lo, line.floor_avoided_hi
-    if lo is None or hi is None:
-        return ""
-    way = "fewer" if lo > 0 else "more" if hi < 0 else "either"
-    if line.outcome == "cannot_tell" and way == "either":  # what nobody can tell of the area has not moved the floor
-        return ""
-    return say(f"logged_changes.floor_{way}", low=_minutes(lo), high=_minutes(hi))
-
-
-def _minutes(avoided: float) -> str:
-    """Return an end of a range: 120 fewer, 80 more, no fewer."""
-    n = _rounded(abs(avoided))
-    if not n:
-        return say("logged_changes.none")
-    return say("logged_changes.fewer" if avoided > 0 else "logged_changes.more", n=fmt.count(n))
-
-
-def _rounded(minutes: float) -> float:
-    """Return minutes with two digits: a range of hundreds is not known to the minute."""
-    return float(f"{minutes:.2g}")
-
-
-def between(estimate: Estimate) -> str:
-    """Return the range of a change of time in words: between 30% less and 50% more, up to 30% less."""
-    lo, hi = estimate.change_lo, estimate.change_hi
-    if lo is None or hi is None:
-        return amount(estimate.change)
-    if is_none(estimate):
-        return say("came_of.none", most=fmt.percent(1 + hi))
-    return say("came_of.between", low=amount(lo), high=amount(hi))
-
-
-def amount(change: float | None) -> str:
-    """Return a change of time in words: 14% less, 8% more, as much as before."""
-    return say("came_of.same") if round((change or 0.0) * 100) == 0 else fmt.less_more(change)
-
 
 LINES_MAX: Final = 3
 """Earlier questions on a page; all are in the JSON file."""
-FOLLOWED: Final = timedelta(weeks=12)
+FOLLOWED: Final = timedelta(weeks=9)
 """What was tried is followed for so long; other answers are reported once."""
 
 
@@ -177,7 +56,7 @@ def _line(past: PastQuestion, report: WeekReport) -> AskedLine:
     return AskedLine(
         asked=say("asked.week", week=past.number, question=past.text),
         answer=say(f"asked.{kind}", date=date, by=by) + said,
-        result=came_of(change) if past.change is not None else "",
+        result=came_of(change, day=report.week.sunday) if past.change is not None else "",
     )
 
 
@@ -220,7 +99,7 @@ def log_rows(report: WeekReport, *, with_weeks: bool) -> tuple[LogRow, ...]:
     ]
     first = (report.previous or report.week).monday
     gaps = {(o.start, True) for o in report.coverage.outages}
-    results = {(line.at, line.text): result_words(line) for line in report.logged_changes}
+    results = {(line.at, line.text): result_words(line, day=report.week.sunday) for line in report.logged_changes}
     return tuple(
         LogRow(
             result=results.get((at, text), ""),

@@ -209,24 +209,17 @@ def causes(report: WeekReport) -> BarTable | None:
 
 
 def change_effects(report: WeekReport) -> BarTable | None:
-    """Return what logged changes did to their areas; None without any."""
-    found = report.change_effects
+    """Return the effects of logged changes with their bars, and what they rest on; None without any effect."""
+    found = [r for r in report.change_effects if r.state == "ok" and _measured(r)]
     if not found:
         return None
-    computed = [r for r in found if r.effect is not None and r.state == "ok"]
-    limit = svg.change_limit(e for r in computed for _, e in _measured(r))
-    assumed = dict.fromkeys(say(f"change_effects.assumes_{r.design}") for r in computed)
-    refused = [
-        say("change_effects.refused", area=r.area_name, reason=terms.sentence(reason_text(r.reason)).rstrip("."))
-        for r in found
-        if r not in computed
-    ]
+    limit = svg.change_limit(e for r in found for _, e in _measured(r))
     return BarTable(
         title=say("change_effects.title"),
-        sub=say("change_effects.sub", confidence=fmt.percent(report.rules.confidence)) if computed else "",
+        sub=say("change_effects.sub", confidence=fmt.percent(report.rules.confidence)),
         axis=svg.change_axis(limit),
-        rows=tuple(row for r in computed for row in _change_effect(r, limit)),
-        notes=(*assumed, *refused),
+        rows=tuple(row for r in found for row in _change_effect(r, limit)),
+        notes=tuple(dict.fromkeys(say(f"change_effects.assumes_{r.design}") for r in found)),
     )
 
 
@@ -391,18 +384,13 @@ def _cause(found: Causes, distance: str) -> str:
 
 
 def _measured(found: LoggedChangeEffect) -> list[tuple[str, Estimate]]:
-    """Return the figures that a change is judged by; encounters per person-hour (M7) rise where people stand less."""
-    figures = (
-        ("violation_rate", found.violation_rate),
-        ("close", found.close),
-        ("running", found.running),
-        ("net", found.net),
-    )
-    return [(kind, e) for kind, e in figures if e is not None and (e.change is not None or kind != "running")]
+    """Return the effect of a change, and the change of the whole floor; other figures of it are in the JSON file."""
+    figures = (("running", found.running), ("net", found.net))
+    return [(kind, e) for kind, e in figures if e is not None and e.change is not None]
 
 
 def _change_effect(found: LoggedChangeEffect, limit: float) -> tuple[BarRow, ...]:
-    """Return what a change did: people who stay away make an area no riskier, so both how often and time too close."""
+    """Return what a change did, below whom it is compared with and what speaks against the comparison."""
     n = found.n_weeks or 0
     parts = [say(f"change_effects.{found.design}", plural=n, n=n, areas=terms.joined(found.compared_with))]
     people = found.people
@@ -418,11 +406,9 @@ def _change_effect(found: LoggedChangeEffect, limit: float) -> tuple[BarRow, ...
     about = say("change_effects.what", area=found.area_name, date=fmt.date_short(found.at.date()))
     rows = [BarRow(name=fmt.ended(found.text), note=" ".join([about, *parts]), is_head=True)]
     for kind, e in _measured(found):
-        # a change has one verdict, the running one: other figures have their ranges
-        is_judged = kind == "running" or e.change is None
-        clear = e.verdict in ("clear_fall", "clear_rise") and e.change is not None
+        is_judged = kind == "running"  # a change has one verdict
+        clear = is_judged and e.verdict in ("clear_fall", "clear_rise")
         verdict = terms.verdict_words(e) if is_judged else fmt.signed(e.change)
-        clear = clear and is_judged
         rows.append(
             BarRow(
                 name=say(f"change_effects.{kind}"),

@@ -12,7 +12,7 @@ from vsd_analytics.figures.week.model_recording import CameraRecord
 from vsd_analytics.figures.week.model_sections import LoggedChangeEffect
 from vsd_analytics.figures.week.results import AreaRow
 from vsd_analytics.report.model.week import Thing, WeekReport
-from vsd_analytics.report.pages.logged_changes import not_yet, received
+from vsd_analytics.report.pages.change_story import came_of, story
 from vsd_analytics.report.pages.no_data import nothing
 from vsd_analytics.report.pages.spoken import week_before
 from vsd_analytics.wording import format as fmt
@@ -20,6 +20,8 @@ from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.reasons import reason_text
 
+FALLS: Final = ("works", "fell", "moved")
+"""Outcomes of a change after which its area has clearly less time too close."""
 NEWS_WEEKS: Final = 2
 """For so many weeks the page explains the result of a change; then a shorter line does."""
 KNOWN_WEEKS: Final = 3
@@ -55,31 +57,12 @@ def things(report: WeekReport) -> tuple[Thing, ...]:
     return (worked, _distrust(report)) if report.state == "empty" else (worked, _watch(report), _distrust(report))
 
 
-def _change_that_fell(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
-    """Return the thing to know of a change whose area fell: it works, or nobody can tell whether it moved elsewhere."""
-    running, said = change.running, change.outcome
-    if running is None:
-        raise AssertionError("a change that is shown to fall has a running verdict")
-    text = say(
-        f"things.{said}_{'text' if is_new else 'short'}",
-        plural=change.n_watched or 0,
-        at=fmt.date_short(change.at.date()),
-        weeks=change.n_watched or 0,
-        change=fmt.percent(abs(running.change or 0.0)),
-        likely=fmt.likely_signed(running),
-        areas=terms.joined(change.compared_with),
-        receivers=received(change.receivers),
-        why=not_yet(change.not_yet),
-    )
-    title = say("things.works" if said == "works" else "things.less", area=change.area_name)
-    return Thing(kind="worked", title=title, text=text, target="changed")
-
-
-def _change_that_moved(change: LoggedChangeEffect, *, is_new: bool) -> Thing:
-    share = fmt.percent(min(1.0, change.moved_elsewhere or 0.0))
-    key = "things.moved_text" if is_new else "things.moved_short"
-    text = say(key, share=share, area=change.area_name, receivers=received(change.receivers))
-    return Thing(kind="worked", title=say("things.moved", area=change.area_name), text=text, target="changed")
+def _change_that_fell(change: LoggedChangeEffect) -> Thing:
+    """Return the thing to know of a change whose area fell: it works, it moved, or nobody can tell whether it did."""
+    n = change.n_watched or 0
+    text = say("things.since", plural=n, weeks=n, at=fmt.date_short(change.at.date()), story=story(change))
+    key = {"works": "things.works", "moved": "things.moved"}.get(change.outcome, "things.less")
+    return Thing(kind="worked", title=say(key, area=change.area_name), text=text, target="changed")
 
 
 def _is_news(change: LoggedChangeEffect, report: WeekReport) -> bool:
@@ -91,8 +74,7 @@ def _is_news(change: LoggedChangeEffect, report: WeekReport) -> bool:
 def _results(report: WeekReport, *, is_new: bool) -> list[Thing]:
     """Return the results of changes after which there is clearly less time too close, the latest first."""
     found = (c for c in reversed(report.change_effects) if _is_news(c, report) == is_new and _is_material(c, report))
-    made = {"works": _change_that_fell, "fell": _change_that_fell, "moved": _change_that_moved}
-    return [made[said](c, is_new=is_new) for c in found if (said := c.outcome) in made]
+    return [_change_that_fell(c) for c in found if c.outcome in FALLS]
 
 
 def _is_material(change: LoggedChangeEffect, report: WeekReport) -> bool:
@@ -106,28 +88,14 @@ def _worked(report: WeekReport) -> Thing:
     new = _results(report, is_new=True)
     if new:
         return new[0]
-    material = {a.area_id for a in report.areas if a.is_material}
-    for line in report.log:
-        if (
-            line.since is not None
-            and line.since.verdict == "clear_fall"
-            and line.area_name
-            and line.area_id in material
-        ):
-            text = say(
-                "things.worked_text",
-                at=terms.moment(line.at),
-                change=fmt.fewer_more(line.since.change),
-                since=since,
-                likely=fmt.likely_change(line.since),
-            )
-            title = say("things.fell_since", area=line.area_name)
-            return Thing(kind="worked", title=title, text=text, target="changed")
     if not report.areas:
         return _worked_at_all(report, since)
     falls = [a for a in report.areas if a.violation_rate.verdict == "clear_fall" and a.is_material]
     if falls:
         best = min(falls, key=lambda a: a.violation_rate.change or 0.0)
+        made = next((c for c in reversed(report.change_effects) if c.area_name == best.name), None)
+        if made is not None and made.outcome not in FALLS:
+            return _fell_since(best, made, report)
         title = say("things.fell", area=best.name)
         return Thing(kind="worked", title=title, text=_against(best.violation_rate, since), target="changed")
     old = _results(report, is_new=False)
@@ -150,6 +118,14 @@ def _worked(report: WeekReport) -> Thing:
     is_quiet = report.agenda is not None and not is_logged and not report.change_effects
     text = say("things.none_fell_quiet") if is_quiet else say("things.none_fell_text", since=since)
     return Thing(kind="worked", title=say("things.none_fell"), text=text, target="changed")
+
+
+def _fell_since(area: AreaRow, change: LoggedChangeEffect, report: WeekReport) -> Thing:
+    """Return what is known of an area that fell since last week, after a change that is not shown to have done it."""
+    since = _against(area.violation_rate, week_before(report))
+    said = came_of(change, day=report.week.sunday)
+    text = f"{since} {say('things.of_change', at=fmt.date_short(change.at.date()), said=said)}"
+    return Thing(kind="worked", title=say("things.fell_since", area=area.name), text=text, target="changed")
 
 
 def _worked_at_all(report: WeekReport, since: str) -> Thing:
