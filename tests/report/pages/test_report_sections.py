@@ -21,6 +21,7 @@ from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.unusual import UnusualWeek
 from vsd_analytics.figures.week import change_effects, outlook, trend_weeks
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, chart, spark
+from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages import questions
 from vsd_analytics.report.pages import sections as page_sections
 from vsd_analytics.report.pages.spot_cards import cards
@@ -393,37 +394,48 @@ def test_what_hardly_moved_is_not_explained() -> None:
     assert table.sentence.endswith("No single part changed much.")
 
 
-def test_a_redesign_is_reported_with_its_range_its_people_and_what_must_hold() -> None:
-    table = page_sections.change_effects(sections.complete())
+RUNNING = m.Estimate(value=None, change=-0.31, change_lo=-0.42, change_hi=-0.18, verdict="clear_fall")
+NET = m.Estimate(value=None, change=-0.04, change_lo=-0.2, change_hi=0.1, verdict="cannot_tell")
+
+
+def with_effect(report: WeekReport, **more: object) -> WeekReport:
+    """Return a report whose first logged change has an effect."""
+    first, *rest = report.change_effects
+    return replace(report, change_effects=(replace(first, running=RUNNING, net=NET, **more), *rest))
+
+
+def test_a_redesign_is_reported_with_its_one_effect_its_people_and_what_must_hold() -> None:
+    table = page_sections.change_effects(with_effect(sections.complete()))
     assert table is not None
-    head, violation_rate, row = table.rows
+    head, effect, floor = table.rows
     assert (head.is_head, head.name, head.bar) == (True, "Fourth till opened.", "")
-    assert (violation_rate.name, violation_rate.words, violation_rate.detail) == (
-        "Violations per open hour",
-        "−27%",
-        "likely −39% to −12%",
-    )
-    assert (row.name, row.words, row.detail) == (
-        "Share of time too close",
-        "−31%",
+    assert (effect.name, effect.words, effect.detail) == (
+        "In its area, all weeks so far",
+        "Clear fall, −31%",
         "likely −42% to −18%",
+    )
+    assert (floor.name, floor.words, floor.detail) == (
+        "Whole floor, from whatever cause",
+        "−4%",
+        "likely −20% to +10%",
     )
     assert head.note.startswith(
         "Checkout queue, Wed 7 Oct. Compared with End of aisle 2 and Pharmacy counter, 4 weeks before and after. "
         "People there: 4% more."
     )
     assert "Reasons for doubt: another entry" in head.note
-    assumed, refused = table.notes
+    (assumed,) = table.notes
     assert "its area and the comparison areas would have moved alike" in assumed
-    assert refused == "Main entrance: no result yet. Needs a whole week after the change, and 1 day is stored."
+
+
+def test_a_change_without_an_effect_has_no_bars() -> None:
+    assert page_sections.change_effects(sections.complete()) is None
 
 
 def test_encounters_per_person_hour_of_a_redesign_are_not_judged_on_the_page() -> None:
     """They rise where people stand about less, so a good change would be a clear rise beside a clear fall."""
     rise = m.Estimate(value=None, change=0.58, change_lo=0.19, change_hi=1.09, verdict="clear_rise")
-    report = sections.complete()
-    worse = tuple(replace(r, effect=rise) if r.effect is not None else r for r in report.change_effects)
-    table = page_sections.change_effects(replace(report, change_effects=worse))
+    table = page_sections.change_effects(with_effect(sections.complete(), effect=rise))
     assert table is not None
     assert "rise" not in " ".join(row.words for row in table.rows)
 
