@@ -19,8 +19,12 @@ from vsd_analytics.figures.share.days import closed_days
 from vsd_analytics.figures.special_days import HOLIDAY
 from vsd_analytics.figures.today import Today, today
 from vsd_analytics.figures.today_answers import today_answers
+from vsd_analytics.live.day_topics import day_figures
+from vsd_analytics.report.pages.today import today_words
 from vsd_analytics.site.model import Site
 from vsd_analytics.stats.usual import usual_range
+from vsd_analytics.wording import format as fmt
+from vsd_analytics.wording.languages import speaking
 
 SATURDAY = MONDAY + timedelta(days=5)
 Change = Callable[[pd.DataFrame], None]
@@ -218,6 +222,31 @@ def test_answers_have_both_days_and_every_open_hour_and_days_are_the_sums_of_the
     for row in to_come:
         assert row["n_violations"] == row["people_seen"] == Value.missing(Reason("today.not_over"))
         assert value_of(row, "people").lo is not None
+
+
+def test_page_topic_and_answers_of_a_day_give_the_same_numbers(tmp_path: Path) -> None:
+    site = site_of(tmp_path)
+    found = card(site, SATURDAY, 11)
+    tables, topic = answers(found, site), day_figures(found, site, site.floors[0])
+    [yesterday, so_far] = tables["today_days"].rows
+    with speaking("en"):
+        shown = today_words(found, site).days
+    for words, row in zip(shown, (yesterday, so_far), strict=True):
+        lo, hi = (value_of(row, name).value for name in ("usual_lo", "usual_hi"))
+        assert words.value == fmt.count(value_of(row, "n_violations").value)
+        assert words.position == row["position"]
+        assert f"{fmt.number(lo)} and {fmt.number(hi)}" in words.notes[0]
+    assert topic["violations"] == value_of(so_far, "n_violations").value
+    for name in ("usual_lo", "usual_hi"):
+        assert topic[name] == pytest.approx(value_of(so_far, name).value, abs=0.05)
+    assert topic["position"] == so_far["position"]
+    last = next(tables["today_hours"].where(local_date=SATURDAY, local_hour=topic["last_hour"]["hour"]))
+    n, people = value_of(last, "violations_estimate").value, value_of(last, "people_seen").value
+    assert topic["last_hour"]["violations"] == value_of(last, "n_violations").value
+    assert topic["last_hour"]["people_in_view"] == pytest.approx(people, abs=0.05)
+    assert n is not None
+    assert people
+    assert topic["last_hour"]["violations_per_person_h"] == pytest.approx(n / people, abs=0.005)
 
 
 def test_a_sum_of_a_day_that_is_not_that_of_its_hours_is_refused(tmp_path: Path) -> None:

@@ -250,7 +250,8 @@ def judged(name: str, old: list[float], new: Columns, output: Columns) -> tuple[
                 return "renamed", at
             if (at := next((n for n, values in columns.items() if are_changes(old, values)), None)) is not None:
                 return "as a change", at
-        if not left(old, [v for values in output.values() for v in set(values) for _ in range(old.count(v))]):
+        n_old = Counter(old)
+        if not left(old, [v for values in output.values() for v in set(values) for _ in range(n_old[v])]):
             return "split", "-"
     if same and new[same[0]]:
         at = min(same, key=lambda n: left(old, new[n]))

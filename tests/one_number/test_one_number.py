@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import shapely
 from one_number.outputs import Outputs, outputs
+from one_number.sections import repeated
 from realdata import prove_atc
 
 from vsd_analytics.config.project import load_site
@@ -109,6 +110,16 @@ def test_a_logged_change_is_the_same_on_page_and_planner_in_command_and_python(t
         for key, values in of_changes.items()
         if any(_differ(v, next(iter(values.values()))) for v in values.values())
     }
+
+
+def test_what_a_section_of_the_page_repeats_is_the_number_of_its_answer(told: Outputs) -> None:
+    pairs = list(repeated(told.page))
+    assert {name.partition(".")[0] for name, section, _ in pairs if section is not None} >= {
+        "level",
+        "areas",
+        "coverage",
+    }
+    assert not [pair for pair in pairs if _differ(*pair[1:])]
 
 
 def test_the_share_between_groups_is_that_of_the_counts_beside_it(told: Outputs) -> None:

@@ -62,6 +62,11 @@ class TodayHour:
     people_lo: float | None
     people_hi: float | None
 
+    @property
+    def encounter_rate(self) -> float | None:
+        """Return violations per person-hour: the estimate over the people in view; None without people."""
+        return self.estimate / self.seen if self.estimate is not None and self.seen else None
+
 
 @dataclass(frozen=True, slots=True)
 class DayLevel:
@@ -128,7 +133,10 @@ class SilentCamera:
 
 @dataclass(frozen=True, slots=True)
 class Today:
-    """What to know about a floor today.
+    """What to know about a floor today: the one place of these numbers, which card, answers and topics only write.
+
+    It stays typed beside its answers, as a reader's card is made of exact counts of earlier days (`whole_days`), which
+    no answer may hold.
 
     Attributes:
         at: The clock, in the site's zone.

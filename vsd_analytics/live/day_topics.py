@@ -82,11 +82,11 @@ def _code(reason: Reason | None) -> str | None:
 
 def _last_hour(hour: TodayHour) -> dict[str, Any]:
     """Return the figures of an hour."""
-    n, scaled, people = hour.violations, hour.estimate, hour.seen
+    n, rate, people = hour.violations, hour.encounter_rate, hour.seen
     return {
         "hour": hour.hour,
         "violations": None if n is None else round(n),
-        "violations_per_person_h": round(scaled / people, 2) if scaled is not None and people else None,
+        "violations_per_person_h": None if rate is None else round(rate, 2),
         "usual_lo": None if hour.lo is None else round(hour.lo, 1),
         "usual_hi": None if hour.hi is None else round(hour.hi, 1),
         "people_in_view": None if people is None else round(people, 1),
