@@ -153,7 +153,7 @@ def documents(version: Version, week: str, folder: Path) -> Iterator[tuple[str, 
         yield (
             "index",
             "index",
-            {"numbers": tokens(re.sub(r"<(style|script|svg).*?</\1>|<[^>]+>", " ", path.read_text()))},
+            {"numbers": tokens(re.sub(r"(?s)<(style|script|svg).*?</\1>|<[^>]+>", " ", path.read_text()))},
         )
     days = f"{monday}..{monday + timedelta(days=6)}"
     version.vsd("export", "--duckdb", str(folder / "week.duckdb"), "--range", days, *exact)
