@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -23,3 +24,13 @@ def shipped(folder: str) -> Path:
         if candidate.is_dir():
             return candidate
     raise FileNotFoundError(f"the shipped folder {folder!r} is missing: reinstall vsd-analytics")
+
+
+def _languages() -> tuple[str, ...]:
+    files = sorted((shipped("reports") / "wording").glob("??.toml"))
+    return (DEFAULT_LANGUAGE, *(f.stem for f in files if f.stem != DEFAULT_LANGUAGE))
+
+
+DEFAULT_LANGUAGE: Final = "en"
+LANGUAGES: Final = _languages()
+"""Languages of pages, by ISO 639-1: each is a file of sentences. The first is that of a site that chooses none."""

@@ -4,7 +4,8 @@ const $ = id => document.getElementById(id), all = s => [...document.querySelect
 const M = JSON.parse($('meta').textContent);
 
 /* A sentence of the page's catalogue with its named places filled. */
-const word = (key, values = {}, plural = 2) => { const entry = M.words[key]; return (entry.other ? entry[plural === 1 ? 'one' : 'other'] : entry).replace(/\{(\w+)\}/g, (_, name) => values[name]); };
+const FORMS = new Intl.PluralRules(document.documentElement.lang);
+const word = (key, values = {}, plural = 2) => { const entry = M.words[key]; return (entry.other ? entry[FORMS.select(plural)] || entry.other : entry).replace(/\{(\w+)\}/g, (_, name) => values[name]); };
 
 /* ---- the packed data: numbers of seven bits a byte or in planes of bytes, see vsd_analytics/planner/pack.py ---- */
 /* Base 85: five signs for four bytes, in the order of their codes; these mean something in a page and are no signs. */

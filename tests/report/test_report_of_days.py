@@ -18,7 +18,8 @@ from vsd_analytics.report.pages.json_and_csv import from_json, to_csv, to_json
 from vsd_analytics.report.pages.mail import make_mail
 from vsd_analytics.report.pages.story import days_report, week_report
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.site.model import LANGUAGES, Site
+from vsd_analytics.resources import LANGUAGES
+from vsd_analytics.site.model import Site
 from vsd_analytics.site_index.read_reports import find_reports
 from vsd_analytics.wording.languages import speaking
 

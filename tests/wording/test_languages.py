@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
 import string
+import subprocess
+import sys
+import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import date
+from pathlib import Path
 
 import pytest
 from markupsafe import escape
@@ -19,12 +25,13 @@ from vsd_analytics.report.pages.json_and_csv import to_json
 from vsd_analytics.report.pages.mail import make_mail
 from vsd_analytics.report.pages.story import finish, story_of
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.site.model import LANGUAGES
+from vsd_analytics.resources import DEFAULT_LANGUAGE, LANGUAGES
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import catalogue, say
-from vsd_analytics.wording.languages import DEFAULT, TAGS, speaking
+from vsd_analytics.wording.languages import speaking, tag_of
 
-OTHERS = [language for language in LANGUAGES if language != DEFAULT]
+REPOSITORY = Path(__file__).parents[2]
+OTHERS = [language for language in LANGUAGES if language != DEFAULT_LANGUAGE]
 ENGLISH = re.compile(
     r"\b(the|and|violations?|hours?|week|weeks|camera|cameras|since|between|likely|fewer|more|than|people|with|data)\b"
 )
@@ -32,10 +39,14 @@ ENGLISH = re.compile(
 
 
 def sentences(language: str) -> dict[str, str]:
-    """Return every sentence, plural forms each under its own key."""
+    """Return every sentence, plural forms each under its own key: those that English has."""
     found = {}
     for key, entry in catalogue(language).items():
-        forms = {"": entry} if isinstance(entry, str) else {f"#{form}": text for form, text in entry.items()}
+        forms = (
+            {"": entry}
+            if isinstance(entry, str)
+            else {f"#{form}": text for form, text in entry.items() if form in ("one", "other")}
+        )
         found |= {f"{key}{form}": text for form, text in forms.items()}
     return found
 
@@ -65,20 +76,71 @@ def in_language(report: WeekReport, language: str) -> WeekReport:
 
 
 def test_every_language_has_a_catalogue_and_a_tag() -> None:
-    assert set(TAGS) == set(LANGUAGES)
-    assert LANGUAGES[0] == DEFAULT
+    assert LANGUAGES == ("en", "it")
+    assert [tag_of(language) for language in LANGUAGES] == ["en-GB", "it-IT"]
+
+
+def one_file(english: str) -> str:
+    """Return the file of a language with more plural forms than English has, its other sentences left in English."""
+    days = 'days = { one = "{n} dzień", few = "{n} dni", many = "{n} dni wiele", other = "{n} dnia" }'
+    text = english.replace('tag = "en-GB"', 'tag = "pl-PL"').replace(
+        'days = { one = "one day", other = "{n} days" }', days
+    )
+    assert days in text
+    assert "pl-PL" in text
+    words = tomllib.loads((REPOSITORY / "reports/wording/figures.toml").read_text(encoding="utf-8"))
+    for metric, parts in words.items():
+        own = (f"{part} = {json.dumps('pl ' + said['en'])}" for part, said in parts.items())
+        text += "\n".join((f"\n[figures.{metric}]", *own, ""))
+    return text
+
+
+A_PAGE = """
+from report import sample_weeks as weeks
+from dataclasses import replace
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.resources import LANGUAGES
+from vsd_analytics.wording.catalogue import catalogue, say
+from vsd_analytics.wording.languages import separated, speaking
+import json, sys
+with speaking("pl"):
+    report = weeks.normal()
+    report = replace(report, provenance=replace(report.provenance, language="pl"), story=None)
+    days = [say("format.days", plural=n, n=n) for n in (1, 2, 5, 22, 25)]
+    print(json.dumps([LANGUAGES, days, separated("1,234.5"), render_html(report), catalogue("pl")["reason.unit.M0"]]))
+"""
+
+
+def test_a_further_language_is_one_file_with_the_plural_forms_it_has(tmp_path: Path) -> None:
+    for folder in ("vsd_analytics", "sql", "reports"):
+        shutil.copytree(REPOSITORY / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    english = (tmp_path / "reports/wording/en.toml").read_text(encoding="utf-8")
+    (tmp_path / "reports/wording/pl.toml").write_text(one_file(english), encoding="utf-8")
+    path = os.pathsep.join(map(str, (tmp_path, REPOSITORY / "tests")))
+    done = subprocess.run(
+        [sys.executable, "-c", A_PAGE], env={**os.environ, "PYTHONPATH": path}, cwd=tmp_path,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    languages, days, number, page, unit = json.loads(done.stdout)
+    assert languages == ["en", "it", "pl"]
+    assert days == ["1 dzień", "2 dni", "5 dni wiele", "22 dni", "25 dni wiele"]
+    assert number == "1\N{NO-BREAK SPACE}234,5"
+    assert '<html lang="pl-PL">' in page
+    assert "listopada" in page  # the month of the sample, as CLDR writes it
+    assert unit == "pl violations per open hour"
 
 
 @pytest.mark.parametrize("language", OTHERS)
 def test_no_sentence_is_missing_and_none_is_left_over(language: str) -> None:
-    ours, english = sentences(language).keys(), sentences(DEFAULT).keys()
+    ours, english = sentences(language).keys(), sentences(DEFAULT_LANGUAGE).keys()
     assert sorted(english - ours) == [], f"{language}.toml or figures.toml of reports/wording lacks these"
     assert sorted(ours - english) == [], f"only {language} has these: add the English sentence, or delete them"
 
 
 @pytest.mark.parametrize("language", OTHERS)
 def test_a_translation_names_no_place_that_is_not_filled(language: str) -> None:
-    english = sentences(DEFAULT)
+    english = sentences(DEFAULT_LANGUAGE)
     wrong = {key: text for key, text in sentences(language).items() if not places(text) <= places(english[key])}
     assert wrong == {}
 
@@ -90,7 +152,7 @@ def test_a_translation_joins_to_its_neighbours_as_the_english_does(language: str
     def ends(text: str) -> tuple[str, str]:
         return text[: len(text) - len(text.lstrip())], text[len(text.rstrip()) :]
 
-    english = sentences(DEFAULT)
+    english = sentences(DEFAULT_LANGUAGE)
     assert [key for key, text in sentences(language).items() if ends(text) != ends(english[key])] == []
 
 
@@ -107,7 +169,7 @@ def test_no_sentence_is_left_in_english(language: str) -> None:
 
 @pytest.mark.parametrize("language", OTHERS)
 def test_a_sentence_that_says_something_differs_from_the_english(language: str) -> None:
-    english = sentences(DEFAULT)
+    english = sentences(DEFAULT_LANGUAGE)
     translated = sentences(language).items()
     same = [key for key, text in translated if text == english[key] and re.search(r"[a-z]{4}", said(text))]
     assert len(same) <= 12, same
@@ -124,7 +186,7 @@ WEEKS: list[Callable[[], WeekReport]] = [
 def test_a_page_is_written_in_its_language_alone(week: Callable[[], WeekReport], language: str) -> None:
     with speaking(language):
         page = render_html(in_language(week(), language))
-    assert f'<html lang="{TAGS[language]}">' in page
+    assert f'<html lang="{tag_of(language)}">' in page
     seen = re.sub(r"<(style|code)\b.*?</\1>|<[^>]+>", " ", page, flags=re.DOTALL)
     with speaking(language):
         headline = story_of(in_language(week(), language)).headline

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.site.model import LANGUAGES
+from vsd_analytics.resources import LANGUAGES
 
 if TYPE_CHECKING:
     from vsd_analytics.site.model import Camera

@@ -8,14 +8,13 @@ from typing import Final
 from vsd_analytics.config.reader import DATE, TableReader, nearest
 from vsd_analytics.config.values import parse_date
 from vsd_analytics.site.calendar import Calendar, Event, public_holidays
-from vsd_analytics.site.model import Language
 
 A_YEAR: Final = 2026
 """Any year: a country that the library knows has holidays in each."""
 INSTALL: Final = 'pip install "vsd-analytics[calendar]"'
 
 
-def read_calendar(root: TableReader, language: Language) -> Calendar:
+def read_calendar(root: TableReader, language: str) -> Calendar:
     """Return what `[calendar]` and `[[event]]` say; an empty calendar without them.
 
     Args:

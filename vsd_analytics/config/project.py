@@ -17,8 +17,9 @@ from vsd_analytics.config.site_settings import OF_ENVIRONMENT, read_engine, read
 from vsd_analytics.config.toml_lines import TomlText, read_toml
 from vsd_analytics.config.values import parse_dates, parse_day_start, zone
 from vsd_analytics.errors import ConfigError, UsageError, VsdError, Where
+from vsd_analytics.resources import LANGUAGES
 from vsd_analytics.settings import Settings
-from vsd_analytics.site.model import LANGUAGES, Site
+from vsd_analytics.site.model import Site
 
 FILE = "vsd.toml"
 DAY_STARTS_MIN = 240

@@ -62,7 +62,7 @@ def sentences() -> dict[str, str | dict[str, str]]:
             forms = (
                 catalogue.template(key)
                 if isinstance(entry, str)
-                else {form: catalogue.template(key, plural=n) for form, n in (("one", 1), ("other", 2))}
+                else {form: catalogue.template(key, plural=form) for form in entry}
             )
             found[key.removeprefix(SAID)] = forms
     for name, code in REASONS.items():

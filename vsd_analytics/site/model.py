@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from datetime import date, datetime
 from pathlib import Path
-from typing import Final, Literal, get_args
+from typing import Literal
 from zoneinfo import ZoneInfo
 
+from vsd_analytics.resources import DEFAULT_LANGUAGE
 from vsd_analytics.settings import Settings, Value
 from vsd_analytics.site.calendar import Calendar
 from vsd_analytics.site.routes import CameraSource, ExchangeRoute, MailRoute
 
 Point = tuple[float, float]
-Language = Literal["en", "it"]
-LANGUAGES: Final[tuple[Language, ...]] = get_args(Language)
-"""Languages in which pages can be written; the first where none is chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -414,7 +412,7 @@ class Site:
     mail: MailRoute | None = None
     base_url: str | None = None
     chromium: Path | None = None
-    language: Language = "en"
+    language: str = DEFAULT_LANGUAGE
     settings: Settings = field(default_factory=Settings)
     own_settings: Settings | None = None
     ingest_map: dict[str, str] = field(default_factory=dict)

@@ -9,7 +9,6 @@ becomes text here. Where a sentence hangs on how many there are, its entry is a 
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -19,11 +18,13 @@ from typing import Any, Final, Self
 
 from markupsafe import Markup, escape
 
-from vsd_analytics.resources import shipped
-from vsd_analytics.wording.languages import DEFAULT, language
+from vsd_analytics.resources import DEFAULT_LANGUAGE
+from vsd_analytics.wording.languages import language, plural_form, wording
 
 _WEEKS: Final = frozenset({"week", "before", "now", "number"})
 """Places of a week's number."""
+FORMS: Final = frozenset({"zero", "one", "two", "few", "many", "other"})
+"""Plural forms, as CLDR names them; an entry has `other` and those that its language has besides."""
 _CODE: Final = re.compile(r"`([^`]*)`")
 
 
@@ -47,15 +48,21 @@ def say_html(key: str, /, *, plural: float | None = None, **values: object) -> M
     return Markup(safe).format(**_with_days(key, values))
 
 
-def template(key: str, /, *, plural: float | None = None) -> str:
-    """Return a sentence with its places unfilled."""
+def template(key: str, /, *, plural: float | str | None = None) -> str:
+    """Return a sentence with its places unfilled.
+
+    Args:
+        key: Its table and name.
+        plural: How many there are, where the entry has plural forms, or one of these forms.
+    """
     found = catalogue(language())
     entry = found[f"range.{key}" if _is_of_days(key) else key]
     if isinstance(entry, str):
         return entry
     if plural is None:
         raise KeyError(f"{key} has plural forms: say how many")
-    return entry["one" if plural == 1 else "other"]
+    form = plural if isinstance(plural, str) else plural_form(plural)
+    return entry.get(form, entry["other"])
 
 
 class DaysText(str):
@@ -133,22 +140,26 @@ _DAYS: ContextVar[SpokenDays | None] = ContextVar("days", default=None)
 
 
 @cache
-def catalogue(language: str = DEFAULT) -> Mapping[str, str | Mapping[str, str]]:
-    """Return all sentences of a language by key; plural forms are tables with `one` and `other`."""
-    return dict(_flat(_wording(language))) | _of_figures(language)
-
-
-def _wording(name: str) -> dict[str, Any]:
-    return tomllib.loads((shipped("reports") / "wording" / f"{name}.toml").read_text(encoding="utf-8"))
+def catalogue(language: str = DEFAULT_LANGUAGE) -> Mapping[str, str | Mapping[str, str]]:
+    """Return all sentences of a language by key; plural forms are tables with `other` and what else it has."""
+    sections = {name: table for name, table in wording(language).items() if name not in ("language", "figures")}
+    return dict(_flat(sections)) | _of_figures(language)
 
 
 def _of_figures(language: str) -> dict[str, str]:
-    """Return the words of figures: `reason.unit.M30` for the JSON file, and `more.M30.name` and such for the page."""
+    """Return the words of figures: `reason.unit.M30` for the JSON file, and `more.M30.name` and such for the page.
+
+    `figures.toml` has them in some languages; the file of a language has those in its own, in `[figures]`.
+    """
+    shared = {
+        metric: {part: said[language] for part, said in parts.items() if language in said}
+        for metric, parts in wording("figures").items()
+    }
+    own = wording(language).get("figures", {})
     return {
-        f"reason.unit.{metric}" if part == "json_unit" else f"more.{metric}.{part}": said[language]
-        for metric, parts in _wording("figures").items()
-        for part, said in parts.items()
-        if language in said
+        f"reason.unit.{metric}" if part == "json_unit" else f"more.{metric}.{part}": text
+        for metric, parts in shared.items()
+        for part, text in (parts | own.get(metric, {})).items()
     }
 
 
@@ -156,7 +167,7 @@ def _flat(table: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     found: list[tuple[str, Any]] = []
     for name, value in table.items():
         key = f"{prefix}{name}"
-        if isinstance(value, dict) and value.keys() != {"one", "other"}:
+        if isinstance(value, dict) and not ("other" in value and value.keys() <= FORMS):
             found += _flat(value, f"{key}.")
         else:
             found.append((key, value))

@@ -1,22 +1,22 @@
 """The language in which pages are written: one at a time, chosen for a block of code; its numbers, days and months.
 
-Separators, days and months are those of the Unicode CLDR (Babel); the sentences are in `reports/wording/`.
+Separators, days, months and plural forms are those of the Unicode CLDR (Babel); a language is a file of
+`reports/wording/`.
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any
+
+from vsd_analytics.resources import DEFAULT_LANGUAGE, LANGUAGES, shipped
 
 if TYPE_CHECKING:
     from babel import Locale
-
-TAGS: Final[dict[str, str]] = {"en": "en-GB", "it": "it-IT"}
-"""Languages of pages (`vsd_analytics.site.model.LANGUAGES`), and the tag of each that HTML names."""
-DEFAULT: Final = "en"
 
 _SPOKEN: ContextVar[str | None] = ContextVar("language", default=None)
 
@@ -31,7 +31,7 @@ def speaking(language: str | None) -> Iterator[None]:
     if language is None:
         yield
         return
-    if language not in TAGS:
+    if language not in LANGUAGES:
         raise KeyError(language)
     before = _SPOKEN.set(language)
     try:
@@ -47,12 +47,28 @@ def chosen() -> str | None:
 
 def language() -> str:
     """Return the language in force."""
-    return _SPOKEN.get() or DEFAULT
+    return _SPOKEN.get() or DEFAULT_LANGUAGE
 
 
 def html_tag() -> str:
     """Return the language in force as HTML and its scripts name it: en-GB."""
-    return TAGS[language()]
+    return tag_of(language())
+
+
+@cache
+def wording(name: str) -> dict[str, Any]:
+    """Return a file of `reports/wording/`: a language's, or "figures"."""
+    return tomllib.loads((shipped("reports") / "wording" / f"{name}.toml").read_text(encoding="utf-8"))
+
+
+def tag_of(language: str) -> str:
+    """Return the tag of a language and its country, which rules its numbers, days and plural forms: en-GB."""
+    return str(wording(language)["language"]["tag"])
+
+
+def plural_form(n: float) -> str:
+    """Return the plural form of a number in the language in force, as CLDR names it: one, few, many, other."""
+    return str(_locale(language()).plural_form(n))
 
 
 def separated(text: str) -> str:
@@ -74,7 +90,7 @@ def months() -> tuple[str, ...]:
 def _locale(language: str) -> Locale:
     from babel import Locale
 
-    return Locale.parse(TAGS[language], sep="-")
+    return Locale.parse(tag_of(language), sep="-")
 
 
 @cache

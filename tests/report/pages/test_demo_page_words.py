@@ -15,9 +15,9 @@ from click.testing import CliRunner
 
 from vsd_analytics.cli import cli
 from vsd_analytics.config.project import load_site
+from vsd_analytics.resources import LANGUAGES
 from vsd_analytics.simulate.demo import ingest_demo
 from vsd_analytics.simulate.demo_project import write_demo_project
-from vsd_analytics.site.model import LANGUAGES
 
 pytestmark = pytest.mark.browser
 

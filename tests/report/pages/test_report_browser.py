@@ -14,7 +14,7 @@ from report import sample_weeks as weeks
 from report.sample_space import AREAS, CAPACITY, five_areas
 
 from vsd_analytics.report.pages.week import render_html
-from vsd_analytics.site.model import LANGUAGES
+from vsd_analytics.resources import LANGUAGES
 from vsd_analytics.wording.languages import speaking
 
 pytestmark = pytest.mark.browser

@@ -20,7 +20,7 @@ from vsd_analytics.figures.share.counts import rough
 from vsd_analytics.figures.share.days import closed_days
 from vsd_analytics.report.pages.mail import as_bytes
 from vsd_analytics.report.pages.today import TodayWords, make_today_page, today_html, today_mail, today_words
-from vsd_analytics.site.model import LANGUAGES
+from vsd_analytics.resources import LANGUAGES
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import speaking
 

@@ -21,7 +21,8 @@ from vsd_analytics.config.log_records import NAME_MAX_CHARS, TEXT_MAX_CHARS
 from vsd_analytics.config.values import parse_instant
 from vsd_analytics.errors import CONTROL
 from vsd_analytics.report.pages.replies import KINDS
-from vsd_analytics.site.model import LANGUAGES, Site
+from vsd_analytics.resources import LANGUAGES
+from vsd_analytics.site.model import Site
 from vsd_analytics.site.questions import AnswerKind
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import speaking
