@@ -94,7 +94,7 @@ class Days:
 
     def _repr_html_(self) -> str:
         """Return what was recorded, for a notebook: a strip of hours for each camera and day, as in the report."""
-        from vsd_analytics.api.recorded_strips import recorded_html
+        from vsd_analytics.api.notebook_html import recorded_html
 
         with self._warehouse() as warehouse:
             return recorded_html(warehouse, title=repr(self))

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from vsd_analytics.figures.week import change_effects, outlook, readings, self_check, spots, trend_weeks
+from vsd_analytics.figures.self_check import FloorSelfCheck
+from vsd_analytics.figures.week import change_effects, outlook, readings, spots, trend_weeks
 from vsd_analytics.figures.week.change_maps import change_maps
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.footsteps_and_views import footsteps, views
 from vsd_analytics.figures.week.lazy_answers import LazyAnswers
+from vsd_analytics.figures.week.model_estimate import same_fields
+from vsd_analytics.figures.week.model_sections import FalseAlarmShare, SelfCheck
 from vsd_analytics.report.draw.spot_pictures import spot_pictures
 from vsd_analytics.report.model.agenda import agenda
 from vsd_analytics.report.model.logged_changes import logged_changes
@@ -28,7 +31,7 @@ def add_week_sections(report: WeekReport, data: WeekData, found: LazyAnswers) ->
             data, found.trend, level=report.level, same_engine_since=same_engine_since(data, found)
         ),
         outlook=outlook.outlook(found.outlook),
-        selfcheck=self_check.section(found.self_check),
+        selfcheck=_self_check(found.self_check),
     )
     made = replace(made, agenda=agenda(made, data, None))
     made = replace(made, logged_changes=logged_changes(data, found))
@@ -92,3 +95,13 @@ def add_maps(report: WeekReport, data: WeekData) -> WeekReport:
         views=views(data, extent=floor.extent, labels={c.camera_id: c.label for c in report.coverage.cameras}),
         spot_pictures=spot_pictures(data, floor, spots=[(s.number, s.at) for s in floor.spots]),
     )
+
+
+def _self_check(found: FloorSelfCheck) -> SelfCheck:
+    """Return how often the report's verdicts are false alarms here."""
+    measured = {"both": found.both, "violation_rate": found.violation_rate, "encounter_rate": found.encounter_rate}
+    shares = {
+        name: None if of is None else same_fields(FalseAlarmShare, of, share=of.value) for name, of in measured.items()
+    }
+    expected, lo, hi = found.false_a_year or (None, None, None)
+    return same_fields(SelfCheck, found, **shares, false_a_year=expected, false_a_year_lo=lo, false_a_year_hi=hi)
