@@ -19,6 +19,34 @@ function chooseChange(number) {
   draw();
 }
 
+/* Both sides of the chosen change as a pair of maps in one scale, under the slider. */
+function choosePair() {
+  state.show = 'split'; draw();
+  $('cut').focus();
+}
+
+function clearPair() {
+  all('.both').forEach(e => e.remove());
+}
+
+/* On paper a slider cannot be moved: both maps are printed whole, one beside the other. */
+function printPair() {
+  clearPair();
+  document.body.classList.toggle('paired', Boolean(svg) && state.show === 'split');
+  if (!svg || state.show !== 'split') return;
+  const both = document.createElement('div');
+  both.className = 'both';
+  for (const [name, others] of [['cut-was', '#gb,#gs,#wb'], ['cut-now', '#ga,#wa']]) {
+    const figure = document.createElement('figure'), caption = document.createElement('figcaption'), map = svg.cloneNode(true);
+    caption.textContent = $(name).textContent;
+    map.querySelectorAll(`${others},#edge,defs`).forEach(e => e.remove());
+    map.querySelectorAll('[clip-path="url(#ca)"],[clip-path="url(#cb)"]').forEach(e => e.removeAttribute('clip-path'));
+    for (const e of [map, ...map.querySelectorAll('[id]')]) e.removeAttribute('id');
+    figure.append(caption, map); both.append(figure);
+  }
+  box.after(both);
+}
+
 /* What is drawn and over which camera-hours: the week, the other week, or the two sides of a change. */
 function pairNow() {
   const c = changeNow();
@@ -88,5 +116,6 @@ function setChange() {
   $('all-hours').hidden = !isPaired;
   const names = isPaired ? [word('after', { days: c.spans[1] }), word('before', { days: c.spans[0] })] : M.weeks;
   for (const [name, ids] of [[names[0], ['row-now', 'cut-now']], [names[1] || '', ['row-was', 'cut-was']]]) for (const id of ids) if ($(id)) $(id).textContent = name;
+  if ($('cut')) $('cut').setAttribute('aria-label', word('cut', { week: names[0] }));
   all('[name=show][value=split],[name=show][value=difference]').forEach(b => { b.disabled = isPaired ? false : b.value === 'difference' && Boolean(M.notCompared) || !before; });
 }

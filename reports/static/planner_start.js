@@ -8,6 +8,7 @@ function listen() {
   on('mapkind', 'change', e => { state.map = e.target.value; if (state.map === 'excess' && (state.show === 'difference' || state.change)) { state.show = 'week'; state.change = 0; } draw(); });
   on('flow', 'change', e => { state.flow = e.target.value; retell(); });
   all('[data-change]').forEach(b => b.addEventListener('click', () => chooseChange(+b.dataset.change)));
+  all('[data-pair]').forEach(b => b.addEventListener('click', choosePair)); addEventListener('beforeprint', printPair); addEventListener('afterprint', clearPair);
   on('from', 'change', e => { state.from = +e.target.value; if (state.to <= state.from) state.to = state.from + 1; draw(); });
   on('to', 'change', e => { state.to = +e.target.value; if (state.from >= state.to) state.from = state.to - 1; draw(); });
   on('place', 'change', e => { state.place = e.target.value; retell(); });

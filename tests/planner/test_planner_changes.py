@@ -233,11 +233,53 @@ def test_keys_and_fingers_choose_a_change_too(opened: Any) -> None:
     page.focus("[data-change='2']")
     page.keyboard.press("Enter")
     assert page.get_attribute("[data-change='2']", "aria-pressed") == "true"
-    assert "Cannot tell" in page.locator(".verdict:visible").inner_text()
+    assert "cannot be tested here" in page.locator(".verdict:visible").inner_text()
     phone = opened(viewport={"width": 320, "height": 700}, has_touch=True, is_mobile=True)
     phone.tap("[data-change='1']")
     assert phone.locator(".card:visible").count() == 1
+    phone.tap(".card:visible [data-pair]")
+    assert phone.locator("#cut").bounding_box()["width"] > 200
     assert phone.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth") == 0
+
+
+@pytest.mark.browser
+def test_before_and_after_are_a_pair_of_maps_under_one_slider_and_side_by_side_on_paper(opened: Any) -> None:
+    page = opened(viewport={"width": 1280, "height": 900})
+    page.click("[data-change='1']")
+    page.focus(".card:visible [data-pair]")
+    page.keyboard.press("Enter")
+    assert page.evaluate("[document.body.dataset.show, document.body.dataset.map]") == ["split", "burden"]
+    assert page.evaluate("document.activeElement.id") == "cut", "arrow keys move it at once"
+    before = float(page.get_attribute("#clip-a", "width"))
+    for _ in range(10):
+        page.keyboard.press("ArrowRight")
+    assert page.input_value("#cut") == "60"
+    assert float(page.get_attribute("#clip-a", "width")) > before
+    assert page.inner_text("#cut-now") in page.get_attribute("#cut", "aria-label")
+    bands = "(id => [...document.querySelectorAll(id + ' path')].map(p => p.getAttribute('d')).join(''))"
+    sides = [page.evaluate(f"{bands}('{side}')") for side in ("#ga", "#gb")]
+    assert sides[0] != sides[1]
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert not page.is_visible(".both")
+    page.emulate_media(media="print")
+    left, right = (page.locator(f".both figure:nth-child({k})") for k in (1, 2))
+    assert [left.locator("figcaption").inner_text(), right.locator("figcaption").inner_text()] == [
+        page.text_content("#cut-was"),
+        page.text_content("#cut-now"),
+    ]
+    a, b = left.bounding_box(), right.bounding_box()
+    assert a["y"] == b["y"]
+    assert page.evaluate("getComputedStyle(document.getElementById('known-ga')).visibility") == "visible", (
+        "clips the maps"
+    )
+    assert a["x"] + a["width"] <= b["x"]
+    assert page.locator(".map").bounding_box()["height"] < 5
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    page.emulate_media(media="screen")
+    page.click("[data-change='1']")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert page.locator(".both").count() == 0, "a single week is one map"
+    assert page.errors == []
 
 
 @pytest.mark.browser
