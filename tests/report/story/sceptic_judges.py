@@ -658,6 +658,7 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "planner.log.people": "names a row",
     "planner.log.beside": "says what is compared",
     "planner.log.all_hours": "says what is shown",
+    "planner.log.pair": "names a button",
     **{f"planner.log.{n}": "a table's words" for n in ("title", "site", "what", "span", "table", "figure", "likely")},
     "lead.missing": "a list of outages, made from what was recorded",
     "lead.missing_more": "a list of outages, made from what was recorded",
