@@ -140,8 +140,8 @@ def test_what_became_of_a_change_is_one_sentence_on_page_log_and_planner(made: m
         (
             replace(SOON, weeks=None, clear_by=None, power=0.0, n_areas=1),
             date(2026, 11, 15),
-            "A fall of 30% will not show within 26 weeks (chance 0%), as only 1 area is left to compare with. Four "
-            "areas, or days with and without the change in turn, would tell.",
+            "With only 1 area to compare with, a fall of 30% will not show within 26 weeks (chance 0%). Four, or days "
+            "with and without it in turn, would tell.",
         ),
     ],
 )
@@ -173,12 +173,10 @@ def test_a_line_of_the_log_says_what_became_of_the_whole_floor_and_how_long_it_i
     running = change("works", *FALL).running
     said: dict[str, Any] = {"running": running, "net": whole, "watched_until": date(2027, 5, 4)}
     assert result_words(line(outcome="fell", **said)).endswith(
-        "Whole floor, from whatever cause: not clear (likely −20% to +5%). Watched until Tue 4 May."
+        "Whole floor: not clear (likely −20% to +5%). Watched until Tue 4 May."
     )
     clear = replace(whole, change_hi=-0.02)
-    assert "from whatever cause: less (likely −20% to −2%)" in result_words(
-        line(outcome="fell", **said | {"net": clear})
-    )
+    assert "Whole floor: less (likely −20% to −2%)" in result_words(line(outcome="fell", **said | {"net": clear}))
 
 
 def test_a_change_that_cannot_be_told_speaks_of_the_floor_only_where_that_is_clear() -> None:

@@ -102,19 +102,29 @@ def ahead(change: JudgedChange, day: date | None) -> str:
     return say(f"foreseen.{'was' if is_over else 'will_be'}_{way}", size=size, power=power, week=week)
 
 
-def result_words(line: LoggedChangeResult, *, day: date | None = None) -> str:
+def result_words(line: LoggedChangeResult, *, day: date | None = None, is_told: bool = False) -> str:
     """Return what a line of the log says after the change itself; empty for a change of the whole site.
 
     Args:
         line: The change.
         day: Last day of the page.
+        is_told: The page tells the whole story above: here verdict and effect are enough.
     """
     if line.outcome == "site_wide":
         return ""
-    parts = [came_of(line, day=day), on_floor(line)]
-    if line.watched_until is not None:
+    parts = [_brief(line) if is_told else came_of(line, day=day), on_floor(line)]
+    if line.watched_until is not None and line.foreseen is None:
         parts.append(say("logged_changes.until", date=fmt.date_short(line.watched_until)))
     return " ".join(part for part in parts if part)
+
+
+def _brief(change: JudgedChange) -> str:
+    """Return the verdict and the effect of a change that has one, without what it rests on."""
+    assert change.running is not None
+    effect = _effect(change, change.running)
+    if change.outcome == "works":
+        return say("came_of.brief_works", effect=effect)
+    return terms.capital(say("came_of.brief", effect=effect))
 
 
 def on_floor(change: JudgedChange) -> str:

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
 
+from vsd_analytics.figures.week.model_sections import LoggedChangeResult
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.model.week_agenda import PastQuestion
-from vsd_analytics.report.pages.change_story import came_of, result_words
+from vsd_analytics.report.pages.change_story import came_of, result_words, story
+from vsd_analytics.report.pages.things_to_know import FALLS
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say
 
@@ -99,7 +101,11 @@ def log_rows(report: WeekReport, *, with_weeks: bool) -> tuple[LogRow, ...]:
     ]
     first = (report.previous or report.week).monday
     gaps = {(o.start, True) for o in report.coverage.outages}
-    results = {(line.at, line.text): result_words(line, day=report.week.sunday) for line in report.logged_changes}
+    told = " ".join(thing.text for thing in report.story.things) if report.story is not None else ""
+    results = {
+        (line.at, line.text): result_words(line, day=report.week.sunday, is_told=_is_told(line, told))
+        for line in report.logged_changes
+    }
     return tuple(
         LogRow(
             result=results.get((at, text), ""),
@@ -111,6 +117,11 @@ def log_rows(report: WeekReport, *, with_weeks: bool) -> tuple[LogRow, ...]:
         )
         for at, label, text, area, is_detected in sorted(rows, key=lambda row: (row[0], row[1] == "", row[1]))
     )
+
+
+def _is_told(line: LoggedChangeResult, told: str) -> bool:
+    """Tell whether the things to know have the whole story of a change."""
+    return line.outcome in FALLS and story(line) in told
 
 
 def _about(area: str | None, is_detected: bool) -> str:
