@@ -25,6 +25,8 @@ from vsd_analytics.planner.planner_data import PlannerData
 
 ALONE = len(POINTS)
 NEAR = 0.01
+NEAR_H = 1e-3
+"""Times by hour that differ by less are the same, as a camera's time is rounded to frames."""
 WHERE = (*POINTS, worlds.ALONE)
 OF = (*POINTS.values(), (None, 0))
 """Place and camera of each point."""
@@ -116,18 +118,28 @@ def _read_row(known: Times, keys: list[Key], row: Mapping[str, Any], n: float | 
 
 
 def read_planner(known: Times, world: World, week: int, data: PlannerData) -> None:
-    """Add the numbers of a week's planner; a square's time as exact where it is, as a reader would guess."""
-    panel, source = data.week.panel, f"week {week} planner"
+    """Add the numbers of a week's planner; the time of an hour or square as exact where it is, as a reader would guess.
+
+    Hours of few people have equal parts of their sum, which is what a reader knows of them.
+    """
+    panel, source, hours = data.week.panel, f"week {week} planner", truth(world)
     times = panel.exposure_ms[0].sum(axis=0) / 3_600_000
+    together, total_h = [], 0.0
     for day, hour, is_counted, time_h in zip(
         panel.day.tolist(), panel.hour.tolist(), panel.is_counted[0], times, strict=True
     ):
-        if is_counted and day < N_DAYS:
-            known.about(keys_of(week, days=[day], hour=hour), float(time_h), f"{source} hour", digits=4)
+        keys = keys_of(week, days=[day], hour=hour) if day < N_DAYS else []
+        if keys and is_counted and abs(sum(hours[key] for key in keys) - time_h) < NEAR_H:
+            known.about(keys, float(time_h), f"{source} hour", digits=4)
+        elif keys and is_counted:
+            together += keys
+            total_h += float(time_h)
+    if together and total_h:
+        known.about(together, total_h, f"{source} hours of few people together", digits=4)
     cells, grid = data.week.cells, None if data.shown is None else grid_of(data.shown.extent)
     if cells is None or grid is None or not data.week.is_ranked:
         return
-    hours, rows = truth(world), cells.time
+    rows = cells.time
     for camera, cell in {(int(c), int(s)) for c, s in zip(rows.camera, rows.cell, strict=True)}:
         given = rows.values[0][(rows.camera == camera) & (rows.cell == cell)].sum() * cells.unit_ms / 3_600_000
         x_m, y_m = grid.x0 + cell % grid.n_x + 0.5, grid.y0 + cell // grid.n_x + 0.5
@@ -138,20 +150,26 @@ def read_planner(known: Times, world: World, week: int, data: PlannerData) -> No
 
 
 def few_people(world: World) -> dict[str, list[Key]]:
-    """Return the places and weeks in which fewer than five people were, on the day with most of them."""
+    """Return the floors and places of weeks, and the hours of the floor, in which fewer than five people were.
+
+    Of several days, it is the people of the day with most of them.
+    """
+
+    def n_people(week: int, day: int, place: str | bool | None = True, hours: Sequence[int] = range(*HOURS)) -> int:
+        pairs = (
+            n
+            for (w, p, d, h), n in pairs_of(world).items()
+            if (w, d) == (week, day) and h in hours and (place is True or OF[p][0] == place)
+        )
+        return 2 * sum(pairs) + (place in (True, None) and (week, 0, day) not in world.lost)
+
     found = {}
-    for week, place in product(range(world.n_weeks), PLACES):
-        of_day = [
-            sum(
-                2 * n
-                for key, n in pairs_of(world).items()
-                if key[0] == week and key[2] == day and OF[key[1]][0] == place
-            )
-            + (place is None and (week, 0, day) not in world.lost)
-            for day in range(N_DAYS)
-        ]
-        if 0 < max(of_day) < BELOW:
+    for week, place in product(range(world.n_weeks), (True, *PLACES)):
+        if 0 < max(n_people(week, day, place) for day in range(N_DAYS)) < BELOW:
             found[f"week {week}, person-time of {place}"] = keys_of(week, place=place)
+    for week, day, hour in product(range(world.n_weeks), range(N_DAYS), range(*HOURS)):
+        if 0 < n_people(week, day, hours=[hour]) < BELOW:
+            found[f"week {week}, person-time of day {day}, hour {hour}"] = keys_of(week, days=[day], hour=hour)
     return found
 
 

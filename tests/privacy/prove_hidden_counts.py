@@ -67,7 +67,10 @@ def history(folder: Path, seed: int, *, n_weeks: int) -> sequences.Versions:
 def kind(name: str) -> str:
     """Return what sort of count a name is of."""
     if "person-time" in name:
-        return "time of fewer than five people, an area, or the rest, in a week"
+        where = (
+            "an hour" if "hour" in name else "a week" if name.endswith("True") else "an area, or the rest, in a week"
+        )
+        return f"time of fewer than five people, {where}"
     version, _, of = name.partition(", ")
     return f"{'change' if version.startswith('change') else 'count'}, {hidden.kind(of)}"
 

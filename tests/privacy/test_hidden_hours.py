@@ -28,7 +28,7 @@ HIDDEN = (9, 10, 33)
 
 def week_data(held: dict[int, Any], *, below: int = BELOW) -> Any:
     """Return what hides slots of weeks, by the number of weeks back."""
-    nothing = SimpleNamespace(hours=SimpleNamespace(small=frozenset(), others=frozenset()), why_floor=None)
+    nothing = hidden(())
     slots = np.arange(SLOTS)
     return SimpleNamespace(
         mask=Mask(below),
@@ -37,8 +37,9 @@ def week_data(held: dict[int, Any], *, below: int = BELOW) -> Any:
     )
 
 
-def hidden(hours: tuple[int, ...] = HIDDEN, why: Reason | None = None) -> Any:
-    return SimpleNamespace(hours=SimpleNamespace(small=frozenset(hours), others=frozenset()), why_floor=why)
+def hidden(hours: tuple[int, ...] = HIDDEN, why: Reason | None = None, *, untimed: tuple[int, ...] = ()) -> Any:
+    held = SimpleNamespace(small=frozenset(hours), others=frozenset())
+    return SimpleNamespace(hours=held, why_floor=why, untimed=frozenset(untimed), why_untimed=None)
 
 
 def slots_of(n: np.ndarray, *, recorded_h: np.ndarray | None = None) -> Slots:

@@ -149,7 +149,7 @@ def _today(project: Project, floor_id: str | None) -> tuple[list[Today], str]:
     at: datetime = project.now.astimezone(site.zone)
     if stored_extent(site) is None:
         raise nothing_stored(project)
-    read = ("camera_hours", "camera_slots")
+    read = ("camera_hours", "camera_slots", "track_hours")
     days = f"{figures.first_day(at)}..{at.date()}"
     with warehouse_of(project, week=None, days=days, relations=read) as warehouse:
         warehouse.materialise(*read)

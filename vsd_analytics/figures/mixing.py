@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.answer import Reason
+from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.panels import Array, Flags, FloorHours, Place, positions
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.settings import FLOOR_CELL_M
@@ -49,8 +49,7 @@ def mixing_change(pair: TwoPeriods) -> MixingChange:
     maps = [_maps(data, pair.used(0)), _maps(data, pair.used(1))]
     why = next((r for r in (*reasons, *(TOO_LARGE if m is None else None for m in maps)) if r is not None), None)
     if why is not None or maps[0] is None or maps[1] is None:
-        a, b = (_not_measured(why or TOO_LARGE) for _ in maps)
-        return MixingChange(a, b, None, None, None, None, None, None, None, "not_measurable", why)
+        return no_change(why or TOO_LARGE, "not_measurable")
     before, now = pair.compared(pair_time(data))
     return compare_mixing(
         (before.n, now.n),
@@ -61,6 +60,12 @@ def mixing_change(pair: TwoPeriods) -> MixingChange:
         **settings.for_intervals,
         min_person_h=settings.min_exposure_h,
     )
+
+
+def no_change(why: Reason, state: State = "not_enough_data") -> MixingChange:
+    """Return a change that is not given, and why."""
+    none = _not_measured(why)
+    return MixingChange(none, none, None, None, None, None, None, None, None, state, why)
 
 
 def pair_time(data: FloorHours) -> Place:

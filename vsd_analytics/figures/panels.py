@@ -16,6 +16,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from vsd_analytics.figures.share.counts import Mask
+from vsd_analytics.figures.share.people import people_by_hour
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -119,6 +120,11 @@ class FloorHours:
     def untimed(self) -> frozenset[str | None]:
         """Return the areas whose person-time does not leave yet; none, of days that are over."""
         return frozenset()
+
+    @cached_property
+    def people_by_hour(self) -> Ints:
+        """Return how many people were on the floor in each hour, at least, shape (n_hours,)."""
+        return people_by_hour(self)
 
     def inside(self, first: date, last: date) -> Flags:
         """Return which hours lie in local days from `first` to `last`."""

@@ -22,7 +22,7 @@ from vsd_analytics.figures.people_present import (
     why_not_all,
 )
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.share.weeks import hidden_times
+from vsd_analytics.figures.share.times import hidden_times
 from vsd_analytics.figures.values import unknown_count
 from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids, dwell_of, timeless
 from vsd_analytics.site.model import Area

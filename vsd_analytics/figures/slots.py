@@ -42,7 +42,7 @@ class Slots:
         n_violations: Violations, same shape; NaN where they are not known.
         min_share: Share of its open hours a camera's slot must be recorded for, to enter rates.
         hidden: Slots whose violations are not those counted, as a report hides them (`share.hours`), shape
-            (n_weeks, 168); None = none is.
+            (n_weeks, 168); None = no number is hidden.
     """
 
     monday: date
@@ -86,7 +86,7 @@ class Slots:
     @property
     def why_no_people(self) -> Reason | None:
         """Return why people cannot be counted, or None where they can or nothing was recorded."""
-        return NO_POSITIONS if self._is_unknown(self.person_h) else None
+        return NO_POSITIONS if self.hidden is None and self._is_unknown(self.person_h) else None
 
     @property
     def why_no_violations(self) -> Reason | None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.forecast import HISTORY_WEEKS
+from vsd_analytics.figures.share.counts import mask_of
 from vsd_analytics.figures.slots import Floats, Slots, known, load_slots, open_hours
 from vsd_analytics.figures.special_days import open_holidays, special_days
 from vsd_analytics.figures.unusual import unusual_in_last_week
@@ -47,6 +48,7 @@ class TodayHour:
         seen: People in view of the hour, mean; None as `violations`.
         people: Mean number of people in view of such an hour; None where too few weeks recorded it.
         people_lo, people_hi: Range of that.
+        for_readers: `people`, `people_lo` and `people_hi` by the hours in which enough people were.
     """
 
     day: date
@@ -61,6 +63,7 @@ class TodayHour:
     people: float | None
     people_lo: float | None
     people_hi: float | None
+    for_readers: tuple[float | None, float | None, float | None] = (None, None, None)
 
     @property
     def encounter_rate(self) -> float | None:
@@ -200,9 +203,10 @@ def today(warehouse: Warehouse, at: datetime, *, floor_id: str | None = None) ->
     violations, people, why = slots.violations, slots.people, slots.why_no_violations
     days = special_days(site, yesterday, n_weeks=len(violations.n))
     rules = {"open_h": slots.open_h[-1], "share": settings.forecast_share, "days": days.last}
-    counted, seen = (
+    many = _of_enough_people(warehouse, slots).people
+    counted, seen, told = (
         forecast_week(w.n[:-1], days.ordinary_h(w.x_h)[:-1], is_count=w is violations, **rules)
-        for w in (violations, people)
+        for w in (violations, people, many)
     )
     unusual = unusual_in_last_week(slots, site)
     holidays = {note.values["day"]: note for note in open_holidays(site, yesterday)}
@@ -211,7 +215,7 @@ def today(warehouse: Warehouse, at: datetime, *, floor_id: str | None = None) ->
         floor_id=floor_id,
         yesterday=_level(slots, violations, 0, holidays.get(yesterday), n_over=n_over, why=why, confidence=confidence),
         so_far=_level(slots, violations, 1, holidays.get(at.date()), n_over=n_over, why=why, confidence=confidence),
-        hours=_hours(slots, violations, people, n_over=n_over, counted=counted, seen=seen),
+        hours=_hours(slots, violations, people, n_over=n_over, counted=counted, seen=seen, told=told),
         unusual=replace(unusual, reason=_of_calendar_weeks(unusual.reason, loaded.violations)),
         silent=_silent(slots, n_over=n_over, is_sending=_recorded_in_hour_of(loaded, at)),
         n_cameras=len(slots.camera_ids),
@@ -321,8 +325,36 @@ def _whole_days(slots: Slots, open_slots: NDArray[np.int64], day: date) -> Mappi
     return {day - timedelta(weeks=int(k)): float(counts[-1 - k]) for k in weeks_ago} if is_whole[-1] else None
 
 
+def _of_enough_people(warehouse: Warehouse, slots: Slots) -> Slots:
+    """Return the hours without the person-time of those in which fewer people than `mask_below` are known to have been.
+
+    At least as many were there as different tracks of one camera (mart `track_hours`), or people in view on average.
+    Without track ids it is not known, and all hours stay.
+    """
+    first = slots.monday - timedelta(weeks=HISTORY_WEEKS)
+    rows = warehouse.table(
+        "select date_diff('day', $first, local_date)::bigint as day, local_hour::bigint as hour, "
+        "max(n_tracks)::bigint as n from track_hours where camera_id in (select unnest($cameras::varchar[])) "
+        "and local_date between $first and $last group by all",
+        {"first": first, "last": slots.monday + timedelta(days=6), "cameras": list(slots.camera_ids)},
+    )
+    tracks = np.zeros((HISTORY_WEEKS + 1, SLOTS))
+    tracks.reshape(-1)[rows["day"].to_numpy() * HOURS + rows["hour"].to_numpy()] = rows["n"].to_numpy()
+    at_once = np.nan_to_num(slots.person_h).max(axis=0, initial=0.0)
+    n, mask = np.maximum(tracks, np.ceil(np.round(at_once, 6))), mask_of(warehouse.site)
+    is_few = np.vectorize(mask.hides, otypes=[np.bool_])(n) & bool(tracks.any())
+    return replace(slots, person_h=np.where(is_few, np.nan, slots.person_h))
+
+
 def _hours(
-    slots: Slots, violations: Weeks, people: Weeks, *, n_over: int, counted: WeekForecast, seen: WeekForecast
+    slots: Slots,
+    violations: Weeks,
+    people: Weeks,
+    *,
+    n_over: int,
+    counted: WeekForecast,
+    seen: WeekForecast,
+    told: WeekForecast,
 ) -> tuple[TodayHour, ...]:
     is_known = slots.why_no_violations is None
     return tuple(
@@ -339,6 +371,7 @@ def _hours(
             people=known(seen.mean[s]),
             people_lo=known(seen.lo[s]),
             people_hi=known(seen.hi[s]),
+            for_readers=(known(told.mean[s]), known(told.lo[s]), known(told.hi[s])),
         )
         for s in np.flatnonzero(slots.open_h[-1, : SHOWN_DAYS * HOURS] > 0)
     )

@@ -16,7 +16,7 @@ from vsd_analytics.answer import Answer, Column, Reason, Row, Sum, Value, value_
 from vsd_analytics.figures.panels import Array, Flags, FloorHours, Ints, Place, positions
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import NOT_RECORDED
-from vsd_analytics.figures.share.weeks import hidden_times
+from vsd_analytics.figures.share.times import hidden_times
 from vsd_analytics.figures.values import unknown_count
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.dwell import Dwell, dwell

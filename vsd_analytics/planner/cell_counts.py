@@ -185,7 +185,7 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
     is_able = (n > 0) & data.whole.cameras[keys[0]] & (hidden is not None)
     is_able &= places[keys[3] * grid.n_x * n_across + keys[2]] != HELD_BACK
     has_time = (times[0] > 0) & ~_is_on(asked.untimed, grid, *keys[2:4])
-    unit_ms = _unit(*times)
+    unit_ms = _unit(*(v[has_time] for v in times))  # of what is given: that of all would tell of hidden times
     return CellCounts(
         violations=_merged(
             keys[:, is_able],

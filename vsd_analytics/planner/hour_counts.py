@@ -212,7 +212,8 @@ def floor_panel(
     """Return the open hours of some days for readers: what the report's timetable has, of all cameras together.
 
     An hour is counted if all cameras recorded it that recorded any of its week. Hours that a timetable hides have equal
-    parts of their sum where the week tells that sum, and are all counted; otherwise none of them is.
+    parts of their sum where the week tells that sum, and are all counted; otherwise none of them is. Hours of few
+    people have equal parts of their time.
 
     Args:
         data: The floor.
@@ -240,12 +241,15 @@ def floor_panel(
             continue
         is_counted[of_week] = counted[np.ix_(recording, of_week)].all(axis=0)
         recorded_ms[of_week] = np.rint(recorded_s[np.ix_(recording, of_week)].mean(axis=0) * 1000)
-        held = data.hidden_in(monday).hours
-        hidden = np.isin(slots, list(held.small | held.others))
+        week = data.hidden_in(monday)
+        hidden = np.isin(slots, list(week.hours.small | week.hours.others))
         is_sum_known = not ((recorded_s > 0) & ~counted)[:, of_week].any()
         is_counted[hidden] &= is_sum_known and bool(is_counted[hidden].all())
-        for values in (n, close_ms):
-            values[hidden] = equal_parts(int(values[hidden].sum()), int(hidden.sum()))
+        untimed = np.isin(slots, list(week.untimed)) & is_counted
+        for values, at in ((n, hidden), (exposure_ms, untimed), (close_ms, hidden | untimed)):
+            values[at] = equal_parts(int(values[at].sum()), int(at.sum()))
+        if week.why_untimed is not None:
+            exposure_ms[of_week] = close_ms[of_week] = 0
     for values in (n, close_ms) if is_hidden else ():
         values[:] = 0
     for values in (n, exposure_ms, close_ms, recorded_ms):

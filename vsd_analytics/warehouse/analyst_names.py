@@ -37,6 +37,7 @@ INSTEAD: Final = {
     "area_stays": "visits",
     "area_tracks": "area_hours",
     "area_people": "area_hours",
+    "track_hours": "camera_hours",
     "waits": "queues",
     "moves": "flow",
 }

@@ -252,8 +252,9 @@ def test_no_data_week_of_one_camera_speaks_of_one_camera(tmp_path: Path) -> None
 
 
 def test_empty_week_has_people_and_an_upper_bound(tmp_path: Path) -> None:
-    site = w.world(tmp_path, w.toml(), w.messages(w.steady({})))
-    report = w.report(site)
+    far_apart = [w.person(f"p{k}", 3.0 * k, 1.0) for k in range(5)]  # of fewer people nothing is given
+    frames = ({**message, "persons": far_apart} for message in w.messages(w.steady({})))
+    report = w.report(w.world(tmp_path, w.toml(), frames))
     assert report.state == "empty"
     assert report.level.violation_rate.value == 0
     assert report.level.violation_rate.hi == pytest.approx(3 / 21, rel=0.01)

@@ -129,7 +129,7 @@ def how_long_and_close(inputs: FigureInputs) -> tuple[Answer, ...]:
         "n_shorter": Value(share.of - share.n),
     }
     notes = []
-    if found.is_at_least and found.cut_share is not None:
+    if why is None and found.is_at_least and found.cut_share is not None:
         notes.append(Reason("note.at_least", share=found.cut_share))
     rows: list[Row] = [
         {
@@ -141,6 +141,8 @@ def how_long_and_close(inputs: FigureInputs) -> tuple[Answer, ...]:
         for s in distances.shares
     ]
     nothing = lack(distances.state, distances.reason) if distances.state != "ok" else None
+    if inputs.why_few_people is not None:
+        rows, nothing = [], inputs.why_few_people
     return (
         inputs.floor_answer("durations", DURATIONS, cells, *notes),
         inputs.list_answer("distances", DISTANCES, rows, nothing=nothing),
@@ -156,7 +158,9 @@ def contacts(inputs: FigureInputs) -> tuple[Answer, ...]:
     other (M34).
     """
     pairs, met = inputs.found.episodes.contacts, _met(inputs)
-    why_pairs = lack(pairs.state, pairs.reason) if pairs.n is None or pairs.state != "ok" else None
+    why_pairs = inputs.why_few_people
+    if why_pairs is None and (pairs.n is None or pairs.state != "ok"):
+        why_pairs = lack(pairs.state, pairs.reason)
     cells: dict[str, Value] = {
         "n_contacts": why_pairs or Value(pairs.n),
         "n_pairs": why_pairs or Value(pairs.n_pairs),
@@ -184,7 +188,7 @@ def contacts(inputs: FigureInputs) -> tuple[Answer, ...]:
 def _met(inputs: FigureInputs) -> OthersMet | Value:
     """Return whom people met, of this floor's cameras whose track ids last; else why there are none."""
     if inputs.data.hidden.why_floor is not None:
-        return Value.missing(GIVES_AWAY)
+        return inputs.why_few_people or Value.missing(GIVES_AWAY)
     here = [c for c in inputs.found.groups.cameras if c.camera_id in inputs.data.ids]
     able = [c.camera_id for c in here if c.lives.state == "ok"]
     if not able:
@@ -201,8 +205,8 @@ def together(inputs: FigureInputs) -> tuple[Answer, ...]:
     gatherings per 100 recorded open hours; `gatherings`: those with most person-time (M22).
     """
     found = next((f for f in inputs.found.gatherings.floors if f.floor_id == inputs.floor_id), None)
-    if found is None:
-        none = lack("not_enough_data", None)
+    if found is None or inputs.why_few_people is not None:
+        none = inputs.why_few_people or lack("not_enough_data", None)
         cells: Row = {"gatherings_per_100_h": none, "n_gatherings": none, "recorded_h": inputs.recorded_h}
         return (
             inputs.list_answer("clusters", CLUSTERS, (), nothing=none),
@@ -279,9 +283,10 @@ def mixing(inputs: FigureInputs) -> tuple[Answer, ...]:
     """
     found = inputs.found.mixing_now
     change = inputs.found.mixing if inputs.level.violation_rate.verdict is not None else None
-    if found.layout is None or found.behaviour is None:
+    if inputs.why_few_people is not None or found.layout is None or found.behaviour is None:
         names = [c.name for c in MIXING if c.name != "copresent_pair_h"]
-        cells: Row = {**dict.fromkeys(names, lack(found.state, found.reason)), "copresent_pair_h": None}
+        why = inputs.why_few_people or lack(found.state, found.reason)
+        cells: Row = {**dict.fromkeys(names, why), "copresent_pair_h": None}
         return (inputs.floor_answer("mixing", MIXING, cells),)
     reason = found.reason if found.lo is None else None
     if change is not None and change.state != "ok":

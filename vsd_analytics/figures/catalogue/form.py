@@ -56,11 +56,16 @@ class FigureInputs:
     @property
     def why_no_person_time(self) -> Value | None:
         """Return why shares of person-time are not printed, as a value; None where they are."""
-        if (why := self.data.why_no_exposure) is not None:
+        if (why := self.data.this.why_no_exposure) is not None:
             return Value.missing(why, "not_measurable")
         if (why := self.data.hidden.why_floor) is not None:
             return Value.missing(why)
         return None
+
+    @property
+    def why_few_people(self) -> Value | None:
+        """Return why nothing is printed of the few people who were on the floor, as a value; None where it is."""
+        return None if self.data.hidden.why_untimed is None else Value.missing(self.data.hidden.why_untimed)
 
     @property
     def why_no_violations(self) -> Value | None:

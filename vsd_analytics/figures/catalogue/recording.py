@@ -106,12 +106,13 @@ def _quality(inputs: FigureInputs) -> Row:
     def share(part: float | None) -> Value:
         return Value((part or 0) / n_seen) if n_seen else Value.missing(tracks.reason or Reason("nobody.seen"))
 
+    of_people = inputs.why_few_people
     return {
-        "n_tracks": known(tracks.n, tracks.reason, tracks.state),
-        "n_track_records": Value(tracks.n_records),
-        "n_records": Value(n_seen),
+        "n_tracks": of_people or known(tracks.n, tracks.reason, tracks.state),
+        "n_track_records": of_people or Value(tracks.n_records),
+        "n_records": of_people or Value(n_seen),
         "without_id_share": known(tracks.without_id_share, tracks.reason),
-        "track_life_median_s": known(tracks.median_life_s, tracks.reason),
+        "track_life_median_s": of_people or known(tracks.median_life_s, tracks.reason),
         "cut_share": known(tracks.cut_share, tracks.reason or NO_POSITIONS),
         "seen_twice_share": share(sums["n_doubled"]),
         "unlocated_share": share(sums["n_unlocated"]),

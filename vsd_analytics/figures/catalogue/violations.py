@@ -8,6 +8,8 @@ from typing import Final
 from vsd_analytics.answer import Answer, Column, Estimated, Reason, Row, Value
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
 from vsd_analytics.figures.neighbours import room_around, three_or_more
+from vsd_analytics.figures.person_time import PeakQuarter
+from vsd_analytics.figures.share.people import people_in_quarter
 from vsd_analytics.figures.values import known, lack, measured
 
 VIOLATIONS: Final = (
@@ -103,6 +105,7 @@ def close_time(inputs: FigureInputs) -> tuple[Answer, ...]:
     lives = [c for c in inputs.found.groups.cameras if c.camera_id in inputs.data.ids and c.lives.state == "ok"]
     n_stays = sum(c.lives.n_tracks for c in lives)
     stay_min = 60 * sum(c.exposure_h for c in lives) / n_stays if n_stays else None
+    is_few = inputs.why_few_people is not None
     crowded = None if why else three_or_more(inputs.data.this)
     cells: Row = {
         "close_time_share": why or measured(found.close),
@@ -110,9 +113,9 @@ def close_time(inputs: FigureInputs) -> tuple[Answer, ...]:
         "close_person_min": _scaled(share, 60 * between.exposure_h),
         "close_min_per_stay": _scaled(share, stay_min),
         "n_stays": Value(n_stays),
-        "exposure_h": found.close.exposure_h,
+        "exposure_h": None if is_few else found.close.exposure_h,
         "crowded_exposure_h": None if crowded is None else crowded.exposure_h,
-        "between_exposure_h": between.exposure_h,
+        "between_exposure_h": None if is_few else between.exposure_h,
     }
     return (inputs.floor_answer("close_time", CLOSE_TIME, cells, Reason("note.stay")),)
 
@@ -132,6 +135,8 @@ def threshold_sensitivity(inputs: FigureInputs) -> tuple[Answer, ...]:
     calibrations state.
     """
     found = inputs.found.sensitivity
+    if (why := inputs.why_few_people) is not None:
+        return (inputs.list_answer("threshold_sensitivity", THRESHOLDS, (), nothing=why),)
     rows: list[Row] = []
     for point in found.points:
         is_legal = math.isclose(point.distance_m, found.distance_m)
@@ -179,20 +184,28 @@ def people(inputs: FigureInputs) -> tuple[Answer, ...]:
     """
     level, found = inputs.level.people, inputs.found.person_time
     mean, peak = found.people, None if level.value is None else found.peak
-    why_none = lack(level.state, level.reason)
+    why_none = why_no_peak = lack(level.state, level.reason)
+    if peak is not None and inputs.data.mask.hides(_n_people(inputs, peak)):
+        peak, why_no_peak = None, Value.missing(Reason("hidden.few_people", least=inputs.data.mask.below))
     ratio = found.exposure_h / mean.value if found.exposure_h is not None and mean.value else None
-    person_h = why_none if found.exposure_h is None else _with_limits(found.exposure_h, mean, ratio)
+    person_h = (
+        why_none if level.value is None or found.exposure_h is None else _with_limits(found.exposure_h, mean, ratio)
+    )
     cells: Row = {
         "person_h": person_h,
         "person_h_verdict": level.verdict,
         "people": why_none if level.value is None else _with_limits(level.value, mean, 1.0),
         "people_verdict": level.verdict,
-        "fullest_people": why_none if peak is None else Value(peak.people),
+        "fullest_people": why_no_peak if peak is None else Value(peak.people),
         "fullest_start": None if peak is None else peak.start,
-        "fullest_recorded_share": why_none if peak is None else Value(peak.recorded_share),
+        "fullest_recorded_share": why_no_peak if peak is None else Value(peak.recorded_share),
         "recorded_h": inputs.recorded_h,
     }
     return (inputs.floor_answer("people", PEOPLE, cells),)
+
+
+def _n_people(inputs: FigureInputs, peak: PeakQuarter) -> int:
+    return people_in_quarter(inputs.data, round(peak.start.timestamp() * 1000), at_once=peak.people)
 
 
 def _with_limits(value: float, mean: Estimated, ratio: float | None) -> Value:

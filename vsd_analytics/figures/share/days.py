@@ -23,7 +23,7 @@ def closed_days(today: Today, site: Site) -> Today:
     """Return a card for readers: yesterday's violations as a rough number, and how many people to expect.
 
     It has no hours of today so far, no unusual hours, and no violations of single hours, counted or expected: these are
-    computed from exact hours.
+    computed from exact hours. The people to expect are those of hours in which enough people were.
 
     Args:
         today: The operator's card.
@@ -34,6 +34,9 @@ def closed_days(today: Today, site: Site) -> Today:
         return today
     hours = tuple(
         replace(h, violations=None, estimate=None, usual=None, lo=None, hi=None, seen=None) for h in today.hours
+    )
+    hours = tuple(
+        replace(h, people=h.for_readers[0], people_lo=h.for_readers[1], people_hi=h.for_readers[2]) for h in hours
     )
     yesterday = today.yesterday
     if yesterday is not None and yesterday.whole_days is not None:

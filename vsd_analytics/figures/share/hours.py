@@ -1,7 +1,8 @@
 """Hours as readers may know them, for all that is computed from hours of several weeks.
 
 A forecast, an unusual hour or a profile made from exact hours would tell those that a report hides. So hidden hours of
-a week have equal parts of their sum, as far as the report tells this sum, and are not recorded otherwise.
+a week have equal parts of their sum, as far as the report tells this sum, and are not recorded otherwise: hours whose
+count is hidden, of violations, and hours of few people, of their time.
 """
 
 from __future__ import annotations
@@ -30,15 +31,35 @@ def shared_slots(slots: Slots, data: WeekData) -> Slots:
     if not data.mask.is_on:
         return slots
     n, hidden = slots.n_violations.copy(), np.zeros(slots.open_h.shape, dtype=np.bool_)
+    person_h, untimed = slots.person_h.copy(), np.zeros(slots.open_h.shape, dtype=np.bool_)
     for week in range(len(hidden)):
         held = data.hidden_in(slots.monday - (len(hidden) - 1 - week) * WEEK)
         hours = [*held.hours.small, *held.hours.others]
-        hidden[week, 24 * data.hours.weekday[hours] + data.hours.hour[hours]] = True
+        hidden[week, _slot(data, hours)] = True
+        untimed[week, _slot(data, [*held.untimed])] = True
+        if held.why_untimed is not None:
+            person_h[:, week] = np.nan
+        elif untimed[week].any():
+            _put_mean(person_h[:, week], untimed[week], slots.is_recorded[:, week])
         if held.why_floor is not None:
             hidden[week], n[:, week] = True, np.nan
         elif hours:
             _put_parts(n[:, week], hidden[week], slots.recorded_h[:, week] > 0, slots.is_recorded[:, week])
-    return replace(slots, n_violations=n, hidden=hidden) if hidden.any() else slots
+    if not hidden.any() and not untimed.any():
+        return slots
+    return replace(slots, n_violations=n, person_h=person_h, hidden=hidden)
+
+
+def _slot(data: WeekData, hours: list[int]) -> Ints:
+    return np.asarray(24 * data.hours.weekday[hours] + data.hours.hour[hours], dtype=np.int64)
+
+
+def _put_mean(person_h: Floats, hidden: Flags, counted: Flags) -> None:
+    """Put the mean of each camera's person-time into its hours of a week whose time is hidden."""
+    for of, is_counted in zip(person_h, counted, strict=True):
+        at = np.flatnonzero(hidden & is_counted & ~np.isnan(of))
+        if len(at):
+            of[at] = of[at].mean()
 
 
 def _put_parts(n: Floats, hidden: Flags, seen: Flags, counted: Flags) -> None:

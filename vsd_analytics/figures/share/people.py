@@ -6,21 +6,49 @@ people are those of the day with most of them. Ids of two cameras may be the sam
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from datetime import date
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from vsd_analytics.figures.panels import FloorHours, Ints
-from vsd_analytics.figures.periods import Period
+from vsd_analytics.answer import Reason
 from vsd_analytics.settings import FLOOR_CELL_M
+from vsd_analytics.store.layout import HOUR_MS
+from vsd_analytics.warehouse.dimensions import QUARTER_MS
+
+if TYPE_CHECKING:
+    from vsd_analytics.figures.panels import FloorHours, Ints
+    from vsd_analytics.figures.periods import Period
+
+
+def why_few_on_floor(period: Period) -> Reason | None:
+    """Return why nothing is given of the people of a floor: fewer than `mask_below` are known to have been there.
+
+    Their time is that of single people, and so is whatever counts or divides by it. Of an engine without track ids it
+    is not known how many people came, and the time of its floor is given.
+    """
+    mask = period.data.mask
+    if not mask.is_on or not has_tracks(period) or not mask.hides(int(people_of_floor(period).max(initial=0))):
+        return None
+    return Reason("hidden.few_on_floor", least=mask.below)
+
+
+def has_tracks(period: Period) -> bool:
+    """Tell whether anybody on the floor had a track id."""
+    values = {"ids": period.data.ids, "first": period.first, "last": period.last}
+    query = "select 1 from track_days where camera_id in (select unnest($ids)) and site_day between $first and $last"
+    return bool(period.data.warehouse.rows(f"{query} limit 1", values))
 
 
 def people_of_floor(period: Period) -> Ints:
-    """Return how many people were on the floor on each day, at least, shape (n_days,): see `people_by_day`."""
+    """Return how many people were on the floor on each day, at least, shape (n_days,).
+
+    It is the largest of the different tracks of one camera in the site day, and `people_by_hour`.
+    """
     data = period.data
     rows = data.warehouse.table(
         "select site_day, max(n) as n from (select site_day, camera_id, count(*) as n from track_days "
@@ -28,7 +56,51 @@ def people_of_floor(period: Period) -> Ints:
         {"ids": data.ids, "first": period.first, "last": period.last},
     )
     seen = dict(zip(rows["site_day"].to_pylist(), rows["n"].to_pylist(), strict=True))
-    return np.maximum(_by_days(seen, period.days), _at_once(data, period, data.everyone.exposure_h))
+    of_hours = [data.people_by_hour[data.hours.day == day.toordinal()].max(initial=0) for day in period.days]
+    return np.maximum(_by_days(seen, period.days), np.array(of_hours, dtype=np.int64))
+
+
+def people_by_hour(data: FloorHours) -> Ints:
+    """Return how many people were on the floor in each hour of the data, at least, shape (n_hours,).
+
+    It is the largest of three lower bounds, each of one camera: its different tracks (mart `track_hours`), and two that
+    need no ids, the mean number of people in view, and the mean number that a person in view makes up with those beside
+    them: 1 + 2 x pair-time / person-time (mart `crowding_hours`).
+    """
+    floor = {"floor": data.floor.floor_id}
+    tracks = data.warehouse.table(
+        "select camera_id, hour_start_ms, n_tracks::double as n_tracks from track_hours where floor_id = $floor", floor
+    )
+    crowds = data.warehouse.table(
+        "select camera_id, hour_start_ms, 1 + 2 * copresent_pair_s / person_s as n_people from crowding_hours "
+        "where floor_id = $floor and person_s > 0",
+        floor,
+    )
+    bounds = (
+        *data.by_hour(tracks, "n_tracks"),
+        *(
+            np.ceil(np.round(n, 6))
+            for n in (*data.by_hour(crowds, "n_people"), np.nan_to_num(data.everyone.exposure_h))
+        ),
+    )
+    n: Ints = np.max(bounds, axis=(0, 1), initial=0.0).astype(np.int64)
+    return n
+
+
+def people_in_quarter(data: FloorHours, start_ms: int, *, at_once: float) -> int:
+    """Return how many people were on the floor in a quarter-hour, at least: tracks that last into it, or at once.
+
+    Args:
+        data: The floor.
+        start_ms: UTC instant it starts, milliseconds.
+        at_once: Mean number of people in view in it.
+    """
+    [row] = data.warehouse.rows(
+        "select coalesce(max(n), 0) as n from (select count(*) as n from track_lives where hour = $hour "
+        "and camera_id in (select unnest($ids)) and first_ms < $end and last_ms >= $start group by camera_id)",
+        {"hour": start_ms // HOUR_MS, "ids": data.ids, "start": start_ms, "end": start_ms + QUARTER_MS},
+    )
+    return max(int(row["n"]), math.ceil(round(at_once / max(1, len(data.ids)), 6)))
 
 
 def people_by_day(period: Period) -> Mapping[str | None, Ints]:

@@ -8,7 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.share.weeks import hidden_times
+from vsd_analytics.figures.share.times import hidden_times
 from vsd_analytics.figures.week.data import WeekData
 
 FAR_M: Final = 1e6
@@ -26,6 +26,8 @@ def hidden_places(data: WeekData, period: Period) -> frozenset[str | None]:
     """
     if not data.mask.is_on:
         return frozenset()
+    if period.why_few_people is not None:
+        return frozenset({*(a.area_id for a in data.areas), None})
     week = data.hidden_in(period.first)
     return frozenset({*week.places.small, *week.places.others, *hidden_times(period)})
 

@@ -20,7 +20,7 @@ from vsd_analytics.figures.panels import WEEK, Array, FloorHours, Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, K, Mask, held_back, is_small, rough, too_few
 from vsd_analytics.figures.share.earlier import REST, Parts, SharedWeek
-from vsd_analytics.figures.share.people import people_by_day
+from vsd_analytics.figures.share.times import hours_without_times
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.hotspots import FloorHotspots, FloorSpot, ResolvedSpot
@@ -40,12 +40,16 @@ class HiddenWeek:
         hours: Hours of the timetable, as positions in the floor's hours.
         why_floor: Why no count of the whole floor is shown, nor any other of this week; None where they are. Where it
             is `CHANGED`, nothing of the week is shared.
+        untimed: Hours whose person-time is not shown, likewise.
+        why_untimed: Why no person-time of the whole floor is shown; None where it is.
         shared: The counts behind it, to be remembered where the week is shared; None where nothing was recorded.
     """
 
     places: HeldBack[str | None]
     hours: HeldBack[int]
     why_floor: Reason | None
+    untimed: frozenset[int] = frozenset()
+    why_untimed: Reason | None = None
     shared: SharedWeek | None = None
 
     @property
@@ -92,6 +96,8 @@ def hidden_week(
         why = CHANGED
     elif is_small(n_floor, below=below):
         why = too_few(below)
+    elif period.why_few_people is not None:
+        why = period.why_few_people
     elif not places.is_total_safe or not hours.is_total_safe:
         why = CHANGED if _is_any(place_changes) or _is_any(hour_changes) else GIVES_AWAY
     if why is not None:
@@ -102,7 +108,7 @@ def hidden_week(
             hidden_places=frozenset(map(_place_name, places.small | places.others)),
             hidden_hours=frozenset(starts[i] for i in hours.small | hours.others),
         )
-    return HiddenWeek(places, hours, why, shared)
+    return HiddenWeek(places, hours, why, hours_without_times(period), period.why_few_people, shared)
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,26 +245,6 @@ def _held_places(
     keys = list(by_place)
     here = [key for key in unready if key in by_place]
     return _held(by_place, changes, below=below, give=[*keys[-1:], *reversed(keys[:-1])], unready=here)
-
-
-def hidden_times(period: Period) -> Mapping[str | None, Reason]:
-    """Return why the person-time of areas is held back, by area; None is the rest of the floor.
-
-    Fewer than `mask_below` people made it, on the day with most of them (`people`). Another place goes with them, since
-    the floor's time less that of all others is theirs: the rest of the floor, or the last area with enough people.
-
-    Args:
-        period: The week of a floor.
-    """
-    data = period.data
-    below = data.mask.below
-    if not data.mask.is_on or not data.areas:
-        return {}
-    n_people = {key: int(n.max(initial=0)) for key, n in people_by_day(period).items()}
-    times_h = {key: float(np.nansum(data.panel(period.area(key), period.days).exposure_h)) for key in n_people}
-    few = [k for k, n in n_people.items() if times_h[k] > 0 and (n < below or k in data.untimed)]
-    others = [k for k in reversed(n_people) if k not in few and times_h[k] > 0] if few else []
-    return {key: Reason("hidden.few_people", least=below) for key in few} | dict.fromkeys(others[:1], GIVES_AWAY)
 
 
 def by_camera(data: FloorHours, place: Place, n: Array) -> dict[str, int]:

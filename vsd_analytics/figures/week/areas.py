@@ -13,7 +13,8 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.area_verdicts import AreaChanges, area_changes
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, Place
 from vsd_analytics.figures.share.counts import GIVES_AWAY, HeldBack, in_week_before
-from vsd_analytics.figures.share.weeks import by_camera, hidden_times
+from vsd_analytics.figures.share.times import hidden_times
+from vsd_analytics.figures.share.weeks import by_camera
 from vsd_analytics.figures.week import estimates, recording
 from vsd_analytics.figures.week.changes import difference
 from vsd_analytics.figures.week.data import WeekData

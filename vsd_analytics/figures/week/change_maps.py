@@ -25,6 +25,8 @@ SMALLEST_M2: Final = 0.5
 def change_maps(data: WeekData, *, areas: Sequence[AreaRow]) -> ChangeMaps | None:
     """Return the maps of two weeks and their difference; None where nothing can be placed or compared.
 
+    Nor is there one where few people were on the floor in either week.
+
     Both densities are over the camera-hours that count in both weeks (`TwoPeriods.used`), smoothed as the week's own
     map. The difference is taken before the bands are drawn; a coloured patch behind which either week has fewer
     violations than may be printed (but some) is left blank.
@@ -37,6 +39,8 @@ def change_maps(data: WeekData, *, areas: Sequence[AreaRow]) -> ChangeMaps | Non
     used: tuple[Flags, Flags] = (data.pair.used(0), data.pair.used(1))
     if extent is None or data.why_no_violations is not None or data.why_no_places is not None or not used[1].any():
         return None
+    if data.hidden.why_untimed is not None or data.hidden_before.why_untimed is not None:
+        return None  # bands would be drawn around single people
     grid = FloorGrid(data, extent)
     before = grid.density(data.pair.before, used=used[0])
     now = grid.density(data.pair.now, used=used[1])

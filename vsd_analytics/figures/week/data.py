@@ -17,7 +17,8 @@ from vsd_analytics.figures.panels import WEEK, Flags, FloorHours, Panel, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.share import earlier
 from vsd_analytics.figures.share.running import Release
-from vsd_analytics.figures.share.weeks import CHANGED, HiddenWeek, hidden_times, hidden_week
+from vsd_analytics.figures.share.times import hidden_times
+from vsd_analytics.figures.share.weeks import CHANGED, HiddenWeek, hidden_week
 from vsd_analytics.site.model import Calibration, Camera, Floor
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -195,8 +196,8 @@ class WeekData(FloorHours):
 
     @property
     def why_no_exposure(self) -> Reason | None:
-        """Return why person-time is unknown on this floor, or None if it is known."""
-        return self.this.why_no_exposure
+        """Return why person-time of this floor is unknown or not given, or None if it is."""
+        return self.this.why_no_exposure or self.hidden.why_untimed
 
     @property
     def why_no_places(self) -> Reason | None:

@@ -59,11 +59,13 @@ def measure(
 
 def people(data: WeekData, *, is_compared: bool) -> Estimate:
     """Return the mean number of people in view of the floor: person-hours per recorded open hour, and its change."""
-    if (why := data.why_no_exposure) is not None:
+    if (why := data.this.why_no_exposure) is not None:
         return Estimate(value=None, state="not_measurable", reason=why)
+    if (why := data.hidden.why_untimed) is not None:
+        return Estimate(value=None, state="not_enough_data", reason=why)
     if (value := rates.mean_people(data.this, data.everyone)) is None:
         return Estimate(value=None, state="not_enough_data", reason=Reason("recorded.nothing_open"))
-    if not is_compared:
+    if not is_compared or data.hidden_before.why_untimed is not None:
         return Estimate(value=value)
     level = RateEstimate(value, None, None, None, 0.0, 0, None, None, "ok", None, False)
     return _estimate(level, rates.change_people(data.pair, data.everyone), _hours(data, data.everyone, None))

@@ -62,6 +62,8 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
     grid = FloorGrid(data, extent)
     used = data.hours.is_counted if is_ranked else data.hours.recorded_s > 0
     density = grid.density(data.this, used=used).without_small()
+    if data.hidden.why_untimed is not None:  # bands would be drawn around single people
+        density = np.zeros_like(density)
     polygons = grid.bands(density, steps=data.site.settings.heat_steps)
     uncertain = tuple(as_rings(p) for p in _parts(grid.uncertain.intersection(shapely.box(*extent))))
     pictured = _picture_map(data, polygons, uncertain) if data.floor.plan is None else None

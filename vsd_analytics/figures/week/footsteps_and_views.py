@@ -37,6 +37,8 @@ def footsteps(data: WeekData, *, extent: Extent) -> Footsteps | None:
     Returns:
         None where no cell has so many: the engine sends no positions, no track ids, or too few people came.
     """
+    if data.this.why_few_people is not None:  # the tracks of a week are those of one person who comes every day
+        return None
     cell_m = FLOOR_CELL_M
     least = data.mask.least(MIN_TRACKS)
     rows = data.warehouse.rows(

@@ -138,7 +138,8 @@ class LazyAnswers:
     @cached_property
     def mixing(self) -> MixingChange:
         """Whether crowding, layout or behaviour moved since the week before (M23)."""
-        return mixing.mixing_change(self._data.pair)
+        why = self._data.hidden.why_untimed or self._data.hidden_before.why_untimed
+        return mixing.mixing_change(self._data.pair) if why is None else mixing.no_change(why)
 
     @cached_property
     def mixing_now(self) -> Mixing:

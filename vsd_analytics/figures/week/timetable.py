@@ -33,7 +33,8 @@ def timetable(data: WeekData) -> WeekTimetable:
     """Return the hours of the week in which the site opens on any day, with their states and counts.
 
     A count from 1 to under `mask_below` is held back. Averages are made of what is printed, with the middle of 1 to
-    `mask_below` - 1 for such hours, so that they tell nothing more.
+    `mask_below` - 1 for such hours, so that they tell nothing more. An hour of few people has no share of time too
+    close.
     """
     cells = _cells(data)
     full = [(c, _printed(c, data)) for c in cells if c.state == "full"]
@@ -83,6 +84,7 @@ def _cells(data: WeekData) -> tuple[HourCell, ...]:
     is_known = data.why_no_violations is None
     held = data.hidden.hours
     close_time_share = close_time_share_by_hour(data.this)
+    close_time_share[[*data.hidden.untimed]] = np.nan
     cells = []
     for i in timetable_hours(data, data.this):
         recorded = states[int(hours.start_ms[i])]

@@ -1,0 +1,66 @@
+"""Which person-time is held back: that of places, and of hours, in which few people are known to have been.
+
+The time of the floor is known, so with them goes the time of another place, or hour, in which enough people were: else
+the floor's time less that of all others would be theirs. The floor itself: `people.why_few_on_floor`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vsd_analytics.answer import Reason
+from vsd_analytics.figures.share.counts import GIVES_AWAY
+from vsd_analytics.figures.share.people import has_tracks, people_by_day
+
+if TYPE_CHECKING:
+    from vsd_analytics.figures.periods import Period
+
+
+def hidden_times(period: Period) -> Mapping[str | None, Reason]:
+    """Return why the person-time of areas is held back, by area; None is the rest of the floor.
+
+    Fewer than `mask_below` people made it, on the day with most of them (`people`). The other place is the rest of the
+    floor, or the last area with enough people.
+
+    Args:
+        period: The week of a floor.
+    """
+    data = period.data
+    below = data.mask.below
+    if not data.mask.is_on or not data.areas:
+        return {}
+    few_people = Reason("hidden.few_people", least=below)
+    if period.why_few_people is not None:
+        return dict.fromkeys([*(a.area_id for a in data.areas), None], few_people)
+    n_people = {key: int(n.max(initial=0)) for key, n in people_by_day(period).items()}
+    times_h = {key: float(np.nansum(data.panel(period.area(key), period.days).exposure_h)) for key in n_people}
+    few = [k for k, n in n_people.items() if times_h[k] > 0 and (n < below or k in data.untimed)]
+    others = [k for k in reversed(n_people) if k not in few and times_h[k] > 0] if few else []
+    return dict.fromkeys(few, few_people) | dict.fromkeys(others[:1], GIVES_AWAY)
+
+
+def hours_without_times(period: Period) -> frozenset[int]:
+    """Return the hours of a floor whose person-time is held back, as positions in its hours.
+
+    The other hour is the nearest in which enough people were. Where there is none, or the floor had few people, no hour
+    with anybody in it has a time. Without track ids it is not known how many people an hour had, and none is held back.
+
+    Args:
+        period: The week of a floor.
+    """
+    data = period.data
+    if not data.mask.is_on:
+        return frozenset()
+    is_used = data.hours.is_counted & period.is_inside
+    is_some = np.where(is_used, np.nan_to_num(data.everyone.exposure_h), 0.0).sum(axis=0) > 0
+    some = np.flatnonzero(is_some).tolist()
+    if period.why_few_people is not None:
+        return frozenset(some)
+    if not has_tracks(period):
+        return frozenset()
+    few = [i for i in some if data.mask.hides(int(data.people_by_hour[i]))]
+    others = sorted(set(some) - set(few), key=lambda i: (abs(i - few[0]), i)) if few else []
+    return frozenset((*few, *others[:1]))
