@@ -237,7 +237,8 @@ def _none(report: WeekReport) -> Tile:
 def _seen(report: WeekReport) -> Tile:
     coverage, title = report.coverage, say("tiles.seen")
     if coverage.seen_h is None:
-        return Tile(title=title, value=say("tiles.not_known"), note=say("tiles.no_positions"), is_wordy=True)
+        why = sentences([reason_text(report.level.encounter_rate.reason)]) or say("tiles.no_positions")
+        return Tile(title=title, value=say("tiles.not_known"), note=why, is_wordy=True)
     value = say("tiles.seen_of", seen=fmt.number(coverage.seen_h), open=fmt.number(coverage.open_h))
     return Tile(title=title, value=value, note=say("tiles.working" if coverage.seen_h else "tiles.nobody"))
 
