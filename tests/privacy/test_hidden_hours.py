@@ -92,6 +92,16 @@ def test_hidden_hours_whose_sum_no_report_tells_are_unknown_and_never_zero() -> 
     assert not (shared.violations.x_h[-1, list(HIDDEN)] > 0).any()
 
 
+@pytest.mark.parametrize("missed", [0, 1])
+def test_time_of_few_people_is_unknown_where_a_camera_missed_one_of_their_hours(missed: int) -> None:
+    recorded = np.ones((2, N_WEEKS, SLOTS))
+    recorded[1, -1, HIDDEN[missed]] = 0.0
+    for recorded_h, is_given in ((None, True), (recorded, False)):
+        shared = shared_slots(slots_of(counts(), recorded_h=recorded_h), week_data({0: hidden((), untimed=HIDDEN)}))
+        assert (shared.people.x_h[-1, list(HIDDEN)] > 0).all() == is_given
+        assert (np.delete(shared.people.x_h[-1], HIDDEN) > 0).all()
+
+
 def test_a_week_whose_floor_is_hidden_is_not_recorded_and_is_no_engine_without_ids() -> None:
     every = {k: hidden((), Reason("hidden.few", least=BELOW)) for k in range(N_WEEKS)}
     shared = shared_slots(slots_of(counts()), week_data(every))

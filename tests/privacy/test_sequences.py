@@ -64,6 +64,27 @@ def test_pages_of_running_weeks_leave_and_tell_no_small_count(tmp_path: Path) ->
     assert sequences.worked_out(versions) == {}
 
 
+@pytest.mark.parametrize(
+    ("by_hour", "lost"),
+    [
+        # pages tell the time of Monday, and of Tuesday, so an hour of Monday hides none of Wednesday
+        ([[10, 0], [10, 10], [10, 0]], None),
+        # a camera lost a day: the planner has no hours with small counts, so none stands beside those of one person
+        ([[4, 0], [0, 1], [4, 1]], (0, 1, 2)),
+    ],
+)
+def test_the_time_of_one_person_in_an_hour_is_told_by_no_page_of_its_week(
+    by_hour: list[list[int]], lost: tuple[int, int, int] | None, tmp_path: Path
+) -> None:
+    """At the first point are so many violations by day and hour, and one person is alone all the time."""
+    n = {key: by_hour[key[2]][key[3] - hidden.HOURS[0]] if key[1] == 0 else 0 for key in hidden.keys_of(0)}
+    made = mock.Mock(n=n, lost={lost} if lost else set())
+    with mock.patch.object(hidden, "build", return_value=made):
+        versions = sequences.lived(tmp_path, 0, n_weeks=1)
+    assert versions.n_running > 0
+    assert sequences.times_worked_out(versions) == {}
+
+
 def test_the_page_of_a_running_week_is_the_same_at_every_hour_of_a_day(versions: sequences.Versions) -> None:
     site, monday = versions.worlds[0].site, hidden.monday(0)
     pages = [week_report(site, monday, clock=sequences.instant(0, 3, hour)) for hour in (5, 23)]

@@ -212,8 +212,8 @@ def floor_panel(
     """Return the open hours of some days for readers: what the report's timetable has, of all cameras together.
 
     An hour is counted if all cameras recorded it that recorded any of its week. Hours that a timetable hides have equal
-    parts of their sum where the week tells that sum, and are all counted; otherwise none of them is. Hours of few
-    people have equal parts of their time.
+    parts of their sum where the week tells that sum, and hours of few people equal parts of their time. All hours that
+    are held back are counted, or none: without the hour beside them, the parts would be the time of few people.
 
     Args:
         data: The floor.
@@ -244,9 +244,10 @@ def floor_panel(
         week = data.hidden_in(monday)
         hidden = np.isin(slots, list(week.hours.small | week.hours.others))
         is_sum_known = not ((recorded_s > 0) & ~counted)[:, of_week].any()
-        is_counted[hidden] &= is_sum_known and bool(is_counted[hidden].all())
-        untimed = np.isin(slots, list(week.untimed)) & is_counted
-        for values, at in ((n, hidden), (exposure_ms, untimed), (close_ms, hidden | untimed)):
+        untimed = np.isin(slots, list(week.untimed))
+        is_held = hidden | untimed
+        is_counted[is_held] &= (is_sum_known or not hidden.any()) and bool(is_counted[is_held].all())
+        for values, at in ((n, hidden), (exposure_ms, untimed), (close_ms, is_held)):
             values[at] = equal_parts(int(values[at].sum()), int(at.sum()))
         if week.why_untimed is not None:
             exposure_ms[of_week] = close_ms[of_week] = 0

@@ -55,11 +55,15 @@ def _slot(data: WeekData, hours: list[int]) -> Ints:
 
 
 def _put_mean(person_h: Floats, hidden: Flags, counted: Flags) -> None:
-    """Put the mean of each camera's person-time into its hours of a week whose time is hidden."""
-    for of, is_counted in zip(person_h, counted, strict=True):
-        at = np.flatnonzero(hidden & is_counted & ~np.isnan(of))
-        if len(at):
-            of[at] = of[at].mean()
+    """Put the mean of each camera's person-time into its hours of a week whose time is hidden, or NaN.
+
+    Where a camera recorded only some of these hours, the mean could be the time of few people.
+    """
+    is_used = counted[:, hidden] & ~np.isnan(person_h[:, hidden])
+    is_whole = bool((is_used.all(axis=1) | ~is_used.any(axis=1)).all())
+    for of, is_counted in zip(person_h, is_used, strict=True):
+        at = np.flatnonzero(hidden)[is_counted]
+        of[at] = of[at].mean() if is_whole and len(at) else np.nan
 
 
 def _put_parts(n: Floats, hidden: Flags, seen: Flags, counted: Flags) -> None:

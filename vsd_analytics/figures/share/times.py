@@ -6,7 +6,8 @@ the floor's time less that of all others would be theirs. The floor itself: `peo
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from datetime import date
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,14 +43,17 @@ def hidden_times(period: Period) -> Mapping[str | None, Reason]:
     return dict.fromkeys(few, few_people) | dict.fromkeys(others[:1], GIVES_AWAY)
 
 
-def hours_without_times(period: Period) -> frozenset[int]:
+def hours_without_times(period: Period, ends: Sequence[date] = ()) -> frozenset[int]:
     """Return the hours of a floor whose person-time is held back, as positions in its hours.
 
-    The other hour is the nearest in which enough people were. Where there is none, or the floor had few people, no hour
-    with anybody in it has a time. Without track ids it is not known how many people an hour had, and none is held back.
+    The other hour is the nearest in which enough people were. Pages that left while the week went on tell the time up
+    to a day, so it is of the same days between two such pages. Where there is none, or the floor had few people, no
+    hour with anybody in it has a time. Without track ids it is not known how many people an hour had, and none is held
+    back.
 
     Args:
         period: The week of a floor.
+        ends: Last days of the pages that left while the week went on.
     """
     data = period.data
     if not data.mask.is_on:
@@ -61,6 +65,10 @@ def hours_without_times(period: Period) -> frozenset[int]:
         return frozenset(some)
     if not has_tracks(period):
         return frozenset()
-    few = [i for i in some if data.mask.hides(int(data.people_by_hour[i]))]
-    others = sorted(set(some) - set(few), key=lambda i: (abs(i - few[0]), i)) if few else []
-    return frozenset((*few, *others[:1]))
+    step = np.searchsorted(sorted(end.toordinal() for end in ends), data.hours.day)
+    hidden: set[int] = set()
+    for of_step in ([i for i in some if step[i] == k] for k in range(len(ends) + 1)):
+        few = [i for i in of_step if data.mask.hides(int(data.people_by_hour[i]))]
+        enough = sorted(set(of_step) - set(few), key=lambda i: (abs(i - few[0]), i)) if few else []
+        hidden.update(few, enough[:1])
+    return frozenset(hidden)

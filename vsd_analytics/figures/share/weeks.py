@@ -88,7 +88,8 @@ def hidden_week(
         for w in before
     ]
     places = _held_places(by_place, place_changes, below, unready)
-    is_unseen = _unseen_hours(_sums(by_hour), day, [w.through for w in before if w.through < period.last], below)
+    ends = [w.through for w in before if w.through < period.last]
+    is_unseen = _unseen_hours(_sums(by_hour), day, ends, below)
     hours = _held_hours(by_hour, hour_changes, below, n_floor, is_unseen)
     shared = _shared(data, period, by_place, by_hour) if data.mask.is_on else None
     why = None
@@ -108,7 +109,7 @@ def hidden_week(
             hidden_places=frozenset(map(_place_name, places.small | places.others)),
             hidden_hours=frozenset(starts[i] for i in hours.small | hours.others),
         )
-    return HiddenWeek(places, hours, why, hours_without_times(period), period.why_few_people, shared)
+    return HiddenWeek(places, hours, why, hours_without_times(period, ends), period.why_few_people, shared)
 
 
 @dataclass(frozen=True, slots=True)
