@@ -63,6 +63,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/stats/prove_groups.py --weeks 3000 --days 2
 	$(BIN)/python tests/stats/prove_durations.py --weeks 1000
 	$(BIN)/python tests/stats/prove_sites.py --worlds 300
+	$(BIN)/python tests/stats/prove_switchback.py --worlds 2000
 	$(BIN)/python tests/stats/prove_dwell.py --sites 300
 	$(BIN)/python tests/stats/prove_flow.py --sites 300
 	$(BIN)/python tests/stats/prove_links.py --sites 100

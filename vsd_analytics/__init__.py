@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from vsd_analytics.figures.operator_counts import hours as hours
     from vsd_analytics.figures.person_time import person_time as person_time
     from vsd_analytics.figures.sensitivity import threshold_sensitivity as threshold_sensitivity
+    from vsd_analytics.figures.switchback import plan_switchback as plan_switchback
+    from vsd_analytics.figures.switchback import switchback as switchback
     from vsd_analytics.figures.trend import trend as trend
     from vsd_analytics.figures.unusual import unusual as unusual
     from vsd_analytics.report.pages.story import week_report as week_report
@@ -90,8 +92,10 @@ _PLACES = {
     "open_warehouse": "vsd_analytics.warehouse.warehouse",
     "person_time": "vsd_analytics.figures.person_time",
     "plan_experiment": "vsd_analytics.figures.experiments",
+    "plan_switchback": "vsd_analytics.figures.switchback",
     "render_html": "vsd_analytics.report.pages.week",
     "risk_map": "vsd_analytics.figures.maps",
+    "switchback": "vsd_analytics.figures.switchback",
     "threshold_sensitivity": "vsd_analytics.figures.sensitivity",
     "trend": "vsd_analytics.figures.trend",
     "unusual": "vsd_analytics.figures.unusual",
@@ -132,8 +136,10 @@ __all__ = [
     "open_warehouse",
     "person_time",
     "plan_experiment",
+    "plan_switchback",
     "render_html",
     "risk_map",
+    "switchback",
     "threshold_sensitivity",
     "trend",
     "unusual",

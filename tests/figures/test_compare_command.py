@@ -14,6 +14,7 @@ import pytest
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.config.plans import DaysInTurn, Plan, add_plan
 from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.intake.pipeline import ingest
 from vsd_analytics.ingest.reading.adapter import IngestOptions
@@ -243,3 +244,32 @@ def test_a_plan_needs_weeks_and_says_how_many(project: Path, capsys: pytest.Capt
     assert code == 2
     code, out = vsd(project, capsys, "plan", "--json")
     assert (code, json.loads(out)["answers"]["plans"]["rows"]) == (0, [])
+
+
+def test_days_in_turn_are_laid_out_and_read(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The queue has half of its pairs in the second week, whose days are those with the change here."""
+    code, out = vsd(project, capsys, "plan", "--area", "queue", "--effect", "-0.3", "--in-turn", "--json")
+    found = json.loads(out)
+    assert (code, found["stored"], found["number"]) == (1, None, None)
+    assert "needs at least 4 weeks" in found["answers"]["switchback_weeks"]["nothing"]
+    for arguments in (("--weeks", "4"), ("--in-turn", "--weeks", "3")):
+        assert vsd(project, capsys, "plan", "--area", "queue", "--effect", "-0.3", *arguments)[0] == 2
+    assert vsd(project, capsys, "compare", "--in-turn", "1")[0] == 2
+    days = [(FIRST.date() + timedelta(days=7 + k), FIRST.date() + timedelta(days=k)) for k in range(7)]
+    plan = Plan(
+        made=FIRST.date(), area="queue", effect=-0.3, power=0.8, first=FIRST.date(), last=FIRST.date(), weeks_before=4,
+        weeks_after=2, power_then=0.5, theta_lo=0.5, theta_hi=0.9, compared_with=AREAS[1:],
+        in_turn=DaysInTurn(1, tuple(days)),
+    )  # fmt: skip
+    try:
+        add_plan(load_site(project), plan)
+        code, out = vsd(project, capsys, "compare", "--in-turn", "1", "--json")
+        [row] = json.loads(out)["answers"]["switchback"]["rows"]
+        assert (code, row["in_turn_verdict"], row["p_value"]["value"]) == (0, "clear_fall", 0.015625)
+        assert row["in_turn_change"]["value"] == pytest.approx(-0.5, abs=0.02)
+        code, out = vsd(project, capsys, "compare", "--in-turn", "1")
+        assert "clear fall" in out
+        assert "does not act on the next day" in out
+        assert vsd(project, capsys, "plan")[0] == 0
+    finally:
+        (project / "plans.jsonl").unlink(missing_ok=True)

@@ -57,6 +57,10 @@ LAYOUTS: Final[dict[str, Layout]] = {
         TableLayout(("place", "place_rate_change", "relative_change")),
         TableLayout(("place", "place_people_change")),
     ),
+    "switchback": (
+        TableLayout(("name", "in_turn_change", "in_turn_verdict", "p_value", "n_days_with", "n_days_without")),
+        TableLayout(("planned_change", "first_date", "last_date", "comparison_area_ids")),
+    ),
     "plan_score": (TableLayout(("made", "planned_change", "measured_change", "is_inside", "is_clear", "is_due")),),
 }
 
@@ -64,6 +68,9 @@ LAYOUTS: Final[dict[str, Layout]] = {
 @click.command()
 @click.argument("periods", nargs=-1, metavar="[A B]")
 @click.option("--change", "number", type=click.IntRange(min=1), metavar="N", help="Entry of the log: see vsd log list.")
+@click.option(
+    "--in-turn", "plan_number", type=click.IntRange(min=1), metavar="N", help="Plan of days in turn: see vsd plan."
+)
 @click.option("--area", "area_ids", metavar="ID", multiple=True, help="Only this area; may be given several times.")
 @floor_option
 @click.option(
@@ -75,6 +82,7 @@ def compare(
     project: Project,
     periods: tuple[str, ...],
     number: int | None,
+    plan_number: int | None,
     area_ids: tuple[str, ...],
     floor_id: str | None,
     weeks: int,
@@ -90,6 +98,9 @@ def compare(
     alone (difference in differences), so that a change of the whole site does not look like an effect. Beside it: a
     verdict that may be read every week, what became of the whole floor, and how a plan (vsd plan) came out.
 
+    With --in-turn N, compares the days with and without the change of plan N (vsd plan --in-turn), once, when they are
+    over: the effect on time too close, with the randomisation test of the coins that chose the days.
+
     Exit code 1: the periods cannot be compared; the message says why.
 
     \b
@@ -97,13 +108,22 @@ def compare(
       vsd compare last-1 last
       vsd compare 2026-11-02..2026-11-08 2026-11-09..2026-11-15 --area entrance --json
       vsd compare --change 1
+      vsd compare --in-turn 2
     """
+    if plan_number is not None:
+        if periods or number is not None or floor_id is not None or area_ids:
+            raise UsageError(
+                "--in-turn takes its days and area from the plan", fix=f"vsd compare --in-turn {plan_number}"
+            )
+        return _in_turn(project, plan_number, as_json=as_json)
     if number is not None:
         if periods or floor_id is not None or len(area_ids) > 1:
             raise UsageError("--change takes its weeks from the log, and one area", fix="vsd compare --change 1")
         return _change_of_log(project, number, area_ids[0] if area_ids else None, weeks, as_json=as_json)
     if len(periods) != 2:
-        raise UsageError("compare needs two periods, A and B, or --change N", fix="vsd compare 2026-W45 2026-W46")
+        raise UsageError(
+            "compare needs two periods, A and B, --change N or --in-turn N", fix="vsd compare 2026-W45 2026-W46"
+        )
     return _two_periods(project, periods, area_ids, floor_id, as_json=as_json)
 
 
@@ -151,6 +171,22 @@ def _change_of_log(project: Project, number: int, area_id: str | None, weeks: in
     if not as_json:
         click.echo(f"{plain(found.area_name)}: {plain(story)}\n")
     print_answers(Answers(answers), days=days, layouts=LAYOUTS, as_json=as_json, notes=notes, beside={"story": story})
+    return 0 if found.state == "ok" else 1
+
+
+def _in_turn(project: Project, number: int, *, as_json: bool) -> int:
+    from vsd_analytics.answer import Answers
+    from vsd_analytics.figures.switchback import switchback, switchback_days
+    from vsd_analytics.figures.switchback_answers import switchback_answer
+
+    warn_of_broken_log_lines(project)
+    days = switchback_days(project.site, number)
+    with warehouse_of(project, week=None, days=f"{days[0]}..{days[1]}") as warehouse:
+        warehouse.materialise("violations", "camera_hours", "area_hours")
+        found = switchback(warehouse, number)
+        answer = switchback_answer(found, project.site, inputs=warehouse.inputs_digest)
+        notes = purged_hours_notes(warehouse)
+    print_answers(Answers([answer]), days=days, layouts=LAYOUTS, as_json=as_json, notes=notes)
     return 0 if found.state == "ok" else 1
 
 

@@ -6,7 +6,7 @@ A plan is written before the change and never altered: what it predicts is score
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any, Final
@@ -18,6 +18,19 @@ from vsd_analytics.site.model import Site
 
 FILE: Final = "plans.jsonl"
 LOCK: Final = Path("status") / "plans.lock"
+
+
+@dataclass(frozen=True, slots=True)
+class DaysInTurn:
+    """Days with and without a change in turn.
+
+    Attributes:
+        seed: Of the coins.
+        pairs: Day with the change and day without it, of one weekday in two successive weeks.
+    """
+
+    seed: int
+    pairs: tuple[tuple[date, date], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +48,7 @@ class Plan:
         power_then: Chance of a clear verdict by then.
         theta_lo, theta_hi: Where the measured ratio will lie in 95 of 100 cases if the effect is as planned.
         compared_with: Ids of the comparison areas.
+        in_turn: Days with and without the change over `weeks_after` weeks; None = the change is there for good.
     """
 
     made: date
@@ -49,6 +63,7 @@ class Plan:
     theta_lo: float
     theta_hi: float
     compared_with: tuple[str, ...]
+    in_turn: DaysInTurn | None = None
 
 
 def read_plans(site: Site) -> tuple[Plan, ...]:
@@ -83,7 +98,8 @@ def add_plan(site: Site, plan: Plan) -> bool:
 
 def plan_dict(plan: Plan) -> dict[str, Any]:
     """Return a plan as it is written in the file."""
-    return {k: v.isoformat() if isinstance(v, date) else v for k, v in asdict(plan).items()}
+    written: dict[str, Any] = msgspec.to_builtins(plan)
+    return {k: v for k, v in written.items() if k != "in_turn" or v is not None}
 
 
 def _lines(site: Site) -> list[tuple[int, bytes]]:

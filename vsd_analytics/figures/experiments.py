@@ -191,7 +191,7 @@ def foreseen(data: FloorHours, area: Area, entry: LogEntry) -> ExperimentPlan:
         entry: The change.
     """
     day = local_day(data.site, entry)
-    plans = [p for p in read_plans(data.site) if p.area == area.area_id and p.made <= day]
+    plans = [p for p in read_plans(data.site) if p.area == area.area_id and p.made <= day and p.in_turn is None]
     effect, power = (plans[-1].effect, plans[-1].power) if plans else (USUAL_EFFECT, USUAL_POWER)
     (since, last), (until, _) = (
         days_stored(data.site, day, data.warehouse.first, data.warehouse.last), left_out_around(data.site, entry)
@@ -272,7 +272,7 @@ def score(found: BeforeAfterFigure, plans: tuple[Plan, ...], *, zone_day: date) 
         plans: All plans of the site.
         zone_day: Local day of the change.
     """
-    made = [p for p in plans if p.area == found.area_id and p.made <= zone_day]
+    made = [p for p in plans if p.area == found.area_id and p.made <= zone_day and p.in_turn is None]
     if not made or found.running is None:
         return None
     plan, so_far = made[-1], found.running

@@ -53,6 +53,7 @@ PLANS: Final = (
     Column("first_date", "fact"),
     Column("last_date", "fact"),
     Column("comparison_area_ids", "fact"),
+    Column("n_days_in_turn", "fact"),
 )
 """Columns of `plans`."""
 
@@ -122,6 +123,7 @@ def plans_answer(plans: Sequence[Plan], site: Site, *, today: date) -> Answer:
             "first_date": plan.first,
             "last_date": plan.last,
             "comparison_area_ids": plan.compared_with,
+            "n_days_in_turn": None if plan.in_turn is None else 2 * len(plan.in_turn.pairs),
         }
         for number, plan in enumerate(plans, 1)
     ]
