@@ -220,8 +220,9 @@ def planned_days(site: Site, number: int) -> tuple[Plan, DaysInTurn]:
     """Return a stored plan of days in turn by its number in `vsd plan`, from 1; UsageError E101 where it is none."""
     plans = read_plans(site)
     if not 1 <= number <= len(plans):
-        has = f"plans.jsonl has {len(plans)}"
-        raise UsageError(f"there is no plan {number}", why=has, fix="vsd plan lists the plans")
+        raise UsageError(
+            f"there is no plan {number}", why=f"plans.jsonl has {len(plans)}", fix="vsd plan lists the plans"
+        )
     plan = plans[number - 1]
     if plan.in_turn is None:
         raise UsageError(
