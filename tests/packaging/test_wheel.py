@@ -97,7 +97,7 @@ def test_installed_package_is_the_wheels(scripts: Path, tmp_path: Path) -> None:
 
 
 def test_installed_wheel_makes_a_report(scripts: Path, tmp_path: Path) -> None:
-    week = make_week(interval_s=10.0, per_hour=2, places=((3.0, 3.0), (9.0, 7.0)), hotspot=None)
+    week = make_week(interval_s=10.0, per_hour=6, places=((3.0, 3.0), (9.0, 7.0)), hotspot=None)
     (tmp_path / "vsd.toml").write_text(SITE, encoding="utf-8")
     lines = b"\n".join(msgspec.json.encode(message) for message in week.messages) + b"\n"
     (tmp_path / "frames.jsonl").write_bytes(lines)

@@ -156,7 +156,7 @@ COMMANDS = {
     "hours --by camera": ["camera_hours"],
     "hours --by area": ["camera_hours", "area_hours"],
     "coverage": ["hours", "outages", "message_gaps"],
-    "today --json": ["camera_slots"],
+    "today --json": ["camera_slots", "track_hours"],
     "sql": ["exposure"],
 }
 
