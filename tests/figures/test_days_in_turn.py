@@ -12,7 +12,7 @@ import pytest
 from planted_changes import AREAS, planted, site_of
 
 from vsd_analytics.config.plans import Plan, add_plan, read_plans
-from vsd_analytics.errors import UsageError
+from vsd_analytics.errors import InputError, UsageError
 from vsd_analytics.figures.switchback import (
     SwitchbackFigure,
     SwitchbackPlan,
@@ -228,3 +228,26 @@ def test_the_answers_hold_the_days_the_power_and_the_effect(tmp_path: Path) -> N
     assert change.lo < change.value < change.hi < 0
     waiting = switchback_answer(read(site, n_days=20), site, inputs="")
     assert waiting.value("in_turn_change", number=1).reason is not None
+
+
+@pytest.mark.parametrize(
+    ("pairs", "why"),
+    [
+        ([], "no days in turn"),
+        ([["2026-11-23", "2026-11-30"], ["2026-11-30", "2026-12-07"]], "twice"),
+        ([["2026-11-23", "2026-11-24"]], "a week apart"),
+    ],
+)
+def test_a_calendar_that_was_edited_by_hand_is_refused_with_its_line(
+    tmp_path: Path, pairs: list[list[str]], why: str
+) -> None:
+    site = site_of(tmp_path, areas=AREAS)
+    stored(site)
+    file = site.root / "plans.jsonl"
+    plan = json.loads(file.read_text())
+    plan["in_turn"]["pairs"] = pairs
+    file.write_text(json.dumps(plan) + "\n")
+    with pytest.raises(InputError, match=r"line 1 of plans\.jsonl") as caught:
+        switchback_days(site, 1)
+    assert caught.value.code == "E110"
+    assert why in str(caught.value.why)

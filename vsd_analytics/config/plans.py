@@ -32,6 +32,16 @@ class DaysInTurn:
     seed: int
     pairs: tuple[tuple[date, date], ...]
 
+    def __post_init__(self) -> None:
+        """Refuse what is no such calendar: ValueError, which a reader of the file sees as its line's fault."""
+        days = [day for pair in self.pairs for day in pair]
+        if not days:
+            raise ValueError("there are no days in turn")
+        if len(set(days)) < len(days):
+            raise ValueError("a day stands in it twice")
+        if any(abs((one - other).days) != 7 for one, other in self.pairs):
+            raise ValueError("the two days of a pair are not a week apart")
+
 
 @dataclass(frozen=True, slots=True)
 class Plan:
