@@ -82,8 +82,8 @@ function weekdayProfile(k, past, weekday, pastWeekday, minWeeks) {
   });
 }
 
-/* How days in a row resemble each other, and what that does to a variance: see stats/day_correlation.py. */
-function dayCorrelation(past, weekday, R) {
+/* What earlier days say beyond their weekdays: see stats/earlier_days.py. First count over the usual one less 1, by day. */
+function residuals(past, weekday) {
   const expected = past.x.map((x, c) => {
     const n = {}, h = {};
     x.forEach((v, d) => { n[weekday[d]] = (n[weekday[d]] || 0) + past.n[c][d]; h[weekday[d]] = (h[weekday[d]] || 0) + v; });
@@ -94,16 +94,28 @@ function dayCorrelation(past, weekday, R) {
     const usual = sum(expected.map(row => row[d]));
     if (usual > 0) { residual.push(sum(past.n.map(row => row[d])) / usual - 1); days.add(w); }
   });
-  const squares = dot(residual, residual), D = residual.length, free = D - days.size;
+  return [residual, days.size];
+}
+/* How days in a row resemble each other, and what that does to a variance. */
+function dayCorrelation([residual, nWeekdays], R) {
+  const squares = dot(residual, residual), D = residual.length, free = D - nWeekdays;
   if (free <= 0 || squares <= 0) return R.correlation;
   const own = dot(residual.slice(1), residual.slice(0, -1)) / squares * D / (D - 1);
-  return Math.min(Math.max((free * own + R.correlationDays * R.correlation) / (free + R.correlationDays), 0), R.correlationMost);
+  return Math.min(Math.max((free * own + R.priorDays * R.correlation) / (free + R.priorDays), 0), R.correlationMost);
 }
 function inflation(r, D) {
   let A = 1;
   for (let k = 1; k < D; k++) A += 2 * (1 - k / D) * r ** k;
   return A / (1 - (A - 1) / (D - 1));
 }
+/* A few days may have much more than the others, which moves the upper end (Johnson 1978). */
+function daySkewness([residual, nWeekdays], R) {
+  const squares = dot(residual, residual), D = residual.length, free = D - nWeekdays, part = nWeekdays / D;
+  if (squares <= 0 || D <= 2 * nWeekdays) return 0;
+  const own = sum(residual.map(r => r ** 3)) / D / (squares / D) ** 1.5 * Math.sqrt(1 - part) / (1 - 2 * part);
+  return Math.max(free * own / (free + R.priorDays), 0);
+}
+const skewed = (t, skewness, D) => t + skewness * (2 * t * t + 1) / (6 * Math.sqrt(D));
 
 const refused = (k, rate, reason) => ({ rate, lo: null, hi: null, n: k.events, days: k.nDays, ok: false, reason });
 
@@ -126,17 +138,20 @@ function level(k, profile, R, q, kind) {
   const [factor, df] = smallSample(weights, days.shares, days.noise);
   if (!Number.isFinite(factor)) return refused(k, rate, word('reason.camera'));
   const widened = factor * inflation(profile ? profile.correlation : R.correlation, k.nDays);
-  let half = studentT(q, df) * Math.sqrt(widened * dot(days.byDay, days.byDay));
-  if (k.events < R.smallCount) half = Math.max(half, q.z * Math.sqrt(sum(days.noise)));
+  const t = studentT(q, df), se = Math.sqrt(widened * dot(days.byDay, days.byDay));
+  const least = k.events < R.smallCount ? q.z * Math.sqrt(sum(days.noise)) : 0;
+  const below = Math.max(t * se, least), above = Math.max(skewed(t, profile ? profile.skewness : 0, k.nDays) * se, least);
   const plain = !profile || profile.some((p, c) => days.totals[c] > 0 && !p.has);
-  return { rate, lo: rate * Math.exp(Math.min(missed, 0) - half), hi: rate * Math.exp(Math.max(missed, 0) + half), n: k.events, days: k.nDays, df, ok: true, reason: null, wide: plain || missed !== 0 };
+  return { rate, lo: rate * Math.exp(Math.min(missed, 0) - below), hi: rate * Math.exp(Math.max(missed, 0) + above), n: k.events, days: k.nDays, df, ok: true, reason: null, wide: plain || missed !== 0 };
 }
 
 function profileOf(k, past, weekday, R) {
   if (!past || !past.weekday.length) return null;
   const kept = { n: k.kept.map(c => past.n[c]), x: k.kept.map(c => past.x[c]) };
   const profile = weekdayProfile(k, kept, weekday, past.weekday, R.minWeeks);
-  profile.correlation = dayCorrelation(kept, past.weekday, R);
+  const earlier = residuals(kept, past.weekday);
+  profile.correlation = dayCorrelation(earlier, R);
+  profile.skewness = daySkewness(earlier, R);
   return profile;
 }
 

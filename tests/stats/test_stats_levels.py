@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,8 +11,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
+from vsd_analytics.stats.earlier_days import day_skewness
 from vsd_analytics.stats.estimates import RateEstimate
-from vsd_analytics.stats.influence import as_counts, equal_weights, small_sample
+from vsd_analytics.stats.influence import as_counts, as_history, equal_weights, small_sample
 from vsd_analytics.stats.quantiles import poisson_limits, t_quantile, z_quantile, zero_events_limit
 from vsd_analytics.stats.rates import encounter_rate, violation_rate
 from vsd_analytics.wording.reasons import reason_text
@@ -348,7 +351,44 @@ def test_interval_with_history_equals_its_formula_written_with_loops() -> None:
     assert estimate.log_se == pytest.approx(np.sqrt(widened * k * var))
     spread = np.linalg.svd(np.diag(expected) - np.outer(expected, expected), compute_uv=False) ** 2
     assert estimate.df == pytest.approx(spread.sum() ** 2 / (spread**2).sum())
+    t, centred = stats.t.ppf(0.975, estimate.df), np.sqrt(1 - 7 / 35) / (1 - 14 / 35)
+    skewness = max(0.0, 28 * np.mean(np.power(left, 3)) / np.mean(np.square(left)) ** 1.5 * centred / 38)
+    assert estimate.lo == pytest.approx(estimate.value * np.exp(-t * estimate.log_se))
+    upper = t + skewness * (2 * t**2 + 1) / (6 * np.sqrt(7))
+    assert estimate.hi == pytest.approx(estimate.value * np.exp(upper * estimate.log_se))
     assert not estimate.is_conservative
+
+
+def test_weeks_before_with_a_few_very_busy_days_move_the_upper_end_only() -> None:
+    rng = np.random.default_rng(5)
+    now, steady = rng.poisson(100, 7), rng.poisson(100, 28)
+    lumpy = steady.copy()
+    lumpy[[3, 16]] *= 5
+    settings = {"weekday": WEEK, "history_x_h": np.full(28, 10.0), "history_weekday": np.tile(WEEK, 4)}
+    calm, coaches = (violation_rate(now, np.full(7, 10.0), history_n=h, **settings) for h in (steady, lumpy))
+    reach = [np.log(e.hi / e.value) / np.log(e.value / e.lo) for e in (calm, coaches)]
+    assert reach[0] < 1.2
+    assert reach[1] > 1.5
+
+
+@given(st.integers(4, 8), st.integers(0, 2**32 - 1))
+def test_the_skewness_of_days_is_that_of_the_draws(weeks: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shape = np.array([0.8, 0.9, 1.0, 1.1, 1.3, 1.6, 0.5])
+    counts = np.concatenate([1e6 * shape * rng.gamma(4, 0.25, 7) for _ in range(weeks)])
+    weekday = np.tile(WEEK, weeks)
+    history = as_history(counts, np.full(7 * weeks, 10.0), of=as_counts(counts[:7], np.full(7, 10.0)))
+    usual = counts.reshape(weeks, 7).mean(axis=0)
+    residual = counts / np.tile(usual, weeks) - 1
+    n_free = 7 * weeks - 7
+    plain = (residual**3).mean() / (residual**2).mean() ** 1.5
+    unbiased = plain / ((1 - 2 / weeks) / np.sqrt(1 - 1 / weeks))
+    assert day_skewness(history, weekday) == pytest.approx(max(0.0, n_free * unbiased / (n_free + 10)))
+    assert day_skewness(replace(history, n=history.n * 7, x=history.x * 7), weekday) == pytest.approx(
+        day_skewness(history, weekday)
+    )
+    two_weeks = as_history(counts[:14], np.full(14, 10.0), of=as_counts(counts[:7], np.full(7, 10.0)))
+    assert day_skewness(two_weeks, weekday[:14]) == 0
 
 
 @given(

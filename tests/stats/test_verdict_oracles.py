@@ -12,7 +12,7 @@ from day_worlds import AREAS, OFFICE, WEEKDAYS_OFFICE, Variation, World, step
 from scipy import stats
 
 from vsd_analytics.stats.changes import compare_encounter_rates, compare_exposure, compare_violation_rates
-from vsd_analytics.stats.day_correlation import day_correlation, inflation
+from vsd_analytics.stats.earlier_days import day_correlation, inflation
 from vsd_analytics.stats.estimates import ChangeEstimate
 from vsd_analytics.stats.false_alarms import FalseAlarms, false_alarm_rate, together, wilson
 from vsd_analytics.stats.family import judge_family, p_value, pull_changes, q_values

@@ -33,7 +33,7 @@ from vsd_analytics.report.draw.svg import smooth_path, straight_path
 from vsd_analytics.report.model.spot_names import place_name
 from vsd_analytics.report.pages.spot_cards import watched
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
-from vsd_analytics.stats.day_correlation import LARGEST, PRIOR_CORRELATION, PRIOR_DAYS
+from vsd_analytics.stats.earlier_days import LARGEST, PRIOR_CORRELATION, PRIOR_DAYS
 from vsd_analytics.stats.rates import MIN_EVENTS, MIN_HISTORY_WEEKS, SMALL_COUNT
 from vsd_analytics.stats.weekly_steps import PRIOR_DF, PRIOR_EXTRA, PRIOR_WEEK_SD
 from vsd_analytics.version import VERSION
@@ -270,7 +270,7 @@ def _meta(
             "weekSd": PRIOR_WEEK_SD,
             "stepDf": PRIOR_DF,
             "correlation": PRIOR_CORRELATION,
-            "correlationDays": PRIOR_DAYS,
+            "priorDays": PRIOR_DAYS,
             "correlationMost": LARGEST,
             "mask": mask_of(data.site).below,
             "rough": ROUGH_H,

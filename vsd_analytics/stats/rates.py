@@ -2,8 +2,9 @@
 
 The unit of replication is the day: violations of one day share its weather, staff and crowds, so intervals come from
 how days differ (formula and sources: `vsd_analytics.stats.influence`), never from the number of records. Days in a row
-resemble each other, which widens intervals (`vsd_analytics.stats.day_correlation`). Coverage by simulation:
-docs/statistics.md. Changes between periods: `vsd_analytics.stats.changes`.
+resemble each other, which widens intervals, and a few may have much more than the others, which moves their upper end
+(`vsd_analytics.stats.earlier_days`). Coverage by simulation: docs/statistics.md. Changes between periods:
+`vsd_analytics.stats.changes`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy.typing as npt
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.settings import DEFAULTS
-from vsd_analytics.stats.day_correlation import PRIOR_CORRELATION, day_correlation, inflation
+from vsd_analytics.stats.earlier_days import PRIOR_CORRELATION, day_correlation, day_skewness, inflation, skewed
 from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.influence import (
     DayCounts,
@@ -56,9 +57,10 @@ def violation_rate(
 
     rate = sum over cameras of n_c / x_c, so that a camera that was down half the week does not pull it down;
     interval rate * exp(+-t_df sqrt(a k sum_d i_d^2)) with i_d, k and df of `vsd_analytics.stats.influence`, and a what
-    days that resemble each other do to it (`vsd_analytics.stats.day_correlation`). With four
-    weeks of history the influences are measured from each camera's weekday profile; without, differences between
-    weekdays are in the interval, which is then conservative and says so. Where a camera missed weekdays, the interval
+    days that resemble each other do to it (`vsd_analytics.stats.earlier_days`). With four weeks of history the
+    influences are measured from each camera's weekday profile, and the upper end has t + g (2 t^2 + 1)/(6 sqrt(D)) in
+    place of t, g the skewness of earlier days; without, differences between weekdays are in the interval, which is
+    then conservative and says so. Where a camera missed weekdays, the interval
     also reaches to what the rate would usually be with them: rate * exp(ln sum_c p_c gap_c), p_c the camera's share.
 
     Args:
@@ -144,10 +146,12 @@ class Past:
     Attributes:
         profile: What they expect of each day.
         correlation: Of a day with the one before it.
+        skewness: Of days, at least 0.
     """
 
     profile: Profile
     correlation: float
+    skewness: float
 
 
 def level(
@@ -183,9 +187,9 @@ def level(
 
     weights, missed, profile = equal_weights(counts), 0.0, None
     if past is None:
-        days, correlation = influence(counts), PRIOR_CORRELATION
+        days, correlation, skewness = influence(counts), PRIOR_CORRELATION, 0.0
     else:
-        profile, correlation = past.profile, past.correlation
+        profile, correlation, skewness = past.profile, past.correlation, past.skewness
         days = influence(counts, expected=profile.expected, scale=profile.scale)
         weights = np.where(profile.is_known[:, None], profile.expected, weights)
         missed = math.log1p(float(days.shares @ (profile.gap - 1)))
@@ -194,15 +198,17 @@ def level(
         return _without_interval(counts, rate, Reason("level.camera"))
     factor *= inflation(correlation, n_days=n_days)
     log_se = math.sqrt(factor * float(days.by_day @ days.by_day))
-    half = t_quantile(df, confidence=confidence) * log_se
+    t = t_quantile(df, confidence=confidence)
+    below, above = t * log_se, skewed(t, skewness=skewness, n_days=n_days) * log_se
     if n_events < SMALL_COUNT:
-        half = max(half, z_quantile(confidence=confidence) * math.sqrt(float(days.noise.sum())))
-    if abs(missed) + half > WIDEST_LOG:
+        least = z_quantile(confidence=confidence) * math.sqrt(float(days.noise.sum()))
+        below, above = max(below, least), max(above, least)
+    if abs(missed) + above > WIDEST_LOG:
         return _without_interval(counts, rate, Reason("level.wide"))
     is_plain = profile is None or not bool(profile.is_known[days.totals > 0].all())
     return replace(
-        _without_interval(counts, rate, None), lo=rate * math.exp(min(missed, 0.0) - half),
-        hi=rate * math.exp(max(missed, 0.0) + half), state="ok", df=df, log_se=log_se,
+        _without_interval(counts, rate, None), lo=rate * math.exp(min(missed, 0.0) - below),
+        hi=rate * math.exp(max(missed, 0.0) + above), state="ok", df=df, log_se=log_se,
         is_conservative=is_plain or missed != 0,
     )  # fmt: skip
 
@@ -223,7 +229,7 @@ def _past(
     if now.shape != counts.n.shape[1:] or then.shape != history.n.shape[1:]:
         raise ValueError("every day needs a weekday")
     profile = weekday_profile(counts, history, weekday=now, history_weekday=then, min_weeks=MIN_HISTORY_WEEKS)
-    return Past(profile, day_correlation(history, then))
+    return Past(profile, day_correlation(history, then), day_skewness(history, then))
 
 
 def _without_interval(counts: DayCounts, rate: float | None, reason: Reason | None) -> RateEstimate:
