@@ -48,6 +48,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m long
 	$(BIN)/python tests/stats/prove_intervals.py --weeks 1000
 	$(BIN)/python tests/stats/prove_intervals.py --people 10
+	$(BIN)/python tests/stats/prove_skewed_days.py --weeks 2000
 	$(BIN)/python tests/stats/prove_verdicts.py
 	$(BIN)/python tests/stats/prove_unlike_worlds.py --sites 1000
 	$(BIN)/python tests/stats/prove_hotspots.py --floors 1000 --people 400 --stored 40

@@ -69,7 +69,7 @@ def day_skewness(history: DayCounts, weekday: npt.NDArray[np.int64]) -> float:
         return 0.0
     n_days, n_free = len(residual), len(residual) - n_weekdays
     part = n_weekdays / n_days
-    own = float((residual**3).mean()) / (squares / n_days) ** 1.5 * math.sqrt(1 - part) / (1 - 2 * part)
+    own = float((residual**3).mean()) / math.pow(squares / n_days, 1.5) * math.sqrt(1 - part) / (1 - 2 * part)
     return max(n_free * own / (n_free + PRIOR_DAYS), 0.0)
 
 
