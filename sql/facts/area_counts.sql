@@ -1,13 +1,13 @@
 -- name: facts/area_counts
--- One row per place that asks for its number of people, time bucket and number present: the time that all its cameras recorded.
+-- One row per place that asks for its number of people, UTC quarter-hour and number present: the time that all its cameras recorded.
 -- grain: floor_id, area_id, bucket_quarter, n_people
 -- reads: located, instants, count_cells, count_floors, cameras, quarters
--- params: cell_mm, bucket_quarters
+-- params: cell_mm
 -- columns:
 --   hour            UTC hour number
 --   floor_id
 --   area_id         area of vsd.toml, the first of the file where two overlap; null is the whole floor
---   bucket_quarter  first UTC quarter-hour of the bucket (an hour; a quarter where hours do not start on UTC hours)
+--   bucket_quarter  UTC quarter-hours since 1970; in hours that version 1.1 sealed the first one of the hour
 --   n_people        people present at once, 0 included, each counted by the camera that owns the place
 --   recorded_ms     milliseconds with so many, in which every camera that counts somebody there in the hour recorded
 -- steps:
@@ -173,11 +173,10 @@ select
     l.hour,
     l.floor_id,
     l.area_id,
-    cast(floor(l.at_ms / (900000 * s.bucket_quarters)) as bigint) * s.bucket_quarters as bucket_quarter,
+    cast(floor(l.at_ms / 900000) as bigint) as bucket_quarter,
     cast(l.n_people as bigint) as n_people,
     cast(sum(l.lasts_ms) as bigint) as recorded_ms
 from levels as l
-cross join params as s
 inner join needed
     on
         l.hour = needed.hour

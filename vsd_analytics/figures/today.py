@@ -19,6 +19,7 @@ from vsd_analytics.figures.share.counts import mask_of
 from vsd_analytics.figures.slots import Floats, Slots, known, load_slots, open_hours
 from vsd_analytics.figures.special_days import open_holidays, special_days
 from vsd_analytics.figures.unusual import unusual_in_last_week
+from vsd_analytics.site.model import Site
 from vsd_analytics.stats.forecast import WeekForecast, forecast_week
 from vsd_analytics.stats.hour_of_week import SLOTS, Weeks
 from vsd_analytics.stats.unusual import UnusualSlots
@@ -197,13 +198,13 @@ def today(warehouse: Warehouse, at: datetime, *, floor_id: str | None = None) ->
     yesterday, monday = at.date() - timedelta(days=1), at.date() - timedelta(days=at.weekday())
     there = at.date(), at.date()
     loaded = load_slots(warehouse, monday, n_weeks=LOADED_WEEKS, floor_id=floor_id, there=there)
-    slots = _weeks_from(loaded, yesterday, at, open_h=_open_hours(warehouse, yesterday))
+    slots = weeks_from(loaded, yesterday, at, open_h=open_hours_from(warehouse.site, yesterday))
     n_over = HOURS + at.hour
     confidence = 1 - (1 - settings.confidence) / 2
     violations, people, why = slots.violations, slots.people, slots.why_no_violations
     days = special_days(site, yesterday, n_weeks=len(violations.n))
     rules = {"open_h": slots.open_h[-1], "share": settings.forecast_share, "days": days.last}
-    many = _of_enough_people(warehouse, slots).people
+    many = of_enough_people(warehouse, slots).people
     counted, seen, told = (
         forecast_week(w.n[:-1], days.ordinary_h(w.x_h)[:-1], is_count=w is violations, **rules)
         for w in (violations, people, many)
@@ -232,25 +233,27 @@ def _of_calendar_weeks(reason: Reason | None, weeks: Weeks) -> Reason | None:
     return Reason(reason.code, least=least, has=min(has, weeks.n_recorded))
 
 
-def _open_hours(warehouse: Warehouse, first: date) -> Floats:
-    """Return the open hours of seven days, shape (168,), whether or not the warehouse holds them."""
+def open_hours_from(site: Site, first: date) -> Floats:
+    """Return the open hours of the seven days from `first` on, shape (168,)."""
     monday = first - timedelta(days=first.weekday())
-    weeks = [open_hours(warehouse.site, monday + timedelta(weeks=k)) for k in range(2)]
+    weeks = [open_hours(site, monday + timedelta(weeks=k)) for k in range(2)]
     return np.concatenate(weeks)[first.weekday() * HOURS :][:SLOTS]
 
 
-def _weeks_from(slots: Slots, first: date, at: datetime, *, open_h: Floats) -> Slots:
+def weeks_from(slots: Slots, first: date, at: datetime, *, open_h: Floats) -> Slots:
     """Return the same hours in weeks that begin on the weekday of `first`; the last one is the week from `first` on.
 
+    Of the weeks that were loaded the oldest is left out: on a Monday, the weeks before yesterday begin on a Sunday.
     What is recorded after `at` is left out, and hours after what was loaded are not recorded.
     """
-    begin = (first - slots.monday).days * HOURS + (LOADED_WEEKS - 1 - HISTORY_WEEKS) * SLOTS
-    n_slots = (HISTORY_WEEKS + 1) * SLOTS
+    begin = (first - slots.monday).days * HOURS + SLOTS
+    n_weeks = len(slots.open_h) - 1
+    n_slots = n_weeks * SLOTS
 
     def cut(array: Floats, missing: float) -> Floats:
         flat = array.reshape(*array.shape[:-2], -1)
         padded = np.concatenate([flat, np.full((*flat.shape[:-1], SLOTS), missing)], axis=-1)
-        return padded[..., begin : begin + n_slots].reshape(*array.shape[:-2], HISTORY_WEEKS + 1, SLOTS).copy()
+        return padded[..., begin : begin + n_slots].reshape(*array.shape[:-2], n_weeks, SLOTS).copy()
 
     opened, recorded_h = cut(slots.open_h, 0.0), cut(slots.recorded_h, 0.0)
     opened[-1] = open_h
@@ -325,20 +328,21 @@ def _whole_days(slots: Slots, open_slots: NDArray[np.int64], day: date) -> Mappi
     return {day - timedelta(weeks=int(k)): float(counts[-1 - k]) for k in weeks_ago} if is_whole[-1] else None
 
 
-def _of_enough_people(warehouse: Warehouse, slots: Slots) -> Slots:
+def of_enough_people(warehouse: Warehouse, slots: Slots) -> Slots:
     """Return the hours without the person-time of those in which fewer people than `mask_below` are known to have been.
 
     At least as many were there as different tracks of one camera (mart `track_hours`), or people in view on average.
     Without track ids it is not known, and all hours stay.
     """
-    first = slots.monday - timedelta(weeks=HISTORY_WEEKS)
+    n_weeks = len(slots.open_h)
+    first = slots.monday - timedelta(weeks=n_weeks - 1)
     rows = warehouse.table(
         "select date_diff('day', $first, local_date)::bigint as day, local_hour::bigint as hour, "
         "max(n_tracks)::bigint as n from track_hours where camera_id in (select unnest($cameras::varchar[])) "
         "and local_date between $first and $last group by all",
         {"first": first, "last": slots.monday + timedelta(days=6), "cameras": list(slots.camera_ids)},
     )
-    tracks = np.zeros((HISTORY_WEEKS + 1, SLOTS))
+    tracks = np.zeros((n_weeks, SLOTS))
     tracks.reshape(-1)[rows["day"].to_numpy() * HOURS + rows["hour"].to_numpy()] = rows["n"].to_numpy()
     at_once = np.nan_to_num(slots.person_h).max(axis=0, initial=0.0)
     n, mask = np.maximum(tracks, np.ceil(np.round(at_once, 6))), mask_of(warehouse.site)

@@ -23,6 +23,7 @@ from vsd_analytics.report.pages.json_and_csv import figures_json, to_csv, to_jso
 from vsd_analytics.report.pages.questions import choose, may_ask
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.service.live_pages import LivePages
 from vsd_analytics.site.instants import parse_week
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.stored_days import stored_extent
@@ -70,6 +71,7 @@ class ReportAnswers:
         self._looked_at = clock()
         self._made: OrderedDict[tuple[str, ...], Any] = OrderedDict()
         self._mistake: VsdError | None = None
+        self._live = LivePages()
 
     def site(self) -> bytes:
         """Return the site as JSON: id, name, time zone, floors, cameras, areas, stored weeks."""
@@ -172,6 +174,24 @@ class ReportAnswers:
 
         return self._cached(f"planner {is_at_desk}", week, floor_id, make)
 
+    def now(self) -> bytes:
+        """Return the live page of the first floor."""
+        return self.floor_now(self.site_now().floors[0].floor_id)
+
+    def floor_now(self, floor_id: str, *, folder: str = "/now") -> bytes:
+        """Return the live page of a floor, the same for a minute.
+
+        Raises:
+            NotFoundError: There is no such floor.
+        """
+        with self._lock:
+            site = self._fresh()
+            _check_floor(site, floor_id)
+            at = self._present().astimezone(site.zone)
+            key = ("now", folder, floor_id, f"{at:%Y-%m-%d %H:%M %z}")
+            made: bytes = self._remembered(key, lambda: self._live.page(site, floor_id, at, folder=folder))
+            return made
+
     def _one(self, kind: str, week: str, floor_id: str, make: Callable[[WeekReport], bytes]) -> bytes:
         def made(site: Site, monday: date) -> bytes:
             report = self._remembered(("report", f"{monday}", floor_id), lambda: self._report(site, monday, floor_id))
@@ -187,9 +207,7 @@ class ReportAnswers:
         with self._lock:
             site = self._fresh()
             monday = _monday(site, week)
-            floors = [f.floor_id for f in site.floors]
-            if floor_id not in floors:
-                raise NotFoundError(f"there is no floor {floor_id!r}", why=f"this site has {', '.join(floors)}")
+            _check_floor(site, floor_id)
             made: bytes = self._remembered((kind, f"{monday}", floor_id), lambda: make(site, monday))
             return made
 
@@ -255,6 +273,12 @@ def _as_not_found() -> Iterator[None]:
         yield
     except (ReportError, UsageError) as error:
         raise NotFoundError(error.what, why=error.why, code=error.code) from None
+
+
+def _check_floor(site: Site, floor_id: str) -> None:
+    floors = [f.floor_id for f in site.floors]
+    if floor_id not in floors:
+        raise NotFoundError(f"there is no floor {floor_id!r}", why=f"this site has {', '.join(floors)}")
 
 
 def _weeks(site: Site) -> list[str]:

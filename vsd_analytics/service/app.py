@@ -33,7 +33,8 @@ HEADERS: Final = {
     ),
 }
 """Of every answer. The pages are one file each, so nothing else may be loaded."""
-_UNAUTHORISED: Final = {"WWW-Authenticate": 'Bearer, Basic realm="vsd", charset="UTF-8"'}
+_CHALLENGES: Final = ('Basic realm="vsd", charset="UTF-8"', "Bearer")
+"""Each in a header of its own: of a list in one header, Chromium reads the first alone, and asks for nothing."""
 
 
 def make_app(
@@ -59,7 +60,7 @@ def make_app(
     async def answer(request: Request, *, address: Address) -> Response:
         ask: Callable[..., bytes] = getattr(answers, address.name)
         body = await run_in_threadpool(ask, *request.path_params.values())
-        return _answer(request, body, address.media_type)
+        return _answer(request, body, address.media_type, policy=address.policy)
 
     routes = [Route("/health", health), Route("/openapi.json", openapi)]
     routes += [Route(a.path, partial(answer, address=a)) for a in ADDRESSES]
@@ -80,17 +81,17 @@ def make_app(
             or (desk is not None and is_at_desk(request))  # the desk asks for its own token
         ),
         refuse=_problem_response,
-        unknown=("the token is missing or wrong", _UNAUTHORISED),
+        unknown=("the token is missing or wrong", {}),
         limit=limit,
         open_paths=("/health",),
     )
     return app
 
 
-def _answer(request: Request, body: bytes, media_type: str) -> Response:
+def _answer(request: Request, body: bytes, media_type: str, *, policy: str | None = None) -> Response:
     """Return a body with its entity tag, or 304 when the client has it already."""
     tag = f'"{hashlib.blake2b(body, digest_size=16).hexdigest()}"'
-    headers = {**HEADERS, "ETag": tag}
+    headers = {**HEADERS, "ETag": tag} | ({} if policy is None else {"Content-Security-Policy": policy})
     given = [one.strip().removeprefix("W/") for one in request.headers.get("if-none-match", "").split(",")]
     if tag in given or "*" in given:
         return Response(status_code=304, headers=headers)
@@ -137,6 +138,9 @@ def _problem_response(
     if code is not None:
         body |= {"type": f"urn:vsd-analytics:{code}", "code": code}
     text = json.dumps(body, ensure_ascii=True) + "\n"
-    return Response(
+    answer = Response(
         text, status_code=status, media_type="application/problem+json", headers={**HEADERS, **(headers or {})}
     )
+    for challenge in _CHALLENGES if status == HTTPStatus.UNAUTHORIZED else ():
+        answer.headers.append("WWW-Authenticate", challenge)
+    return answer

@@ -11,6 +11,7 @@ import secrets
 import threading
 from collections.abc import Awaitable, Callable
 from datetime import UTC, datetime
+from functools import partial
 from http import HTTPStatus
 from typing import Final
 from urllib.parse import parse_qsl
@@ -25,6 +26,7 @@ from vsd_analytics.service.answers import NotFoundError, ReportAnswers
 from vsd_analytics.service.desk_jobs import FIELD_MAX_CHARS, JOBS, FormMistakeError, Writing
 from vsd_analytics.service.desk_page import desk_policy, render_desk, render_problem, render_sign_in
 from vsd_analytics.service.desk_sessions import SESSION_S, DeskSession, DeskSessions
+from vsd_analytics.service.now_page import now_policy
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import speaking
 
@@ -74,6 +76,7 @@ class Desk:
             Route(SIGN_IN, self._sign_in_page),
             Route(SIGN_IN, self._signed_in, methods=["POST"]),
             Route(f"{DESK}/sign-out", self._signed_out, methods=["POST"]),
+            Route(f"{DESK}/now/{{floor_id}}", self._now),
             Route(f"{DESK}/weeks/{{week}}/floors/{{floor_id}}/{{kind}}", self._page),
             Route(f"{DESK}/{{job}}", self._written, methods=["POST"]),
         ]
@@ -95,6 +98,13 @@ class Desk:
         policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; " \
             "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"  # fmt: skip
         return Response(body, media_type="text/html", headers={**HEADERS, "Content-Security-Policy": policy})
+
+    async def _now(self, request: Request) -> Response:
+        if self._session(request) is None:
+            return _moved(f"{SIGN_IN}?after={request.url.path}")
+        show = partial(self._answers.floor_now, folder=f"{DESK}/now")
+        body = await run_in_threadpool(show, request.path_params["floor_id"])
+        return Response(body, media_type="text/html", headers={**HEADERS, "Content-Security-Policy": now_policy()})
 
     async def _sign_in_page(self, request: Request) -> Response:
         after = request.query_params.get("after", "")

@@ -321,13 +321,15 @@ def _line(line: HistoryLine, names: Mapping[str, str]) -> DeskLine:
 
 
 def _pages(site: Site) -> tuple[tuple[str, str], ...]:
-    """Return address and name of the last page and planner of each floor."""
+    """Return address and name of the last page, the last planner and the live page of each floor."""
     several = len(site.floors) > 1
     found = []
     for floor in site.floors:
         for kind in ("page", "planner"):
             name = say(f"desk.pages.{kind}_floor" if several else f"desk.pages.{kind}", floor=floor.name)
             found.append((f"/desk/weeks/last/floors/{floor.floor_id}/{kind}", name))
+        name = say("desk.pages.now_floor" if several else "desk.pages.now", floor=floor.name)
+        found.append((f"/desk/now/{floor.floor_id}", name))
     return tuple(found)
 
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from vsd_analytics.report.pages.json_and_csv import json_schema
 from vsd_analytics.service.answers import TABLES
+from vsd_analytics.service.now_page import now_policy
 from vsd_analytics.version import VERSION
 
 _TEXT = {"type": "string"}
@@ -38,6 +39,7 @@ class Address:
         summary: What it answers.
         media_type: Type of the answer.
         schema: JSON Schema of a JSON answer.
+        policy: Content security policy of a page that asks for more than the others may; None = theirs.
     """
 
     path: str
@@ -45,6 +47,7 @@ class Address:
     summary: str
     media_type: str = "application/json"
     schema: dict[str, Any] = field(default_factory=lambda: {"type": "object"})
+    policy: str | None = None
 
 
 _WEEK: Final = "/v1/weeks/{week}/floors/{floor_id}"
@@ -69,6 +72,8 @@ ADDRESSES: Final[Sequence[Address]] = (
     Address(f"{_WEEK}/tables/{{table}}.csv", "table", "A table as CSV.", "text/csv", _TEXT),
     Address(f"{_WEEK}/page", "page", "The page of the week.", "text/html", _TEXT),
     Address(f"{_WEEK}/planner", "planner", "The interactive page of the week.", "text/html", _TEXT),
+    Address("/now", "now", "The live page of the first floor.", "text/html", _TEXT, now_policy()),
+    Address("/now/{floor_id}", "floor_now", "The live page of a floor.", "text/html", _TEXT, now_policy()),
 )
 _PROBLEMS: Final = {
     "400": "The request cannot be read.",
