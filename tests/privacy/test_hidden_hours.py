@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.share.counts import Mask, rough
 from vsd_analytics.figures.share.earlier import SharedWeek
-from vsd_analytics.figures.share.hours import equal_parts, shared_slots
+from vsd_analytics.figures.share.hours import shared_slots
+from vsd_analytics.figures.share.together import equal_parts
 from vsd_analytics.figures.share.weeks import _is_too_little, _unseen_hours
 from vsd_analytics.figures.slots import SLOTS, Slots
 

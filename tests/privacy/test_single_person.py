@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from datetime import date, timedelta
+from datetime import date, datetime, timedelta
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -55,6 +55,22 @@ def one_person_beside_a_busy_hour(monday: date, n_frames: int) -> Iterator[dict[
         yield {**message, "persons": [*message["persons"], *alone]}
 
 
+def one_person_on_two_days(monday: date, n_frames: int) -> Iterator[dict[str, Any]]:
+    """One person comes on Monday and on Tuesday, for as long together; many are there in another hour of each day."""
+    busy = w.messages(lambda _, hour: {w.QUEUE: 30} if hour == BUSY_HOUR else {}, monday=monday, is_alone=False)
+    of_day = {0: n_frames, 1: LONG + SHORT + 11 - n_frames}  # not the same two lengths on other days
+    for (frame, hour, k), message in zip(frames(monday), busy, strict=True):
+        day = (datetime.fromisoformat(frame["ts"]).date() - monday).days
+        is_there = hour == HOURS[0] and k < of_day.get(day, 0)
+        yield {**message, "persons": [*message["persons"], *([w.person("alone", *w.ALONE)] if is_there else [])]}
+
+
+def one_person_and_many_when_it_is_closed(monday: date, n_frames: int) -> Iterator[dict[str, Any]]:
+    """One person is there in opening hours; thirty pairs come in the evening, who are in no figure."""
+    evening = w.messages(w.steady({w.QUEUE: 30}), monday=monday, hours=(20, 21), is_alone=False)
+    return iter(sorted((*one_person(monday, n_frames), *evening), key=lambda message: message["ts"]))
+
+
 def one_person_and_many_a_week_later(monday: date, n_frames: int) -> Iterator[dict[str, Any]]:
     """One person comes in the week before the last; many come in all others."""
     if monday == MONDAYS[-2]:
@@ -62,7 +78,14 @@ def one_person_and_many_a_week_later(monday: date, n_frames: int) -> Iterator[di
     return w.messages(w.steady({w.QUEUE: 20, w.DOOR: 9}), monday=monday)
 
 
-KINDS = (one_person, two_people, one_person_beside_a_busy_hour, one_person_and_many_a_week_later)
+KINDS = (
+    one_person,
+    two_people,
+    one_person_beside_a_busy_hour,
+    one_person_on_two_days,
+    one_person_and_many_when_it_is_closed,
+    one_person_and_many_a_week_later,
+)
 
 
 def site_of(folder: Path, made: Callable[[date, int], Iterator[dict[str, Any]]], n_frames: int) -> Site:

@@ -21,7 +21,7 @@ import numpy as np
 import shapely
 
 from vsd_analytics.answer import Reason, State
-from vsd_analytics.figures.close_time import close_time
+from vsd_analytics.figures.close_time import SECONDS, close_time
 from vsd_analytics.figures.mixing import pair_time
 from vsd_analytics.figures.panels import Array, Ints
 from vsd_analytics.figures.periods import Period
@@ -68,9 +68,10 @@ def close_by_crowding(period: Period, *, why_hidden: Reason | None, is_by_day: b
     at = data.hours.day[hour], of_class[camera, hour]
     first = period.first.toordinal()
     shape = (period.last.toordinal() - first + 1, len(EDGES) + 1)
+    known, close = data.given(data.everyone), data.given(place)
     n, close_h, person_h = (
         _sums(shape, (at[0] - first, at[1]), values[camera, hour])
-        for values in (data.everyone.n, data.violation_h, place.exposure_h)
+        for values in (known.n, close.n / SECONDS, close.exposure_h)
     )
     if data.mask.hides(float(n.sum())):
         return _missing("not_enough_data", data.mask.why)

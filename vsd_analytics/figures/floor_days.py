@@ -97,6 +97,7 @@ class FloorDays:
         cell_m: Side of the cells, a multiple of 0.5 m.
 
     Attributes:
+        zone: Of the days.
         cameras: The floor's cameras.
         grid: The cells; None when nobody was seen, or the floor is too large.
         why_no_grid: Why the floor is too large; None otherwise.
@@ -106,7 +107,7 @@ class FloorDays:
     """
 
     def __init__(self, warehouse: Warehouse, floor: Floor, *, cell_m: float = 1.0) -> None:
-        self._warehouse, self.floor = warehouse, floor
+        self._warehouse, self.floor, self.zone = warehouse, floor, warehouse.site.zone
         self.first, self.n_days = warehouse.first, (warehouse.last - warehouse.first).days + 1
         self.cameras: Sequence[Camera] = [c for c in warehouse.site.cameras if c.floor_id == floor.floor_id]
         self._places = {c.camera_id: k for k, c in enumerate(self.cameras)}

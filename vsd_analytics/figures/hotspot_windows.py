@@ -8,8 +8,9 @@ A change of the log in an area leaves out the days until then of the cells in it
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from datetime import date, timedelta
+from datetime import date, datetime, timedelta
 from typing import Final, Literal
 
 import numpy as np
@@ -21,6 +22,7 @@ from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.cell_hours import mixed_of_pieces
 from vsd_analytics.figures.cell_weeks import CellWeeks
 from vsd_analytics.figures.floor_days import Cube, FloorDays, Grid
+from vsd_analytics.figures.share.together import Ints, evened_days
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.site.model import Floor
 from vsd_analytics.stats import hotspots as test
@@ -133,8 +135,11 @@ def window_of(floor: FloorWindows, last: date) -> Window:
     for change in changed:
         recorded[: max(0, data.index(change.counts_from) - days.start), change.near] = False
     seen = data.seen_share(days, radius_m=settings.distance_m, cells=np.asarray(cube.exposure_h.any(axis=0)))
+    together = warehouse.counted_together.get(data.floor.floor_id, ())
+    close_h, *others = person_time
     found = test.hotspots(
-        *person_time,
+        evened_days(close_h, recorded, [_days_of(starts, data, days) for starts in together]),
+        *others,
         sigma_cells=SIGMA_M / CELL_M,
         is_recorded=recorded,
         is_eligible=None if seen is None else np.nan_to_num(seen) >= SEEN_SHARE,
@@ -167,6 +172,14 @@ def _person_time(floor: FloorWindows, days: slice) -> tuple[NDArray[np.float64],
         for total, values in zip(made, (piece.violation_s, piece.exposure_s, mixed), strict=True):
             np.add.at(total, tuple(v[used] for v in at), values[used] / 3600)
     return tuple(made) if is_any else None
+
+
+def _days_of(starts: Iterable[int], data: FloorDays, days: slice) -> Ints:
+    """Return the local days of hours that start at UTC instants, as positions in a window."""
+    local = (datetime.fromtimestamp(ms / 1000, data.zone).date() for ms in starts)
+    at: Ints = np.unique([data.index(day) - days.start for day in local]).astype(np.int64)
+    inside: Ints = at[(at >= 0) & (at < days.stop - days.start)]
+    return inside
 
 
 def untested_by_change(look: Window) -> Flags | None:

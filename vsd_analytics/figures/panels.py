@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.share.people import people_by_hour
+from vsd_analytics.figures.share.together import evened
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -158,7 +159,11 @@ class FloorHours:
         return self.sums(place, chosen, self.hours.is_counted[:, chosen], days)
 
     def sums(self, place: Place, chosen: Ints, counted: Flags, days: Sequence[date]) -> Panel:
-        """Return sums by day over hours `chosen`, of camera-hours `counted`, shape (n_cameras, n_chosen)."""
+        """Return sums by day over hours `chosen`, of camera-hours `counted`, shape (n_cameras, n_chosen).
+
+        For readers, hours that they know together have equal parts (`given`).
+        """
+        place = self.given(place)
         ordinals = np.array([d.toordinal() for d in days], dtype=np.int64)
         of_day = (self.hours.day[chosen, None] == ordinals).astype(np.float64)
         used = counted & place.cameras[:, None]
@@ -170,6 +175,18 @@ class FloorHours:
                 for values in (place.n, self.hours.recorded_s / 3600, place.exposure_h)
             )
         )
+
+    def given(self, place: Place) -> Place:
+        """Return a place as what it is made for may know it: hours known together have equal parts of their sum."""
+        warehouse, floor_id = self.warehouse, self.floor.floor_id
+        n, exposure_h = (
+            evened(values, self.hours.is_counted, [np.flatnonzero(np.isin(self.hours.start_ms, [*g])) for g in groups])
+            for values, groups in (
+                (place.n, warehouse.counted_together.get(floor_id, ())),
+                (place.exposure_h, warehouse.timed_together.get(floor_id, ())),
+            )
+        )
+        return Place(n, exposure_h, place.cameras, place.is_there)
 
     def counted_in(self, area_id: str | None) -> tuple[Array, Array]:
         """Return violations and person-hours in an area, each (n_cameras, n_hours); None is the rest of the floor."""

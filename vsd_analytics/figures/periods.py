@@ -56,12 +56,17 @@ class Period:
 
     @cached_property
     def history_days(self) -> list[date]:
-        """Return the days of the five weeks before with counted hours, but for weekdays on which it is closed."""
+        """Return the days of the five weeks before with counted hours, but for weekdays on which it is closed.
+
+        For readers, without the weeks of which they know no violations.
+        """
+        withheld = self.data.warehouse.withheld_days.get(self.data.floor.floor_id, ())
         hours = self.data.hours
         past = self.data.inside(self.first - HISTORY_WEEKS * WEEK, self.first - timedelta(days=1))
         open_days = set(hours.weekday[self.is_inside & (hours.open_s > 0)].tolist())
         days = np.unique(hours.day[past & hours.is_counted.any(axis=0)])
-        return [date.fromordinal(d) for d in days.tolist() if (d - 1) % 7 in open_days]
+        history = [date.fromordinal(d) for d in days.tolist() if (d - 1) % 7 in open_days]
+        return [day for day in history if day not in withheld]
 
     @cached_property
     def whole(self) -> Place:

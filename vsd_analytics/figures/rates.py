@@ -155,7 +155,9 @@ def past_weeks(pair: TwoPeriods, place: Place, since: int | None = None) -> list
     earliest = min(days)
     later = {day for _, day in pair.pairs}
     weeks = [[day - k * WEEK for day in days] for k in range(MAX_STEPS, 0, -1)]
-    return [pair.data.panel(place, week) for week in weeks if max(week) < earliest and not later & set(week)]
+    withheld = pair.data.warehouse.withheld_days.get(pair.data.floor.floor_id, frozenset())
+    used = [week for week in weeks if max(week) < earliest and not (later | withheld) & set(week)]
+    return [pair.data.panel(place, week) for week in used]
 
 
 def history(period: Period, n: Array, **divided_by: Array) -> dict[str, Any]:

@@ -159,7 +159,8 @@ def _judged(found: FloorSelfCheck, judged: str, share: FalseAlarms | None) -> Ro
 def _weeks(data: FloorHours, until: date) -> list[Period]:
     """Return the weeks that a report would compare, oldest first."""
     mondays = [until - timedelta(days=6) - k * WEEK for k in range(MAX_WEEKS)]
-    inside = [monday for monday in reversed(mondays) if monday >= data.warehouse.first]
+    withheld = data.warehouse.withheld_days.get(data.floor.floor_id, ())
+    inside = [monday for monday in reversed(mondays) if monday >= data.warehouse.first and monday not in withheld]
     weeks = [Period(data, monday, monday + timedelta(days=6)) for monday in inside]
     least = data.site.settings.min_coverage
     return [week for week in weeks if week.recorded_h > 0 and week.recorded_h >= least * week.scheduled_h]

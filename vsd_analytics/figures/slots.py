@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import date, timedelta
+from datetime import date, datetime, timedelta
 from typing import Final
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.errors import UsageError
+from vsd_analytics.figures.share.together import Flags, Ints, evened
 from vsd_analytics.site.model import Site
 from vsd_analytics.site.places import named_floors
 from vsd_analytics.stats.hour_of_week import SLOTS, Weeks, recorded_hours
@@ -144,18 +146,38 @@ def load_slots(
         made[camera, slot] = rows[name].to_numpy()
         return made.reshape(len(cameras), n_weeks, SLOTS)
 
-    scheduled_h = grid("open_h", 0.0)
+    scheduled_h, recorded_h = grid("open_h", 0.0), grid("recorded_h", 0.0)
+    open_h, least = scheduled_h.max(axis=0, initial=0.0), float(site.settings.partial_hour_share)
+    counted = (recorded_h > 0) & (recorded_h >= least * open_h)
+
+    def given(name: str, groups: Mapping[str, Sequence[frozenset[int]]]) -> Floats:
+        slots = [_slots_of(starts, site, first, n_weeks) for starts in groups.get(floor_id or "", ())]
+        return _given(grid(name, np.nan), counted, slots)
+
     return Slots(
         monday=monday,
         camera_ids=cameras,
-        open_h=scheduled_h.max(axis=0, initial=0.0),
+        open_h=open_h,
         scheduled_h=scheduled_h,
-        recorded_h=grid("recorded_h", 0.0),
-        person_h=grid("person_h", np.nan),
-        violation_h=grid("violation_h", np.nan),
-        n_violations=grid("n_violations", np.nan),
-        min_share=float(site.settings.partial_hour_share),
+        recorded_h=recorded_h,
+        person_h=given("person_h", warehouse.timed_together),
+        violation_h=given("violation_h", warehouse.counted_together),
+        n_violations=given("n_violations", warehouse.counted_together),
+        min_share=least,
     )
+
+
+def _slots_of(starts: Iterable[int], site: Site, first: date, n_weeks: int) -> Ints:
+    """Return the hours that start at UTC instants as positions in the slots of some weeks from a Monday on."""
+    local = (datetime.fromtimestamp(ms / 1000, site.zone) for ms in starts)
+    slots = np.unique([24 * (at.date() - first).days + at.hour for at in local]).astype(np.int64)
+    return slots[(slots >= 0) & (slots < n_weeks * SLOTS)]
+
+
+def _given(values: Floats, counted: Flags, groups: Sequence[Ints]) -> Floats:
+    """Return values of slots, with equal parts in the slots that readers know together (`share.together`)."""
+    shape = len(values), -1
+    return evened(values.reshape(shape), counted.reshape(shape), groups).reshape(values.shape)
 
 
 def open_hours(site: Site, monday: date) -> Floats:

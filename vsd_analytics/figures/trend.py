@@ -77,6 +77,7 @@ def trend(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) ->
     seen = np.flatnonzero((slots.recorded_h > 0).any(axis=(0, 2)))
     n_weeks = min(TREND_WEEKS, TREND_WEEKS + HISTORY_WEEKS - int(seen[0])) if len(seen) else 0
     mondays = [monday - timedelta(weeks=i) for i in reversed(range(n_weeks))]
+    first, without = first_day(monday), warehouse.withheld_days.get(floor_id or "", ())
     weeks = weekly_trend(
         _by_day(slots.n_violations, used),
         _by_day(slots.recorded_h, used),
@@ -85,6 +86,7 @@ def trend(warehouse: Warehouse, monday: date, *, floor_id: str | None = None) ->
         close_h=None if why_no_risk or is_unknown else _by_day(slots.violation_h, used),
         coverage=_coverage(slots),
         mondays=mondays,
+        withheld=[first + timedelta(days=d) in without for d in range(7 * (TREND_WEEKS + HISTORY_WEEKS))],
         min_coverage=float(settings.min_coverage),
         **settings.for_intervals,
         min_exposure_h=float(settings.min_exposure_h),

@@ -13,8 +13,8 @@ from shapely.geometry.base import BaseGeometry
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.panels import Array, Flags, Ints, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
-from vsd_analytics.figures.share.hours import equal_parts
 from vsd_analytics.figures.share.merged import merge_small_counts
+from vsd_analytics.figures.share.together import equal_parts
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.model_map import Extent
 from vsd_analytics.planner.cell_counts import CellsAsked, grid_of

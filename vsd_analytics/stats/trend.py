@@ -60,6 +60,7 @@ def weekly_trend(
     close_h: npt.ArrayLike | None = None,
     coverage: npt.ArrayLike,
     mondays: Sequence[date],
+    withheld: npt.ArrayLike | None = None,
     min_coverage: float = DEFAULTS.min_coverage,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
@@ -80,6 +81,7 @@ def weekly_trend(
         close_h: Person-hours too close, shape as `n`; None = unknown.
         coverage: Recorded share of the open camera-hours of each week, shape (n_all_weeks,); NaN = closed all week.
         mondays: First days of the weeks wanted, the last ones; the weeks before are history only.
+        withheld: Days that are no history, shape (7 n_all_weeks,); None = none.
         min_coverage: Share of open camera-hours a week needs.
         confidence: Level of the intervals.
         min_days: Recorded days an interval needs.
@@ -97,6 +99,9 @@ def weekly_trend(
     used = hours[:, -7:].any(axis=1) if hours[:, -7:].any() else np.ones(len(hours), dtype=np.bool_)
     positions, counts, hours = np.flatnonzero(used), counts[used], hours[used]
     people, close = (None if v is None else v[used] for v in (people, close))
+    is_history = (
+        np.ones(counts.shape[-1], dtype=np.bool_) if withheld is None else ~np.asarray(withheld, dtype=np.bool_)
+    )
     shares = np.asarray(coverage, dtype=np.float64)
     weeks: list[WeekRates] = []
     for w, monday in zip(range(n_all - len(mondays), n_all), mondays, strict=True):
@@ -109,7 +114,7 @@ def weekly_trend(
         is_short = hours[:, now].sum(axis=1) < min_coverage * open_now
         missing = tuple(positions[is_short & (w < n_all - 1)].tolist())
         days = np.arange(7 * max(w - HISTORY_WEEKS, 0), 7 * w)
-        days = days[(hours[:, days] > 0).any(axis=0) & (open_hours[now] > 0)[days % 7]]
+        days = days[(hours[:, days] > 0).any(axis=0) & (open_hours[now] > 0)[days % 7] & is_history[days]]
         weekday, past_weekday = (np.arange(7), days % 7) if len(days) else (None, None)
         per_open_h = violation_rate(
             counts[:, now],

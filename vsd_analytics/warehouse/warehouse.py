@@ -68,6 +68,13 @@ class Warehouse:
         relations: Facts and marts that will be asked for: only facts behind these are computed first, all others when
             a query names them. None = all.
         threads: Threads of the connection; days that are computed have connections of their own. None = one per core.
+
+    Attributes:
+        counted_together: Groups of hours by floor, as UTC starts in milliseconds, of which a reader of what is made
+            from this warehouse knows only the violations of all together (`figures.share.together`); none for the
+            operator.
+        timed_together: The same, of their person-time.
+        withheld_days: Days by floor of which such a reader knows no violations.
     """
 
     def __init__(
@@ -85,6 +92,9 @@ class Warehouse:
         threads: int | None = None,
     ) -> None:
         self.site, self.first, self.last = site, first, last
+        self.counted_together: dict[str, tuple[frozenset[int], ...]] = {}
+        self.timed_together: dict[str, tuple[frozenset[int], ...]] = {}
+        self.withheld_days: dict[str, frozenset[date]] = {}
         store = Store(site.root / "store", site_id=site.site_id)
         if store.n_spooled():
             store.fold()

@@ -12,13 +12,9 @@ from dataclasses import replace
 import numpy as np
 
 from vsd_analytics.figures.panels import WEEK, Flags, Ints
+from vsd_analytics.figures.share.together import equal_parts
 from vsd_analytics.figures.slots import Floats, Slots
 from vsd_analytics.figures.week.data import WeekData
-
-
-def equal_parts(total: int, n_parts: int) -> Ints:
-    """Return a total in whole parts that differ by one at most, shape (n_parts,)."""
-    return np.diff(np.arange(n_parts + 1) * total // max(1, n_parts))
 
 
 def shared_slots(slots: Slots, data: WeekData) -> Slots:

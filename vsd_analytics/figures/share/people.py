@@ -45,19 +45,23 @@ def has_tracks(period: Period) -> bool:
 
 
 def people_of_floor(period: Period) -> Ints:
-    """Return how many people were on the floor on each day, at least, shape (n_days,).
+    """Return how many people were on the floor in opening hours of each day, at least, shape (n_days,).
 
-    It is the largest of the different tracks of one camera in the site day, and `people_by_hour`.
+    It is that of the hour with most of them (`people_by_hour`). Where that is small, the different tracks of one camera
+    in opening hours of the site day count as well (mart `floor_people`): who comes when it is closed is in no figure.
     """
     data = period.data
+    by_hour = [data.people_by_hour[data.hours.day == day.toordinal()].max(initial=0) for day in period.days]
+    in_hour = np.array(by_hour, dtype=np.int64)
+    if not data.mask.hides(*by_hour):
+        return in_hour
     rows = data.warehouse.table(
-        "select site_day, max(n) as n from (select site_day, camera_id, count(*) as n from track_days "
-        "where camera_id in (select unnest($ids)) and site_day between $first and $last group by all) group by all",
-        {"ids": data.ids, "first": period.first, "last": period.last},
+        "select site_day, max(n_tracks) as n from floor_people "
+        "where floor_id = $floor and site_day between $first and $last group by site_day",
+        {"floor": data.floor.floor_id, "first": period.first, "last": period.last},
     )
     seen = dict(zip(rows["site_day"].to_pylist(), rows["n"].to_pylist(), strict=True))
-    of_hours = [data.people_by_hour[data.hours.day == day.toordinal()].max(initial=0) for day in period.days]
-    return np.maximum(_by_days(seen, period.days), np.array(of_hours, dtype=np.int64))
+    return np.maximum(_by_days(seen, period.days), in_hour)
 
 
 def people_by_hour(data: FloorHours) -> Ints:
@@ -106,9 +110,10 @@ def people_in_quarter(data: FloorHours, start_ms: int, *, at_once: float) -> int
 def people_by_day(period: Period) -> Mapping[str | None, Ints]:
     """Return how many people were in each area on each day, at least; None is the rest of the floor.
 
-    It is the largest of three lower bounds: the different tracks of one camera (mart `area_people`), those in one cell
-    in an hour (mart `footsteps`, which has days that were sealed before tracks were counted by area), and the mean
-    number of people in view in an hour, rounded up (which needs no ids).
+    It is the largest of three lower bounds, in opening hours: the different tracks in one cell in an hour (mart
+    `footsteps`, which has days that were sealed before tracks were counted by area), the mean number of people in view
+    in an hour, rounded up (which needs no ids), and, where one of these is small, the different tracks of one
+    camera in the day (mart `area_people`).
 
     Args:
         period: The days of a floor with areas.
@@ -118,11 +123,6 @@ def people_by_day(period: Period) -> Mapping[str | None, Ints]:
     """
     data = period.data
     days = {"floor": data.floor.floor_id, "first": period.first, "last": period.last}
-    tracks = data.warehouse.table(
-        "select area_id, site_day, n_people from area_people "
-        "where floor_id = $floor and site_day between $first and $last",
-        days,
-    ).to_pylist()
     cells = data.warehouse.table(
         "select cx, cy, local_date, n_tracks from footsteps "
         "where floor_id = $floor and local_date between $first and $last",
@@ -135,12 +135,20 @@ def people_by_day(period: Period) -> Mapping[str | None, Ints]:
     of_cells[None] = ~np.any(list(inside.values()), axis=0)
     found: dict[str | None, Ints] = {}
     for key, is_inside in of_cells.items():
-        by_track = {row["site_day"]: row["n_people"] for row in tracks if row["area_id"] == key}
         by_cell: dict[date, int] = {}
         for k in np.flatnonzero(is_inside).tolist():
             by_cell[day[k]] = max(by_cell.get(day[k], 0), int(n[k]))
-        bounds = (_by_days(by_track, period.days), _by_days(by_cell, period.days))
-        found[key] = np.maximum(np.maximum(*bounds), _at_once(data, period, period.area(key).exposure_h))
+        found[key] = np.maximum(_by_days(by_cell, period.days), _at_once(data, period, period.area(key).exposure_h))
+    if not any(data.mask.hides(*n.tolist()) for n in found.values()):
+        return found
+    tracks = data.warehouse.table(
+        "select area_id, site_day, n_people from area_people "
+        "where floor_id = $floor and site_day between $first and $last",
+        days,
+    ).to_pylist()
+    for key, n in found.items():
+        by_track = {row["site_day"]: row["n_people"] for row in tracks if row["area_id"] == key}
+        found[key] = np.maximum(n, _by_days(by_track, period.days))
     return found
 
 

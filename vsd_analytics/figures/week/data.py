@@ -64,6 +64,9 @@ class WeekData(FloorHours):
         self.this = Period(self, monday, self.sunday)
         self.pair = TwoPeriods(Period(self, monday - self.span, monday - timedelta(days=1)), self.this)
         self._hidden: dict[date, HiddenWeek] = {}
+        self._left: set[date] = set()
+        if self.mask.is_on:
+            self._tell_warehouse()
 
     @property
     def week_days(self) -> list[date]:
@@ -115,11 +118,33 @@ class WeekData(FloorHours):
 
     def hidden_in(self, monday: date) -> HiddenWeek:
         """Return what is held back of the week that starts on `monday`."""
+        self._left.add(monday)
+        return self._held(monday)
+
+    def _held(self, monday: date) -> HiddenWeek:
         if monday not in self._hidden:
-            period = Period(self, monday, monday + self.span - timedelta(days=1))
+            is_asked = monday in (self.monday, self.pair.before.first)
+            period = Period(self, monday, monday + (self.span if is_asked else WEEK) - timedelta(days=1))
             unready = self._released.unready if self._released and monday == self.monday else ()
             self._hidden[monday] = hidden_week(self, period, self._shared_before, unready=unready)
         return self._hidden[monday]
+
+    def _tell_warehouse(self) -> None:
+        """Tell the warehouse which hours and days of its weeks readers know as one sum, or not at all.
+
+        So everything that is computed from it, intervals too, tells no more of them.
+        """
+        recorded = np.unique(self.hours.day[(self.hours.recorded_s > 0).any(axis=0)]).tolist()
+        weeks = {date.fromordinal(day - (day - 1) % 7) for day in recorded}
+        held = {monday: self._held(monday) for monday in sorted(weeks)}
+        groups = [
+            [frozenset(self.hours.start_ms[list(hours)].tolist()) for hours in of if hours]
+            for of in ([w.hours.small | w.hours.others for w in held.values()], [w.untimed for w in held.values()])
+        ]
+        warehouse, floor_id = self.warehouse, self.floor.floor_id
+        warehouse.counted_together[floor_id], warehouse.timed_together[floor_id] = (tuple(of) for of in groups)
+        without = [monday for monday, week in held.items() if week.why_floor is not None and monday != self.monday]
+        warehouse.withheld_days[floor_id] = frozenset(m + timedelta(days=d) for m in without for d in range(7))
 
     @property
     def is_released(self) -> bool:
@@ -146,7 +171,8 @@ class WeekData(FloorHours):
         Raises:
             DiskError: E304 to E306, it cannot be stored: then the report may not leave.
         """
-        weeks = [week for week in self._hidden.values() if week.shared is not None and week.why_floor != CHANGED]
+        left = [week for monday, week in self._hidden.items() if monday in self._left]
+        weeks = [week for week in left if week.shared is not None and week.why_floor != CHANGED]
         earlier.remember(self.site, [week.shared for week in weeks if week.shared is not None])
 
     @cached_property

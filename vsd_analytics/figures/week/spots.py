@@ -215,9 +215,12 @@ def _areas(areas: Sequence[AreaRow], maps: Sequence[FloorMap]) -> list[tuple[int
 
 
 def _inside(data: WeekData, where: BaseGeometry | str, first: date) -> _Seen:
-    """Return the violations in opening hours, from a day on, in an area or on some floor."""
+    """Return the violations in opening hours, from a day on, in an area or on some floor.
+
+    For readers, without those of hours of which they know only a sum.
+    """
     rows = data.warehouse.table(
-        "select local_date, local_hour, camera_id, cx, cy from violations "
+        "select local_date, local_hour, hour_start_ms, camera_id, cx, cy from violations "
         "where floor_id = $floor and is_open and cx is not null and local_date between $first and $last "
         "and ($area is null or area_id = $area) order by started_ms, camera_id, track_a, track_b",
         {
@@ -228,10 +231,11 @@ def _inside(data: WeekData, where: BaseGeometry | str, first: date) -> _Seen:
         },
     )
     day = rows["local_date"].to_numpy().astype("datetime64[D]").astype(np.int64) + date(1970, 1, 1).toordinal()
-    kept = np.ones(rows.num_rows, dtype=np.bool_)
+    groups = data.warehouse.counted_together.get(data.floor.floor_id, ())
+    kept = ~np.isin(rows["hour_start_ms"].to_numpy(), [ms for hours in groups for ms in hours])
     xy = (np.column_stack([rows[c].to_numpy() for c in ("cx", "cy")]) + 0.5) * FLOOR_CELL_M
     if not isinstance(where, str):
-        kept = np.asarray(shapely.contains_xy(where, xy[:, 0], xy[:, 1]))
+        kept &= shapely.contains_xy(where, xy[:, 0], xy[:, 1])
     cameras = [c for c, k in zip(rows["camera_id"].to_pylist(), kept, strict=True) if k]
     return _Seen(day[kept], rows["local_hour"].to_numpy().astype(np.int64)[kept], cameras, xy[kept])
 

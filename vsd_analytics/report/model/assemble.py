@@ -49,7 +49,7 @@ THREADS = 1
 _MARTS = (
     *("violations", "camera_hours", "area_hours", "crowding_hours", "joined_days", "cell_hours", "cell_days"),
     *("track_days", "together_days", "track_groups", "company_hours", "episodes", "distances", "gatherings"),
-    *("cluster_sizes", "met_days", "neighbour_hours", "footsteps", "area_people"),
+    *("cluster_sizes", "met_days", "neighbour_hours", "footsteps"),
     "track_hours",
 )
 """Marts that the report of a site with enough data reads."""
