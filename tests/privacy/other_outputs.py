@@ -8,9 +8,10 @@ which `tests/figures/test_today.py` shows to be all that it says of violations.
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from datetime import date
+from collections.abc import Collection, Mapping
+from datetime import date, timedelta
 from pathlib import Path
+from typing import Any
 
 import duckdb
 import numpy as np
@@ -19,9 +20,12 @@ from privacy import person_times
 from privacy.hidden_counts import BELOW, HOURS, N_DAYS, POINTS, Known, World
 
 from vsd_analytics.errors import ReportError, UsageError
+from vsd_analytics.figures.maps import SIGMA_M, cell_maps
 from vsd_analytics.figures.share.counts import rough
-from vsd_analytics.planner.cell_counts import CELL_M, grid_of
+from vsd_analytics.planner.cell_counts import CELL_M, SQUARE_M, grid_of
 from vsd_analytics.planner.planner_data import PlannerData, PlannerWeek, planner_pages
+from vsd_analytics.stats.hotspots import smoothed
+from vsd_analytics.warehouse.warehouse import open_warehouse
 
 PAIR_M = (0.76, 0.01)
 """From a point to the middle of the two people of its violations."""
@@ -111,6 +115,46 @@ def _read_cells(known: Known, week: int, data: PlannerData, source: str) -> None
         for p in of_place:
             low, high = (1, int(given[p])) if given[p] else (0, BELOW - 1)
             known.between(dict.fromkeys(keys[p], 1.0), low, high, f"{source} cell of {p}")
+
+
+def read_smoothed_maps(known: Known, world: World, week: int, figures: Mapping[str, Any]) -> int:
+    """Add the squares of M18 and M19 of a week, for a reader who knows all that these divide by; return how many.
+
+    Violations at a point put two people's time too close into their squares; smoothed, it is a sum over points.
+
+    Args:
+        known: What is known so far.
+        world: What was counted.
+        week: Which.
+        figures: `figures` of the JSON file.
+    """
+    first, last = hidden.monday(week), hidden.monday(week) + timedelta(days=6)
+    with open_warehouse(world.site, first, last) as warehouse:
+        maps = cell_maps(warehouse, floor=world.site.floors[0], cell_m=SQUARE_M, first=first, last=last)
+    grid = maps.risk.grid
+    assert grid is not None
+    assert maps.risk.exposure_h is not None
+    assert maps.excess.expected_h is not None
+    divided_by = {"M18": maps.risk.exposure_h, "M19": maps.excess.expected_h}
+    of_point = []
+    for x, y in POINTS:
+        one_h = np.zeros(grid.shape)
+        for s in (0, 1.5):
+            at = int((y + 1e-6) // SQUARE_M) - grid.cy, int((x + s + 1e-6) // SQUARE_M) - grid.cx
+            if 0 <= at[0] < grid.shape[0] and 0 <= at[1] < grid.shape[1]:  # else nobody stood there all week
+                one_h[at] += hidden.CLOSE_H
+        of_point.append(smoothed(one_h, SIGMA_M / SQUARE_M))
+    n_read = 0
+    for metric, hours in divided_by.items():
+        near = smoothed(hours, SIGMA_M / SQUARE_M)
+        for row in figures[metric]["rows"] or ():
+            at = int(row["y_m"] // SQUARE_M) - grid.cy, int(row["x_m"] // SQUARE_M) - grid.cx
+            if not (metric == "M18" and row["value"] >= 1):
+                weights = {key: float(of_point[key[1]][at]) for key in hidden.keys_of(week)}
+                source = f"week {week} {metric} {row['x_m']} {row['y_m']}"
+                known.rounded(weights, row["value"] * float(near[at]), source, digits=5)
+                n_read += 1
+    return n_read
 
 
 def read_cards(known: Known, world: World, week: int, *, first: World) -> None:

@@ -119,6 +119,17 @@ def test_the_planner_the_cards_and_the_duckdb_file_tell_no_count_that_is_held_ba
     assert hidden.worked_out(known, world) == {}
 
 
+def test_smoothed_maps_tell_no_count_that_is_held_back(world: hidden.World, reports: dict[int, WeekReport]) -> None:
+    """M18 and M19 are sums over the squares around; `test_leaks` shows what the operator's would tell."""
+    known = hidden.published(world, TWO_WEEKS, planners=())
+    for week in TWO_WEEKS:
+        figures = json.loads(to_json(reports[week]))["figures"]
+        n_read = other_outputs.read_smoothed_maps(known, world, week, figures)
+        assert n_read or week == TWO_WEEKS[-1], "the floor of hidden places has no squares"
+    assert hidden.broken(known, world) == []
+    assert hidden.worked_out(known, world) == {}
+
+
 def test_the_reader_finds_what_the_planner_by_area_and_hour_gave_away(
     world: hidden.World, reports: dict[int, WeekReport]
 ) -> None:

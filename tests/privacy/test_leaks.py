@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Iterator
+from datetime import date, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +18,14 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.figures.maps import SIGMA_M, cell_maps
 from vsd_analytics.planner.cell_counts import grid_of
 from vsd_analytics.planner.planner_data import planner_pages
 from vsd_analytics.report.pages.json_and_csv import to_csv, to_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
+from vsd_analytics.stats.hotspots import smoothed
+from vsd_analytics.warehouse.warehouse import open_warehouse
 
 PRAYER = {**w.AREAS, "prayer": ("Prayer room", (13, 7, 17, 11))}
 HOURS = (9, 12)
@@ -139,6 +144,49 @@ def test_maps_of_squares_told_the_time_and_the_count_that_areas_hide(site: Site)
     for name, area in (("M16", "prayer"), ("M17", "prayer"), ("M17", "door"), ("M18", "door"), ("M19", "door")):
         assert values_in(shared[name], PRAYER[area][1]) == [], (name, area)
     assert values_in(shared["M16"], PRAYER["queue"][1])
+
+
+FAR = {"queue": ("Queue", (0, 0, 20, 20)), "door": ("Door", (40, 0, 46, 6)), "till": ("Till", (60, 0, 66, 6))}
+FAR_QUEUE, FAR_DOOR, FAR_TILL = (10.0, 10.0), (42.0, 3.0), (62.0, 3.0)
+
+
+def many_with_few_too_close(monday: date) -> Iterator[dict[str, Any]]:
+    """Yield frames of a week: many people at the door one by one, and three pairs of them too close."""
+
+    def counts(day: int, hour: int) -> dict[w.Place, int]:
+        return {FAR_QUEUE: 30, FAR_DOOR: 3 if (day, hour) == (1, 10) else 0, FAR_TILL: 20}
+
+    for k, message in enumerate(w.messages(counts, monday=monday, is_alone=False)):
+        x, y = FAR_DOOR
+        is_pair = any(abs(p["x_m"] - x) < 2 for p in message["persons"])
+        one = [] if is_pair else [w.person(f"one-{k // 6}", x + 1.5 * (k // 6 % 2), y)]
+        yield {**message, "persons": [*message["persons"], *one]}
+
+
+def test_smoothed_maps_told_the_count_that_an_area_hides(tmp_path: Path) -> None:
+    """Who knows where people were multiplies M18, or M19, by what it divides by: three violations at the door."""
+    site = w.world(tmp_path / "shop", w.toml(areas=FAR), many_with_few_too_close(w.MONDAY))
+    exact, shared = (report_json(of) for of in (site.with_settings(mask_below=0), site))
+    assert {a["area_id"]: a["counted"] for a in exact["areas"]}["door"] == 3
+    assert {a["area_id"]: a["counted"] for a in shared["areas"]}["door"] is None
+    with open_warehouse(site, w.MONDAY, w.MONDAY + timedelta(days=6)) as warehouse:
+        maps = cell_maps(warehouse, floor=site.floors[0], cell_m=1.0)
+    assert maps.risk.grid is not None
+    grid, of_one = maps.risk.grid, np.zeros(maps.risk.grid.shape)
+    for x_m in (FAR_DOOR[0], FAR_DOOR[0] + 1.5):
+        of_one[int(FAR_DOOR[1]) - grid.cy, int(x_m) - grid.cx] = w.CLOSE_S / 3600
+    of_one = smoothed(of_one, SIGMA_M)
+    for metric, hours in (("M18", maps.risk.exposure_h), ("M19", maps.excess.expected_h)):
+        assert hours is not None
+        near = smoothed(hours, SIGMA_M)
+        found = []
+        for figures in (exact["figures"], shared["figures"]):
+            rows = [(int(r["y_m"]) - grid.cy, int(r["x_m"]) - grid.cx, r["value"]) for r in figures[metric]["rows"]]
+            assert rows, metric
+            found.append([value * near[i, k] / of_one[i, k] for i, k, value in rows if of_one[i, k] > 0])
+        assert found[0] == pytest.approx([3] * len(found[0]), rel=1e-3)
+        assert found[0]
+        assert found[1] == [], "no square that is shared holds a part of the door's"
 
 
 def test_squares_of_the_planner_told_the_time_and_the_count_that_areas_hide(site: Site) -> None:
