@@ -100,6 +100,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/realdata/prove_thinning.py
 	$(BIN)/python tests/realdata/prove_atc.py
 	$(BIN)/python tests/realdata/prove_crowding.py
+	$(BIN)/python tests/realdata/prove_whatif.py
 	$(BIN)/python tests/engine/prove_engine.py
 	$(BIN)/python tests/engine/prove_tracks.py
 	$(BIN)/python tests/engine/prove_tracks_of_walks.py

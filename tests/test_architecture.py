@@ -19,7 +19,8 @@ PACKAGE = Path(__file__).resolve().parent.parent / "vsd_analytics"
 # From the lowest room to the highest: a module imports from its own room and those before it, inside functions too.
 ROOMS = (
     *("base", "store", "site", "geometry", "config", "ingest", "stats", "engine", "warehouse", "cluster", "retention"),
-    *("figures", "wording", "render", "report", "planner", "calibration_page", "site_index", "service", "api"),
+    *("figures", "whatif", "wording", "render", "report", "planner", "calibration_page", "site_index", "service"),
+    "api",
     *("simulate", "live", "doctor", "cli"),
 )
 BASE = {"answer", "errors", "resources", "schema", "settings", "version"}
@@ -235,7 +236,7 @@ def test_a_compared_sentence_is_found(source: str) -> None:
     assert [text for _, text in compared_texts(ast.parse(source)) if " " in text]
 
 
-SENTENCELESS = ("figures", "stats", "planner", "answer.py")
+SENTENCELESS = ("figures", "whatif", "stats", "planner", "answer.py")
 """What gives codes and leaves their words to the catalogue."""
 SQL = re.compile(r"^\s*(select|from|where|and|inner join|left join|group by|order by|union)\b|\b(select|order by)\b")
 HELP = {"_f", "described", "_o", "optional"}

@@ -121,6 +121,7 @@ class Settings:
     change_apart_m: float = _setting("analysis", 5.0, "metres", 0.0, 1000.0, "Areas nearer to the changed one than this are no comparison: people may only have moved there.")
     together_life_s: float = _setting("analysis", 20.0, "seconds", 0.0, 86400.0, "Groups are inferred where half of person-time is in track ids that live at least this long, or where ids are not cut.")
     together_cut_share: float = _setting("analysis", 0.12, "", 0.0, 1.0, "Track ids that live shorter are taken as short visits if at most this share of them end where another one begins right then.")
+    free_way_m: tuple[float, ...] = _setting("analysis", (1.2, 1.5), "metres", 0.3, 20.0, "Clear widths of accessible ways (EN 17210): vsd whatif says which ways fall under them.")
     washout_days: int = _setting("analysis", 3, "days", 0, 28, "Days left out on both sides of a logged change before the two periods are compared: while it is built, and while people get used to it.")
     earliest_year: int = _setting("ingest", 1990, "year", 1970, 2100, "Records before this year are quarantined.")
     future_max_s: float = _setting("ingest", 86400.0, "seconds", 0.0, 366 * 86400.0, "Records of files later than the clock by more than this are quarantined.")

@@ -20,7 +20,7 @@ COMMANDS = (
     *("demo", "init", "calibrate", "engine", "evaluate", "log", "check", "ingest", "imports", "quarantine"),
     *("listen", "node", "alarms"),
     *("build", "fetch", "coverage", "hours", "heatmap", "hotspots", "groups", "visits", "flow", "queue", "capacity"),
-    *("compare", "plan", "selfcheck", "forecast"),
+    *("compare", "plan", "whatif", "selfcheck", "forecast"),
     *(
         "today",
         "report",

@@ -33,9 +33,12 @@ def log() -> None:
 @click.option("--at", metavar="INSTANT", help="When, in the site's zone unless it has an offset (default: now).")
 @click.option("--area", metavar="ID", help="Area it concerns (default: the whole site).")
 @click.option("--by", metavar="NAME", help="Who logs it.")
+@click.option("--prediction", type=click.IntRange(min=1), metavar="N", help="Receipt that foresaw it: see vsd whatif.")
 @json_option
 @pass_project
-def log_add(project: Project, text: str, at: str | None, area: str | None, by: str | None, as_json: bool) -> None:
+def log_add(
+    project: Project, text: str, at: str | None, area: str | None, by: str | None, prediction: int | None, as_json: bool
+) -> None:
     """Add one entry. An entry with the same time, area and text as another is not added again.
 
     \b
@@ -44,7 +47,8 @@ def log_add(project: Project, text: str, at: str | None, area: str | None, by: s
     """
     from vsd_analytics.config.change_log import add_entry, entry_dict, entry_ids
 
-    added = add_entry(project.site, text=text, at=at if at is not None else project.now, area=area, by=by)
+    when = at if at is not None else project.now
+    added = add_entry(project.site, text=text, at=when, area=area, by=by, prediction=prediction)
     for line in added.removed:
         click.echo(plain(f"removed an incomplete line: {line}"), err=True)
     if as_json:

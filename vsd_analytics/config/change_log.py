@@ -26,6 +26,7 @@ from vsd_analytics.config.log_records import (
     read_records,
     torn_lines,
 )
+from vsd_analytics.config.predictions import read_predictions
 from vsd_analytics.config.reader import nearest
 from vsd_analytics.config.values import parse_instant
 from vsd_analytics.errors import CONTROL, UsageError
@@ -100,7 +101,10 @@ def read_answers(site: Site) -> tuple[QuestionAnswer, ...]:
     return tuple(dict.fromkeys(_answers(read_records(site))))
 
 
-def add_entry(site: Site, *, text: str, at: str | datetime, area: str | None = None, by: str | None = None) -> Added:
+def add_entry(
+    site: Site, *, text: str, at: str | datetime, area: str | None = None, by: str | None = None,
+    prediction: int | None = None,
+) -> Added:  # fmt: skip
     """Add one entry, durably: it is on disk when this returns. An entry that is there already is not added again.
 
     Args:
@@ -109,18 +113,25 @@ def add_entry(site: Site, *, text: str, at: str | datetime, area: str | None = N
         at: When: ISO text or datetime; without an offset in the site's zone, a date is its midnight.
         area: Id of the area it concerns; None = the whole site.
         by: Who logs it; None = not stated.
+        prediction: Number of the receipt of `vsd whatif` that foresaw it; None = none.
 
     Raises:
-        UsageError: No text, no time, too long a name, or an area the site does not have (E101).
+        UsageError: No text, no time, too long a name, or an area or receipt the site does not have (E101).
         DiskError: E304 to E306, the disk refused; the log is as before.
     """
-    entry = LogEntry(_instant(at, site), _one_line(text), _known_area(area, site), by=_name(by))
+    n_receipts = 0 if prediction is None else len(read_predictions(site))
+    if prediction is not None and not 1 <= prediction <= n_receipts:
+        raise UsageError(
+            f"there is no prediction {prediction}", why=f"predictions.jsonl has {n_receipts}",
+            fix="vsd whatif --scores lists them",
+        )  # fmt: skip
+    entry = LogEntry(_instant(at, site), _one_line(text), _known_area(area, site), by=_name(by), prediction=prediction)
     is_new = True
 
     def line(records: tuple[LogRecord, ...]) -> dict[str, Any] | None:
         nonlocal is_new
         is_new = entry not in _entries(records)
-        return entry_dict(entry) | _signed(by) if is_new else None
+        return entry_dict(entry) | _signed(by) | _foreseen(entry) if is_new else None
 
     removed = add_line(site, line)
     return Added(entry, is_new, removed)
@@ -199,8 +210,8 @@ def edit_entry(
                 "the log has another entry with this time, area and text",
                 fix=f"vsd log remove {_Ids(records).current[new]}",
             )
-        more = {} if new.question is None else {"question": new.question, "answer": "tried"}
-        more |= _signed(new.by)
+        more: dict[str, Any] = {} if new.question is None else {"question": new.question, "answer": "tried"}
+        more |= _signed(new.by) | _foreseen(new)
         return {**entry_dict(new), **more, "replaces": entry_dict(entry)}
 
     add_line(site, line)
@@ -264,6 +275,10 @@ def _name(by: str | None) -> str | None:
     if by is not None and not is_name(by):
         raise UsageError(f"--by must be 1 to {NAME_MAX_CHARS} printable characters", fix='--by "Anna"')
     return by
+
+
+def _foreseen(entry: LogEntry) -> dict[str, Any]:
+    return {} if entry.prediction is None else {"prediction": entry.prediction}
 
 
 def _signed(by: str | None) -> dict[str, str]:

@@ -66,7 +66,7 @@ def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: st
     for table in tables:
         camera_id = _unique(table, table.id("id", example='"cam-1"'), cameras, kind="camera")
         name = table.text("name", example='"Entrance"', required=True)
-        floor_id = _floor(table, floors)
+        floor_id = read_floor(table, floors)
         calibrations, planes = read_calibrations(table, camera_id, timezone=timezone)
         picture = _picture(table, "picture")
         first_day, end_day = _days(table, timezone=timezone, things="cameras")
@@ -80,7 +80,7 @@ def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: st
             hz=table.number("hz", minimum=0.001, maximum=1000, unit="frames per second", example="1.0"),
             clock=zone(table, "clock") or "UTC",
             engine_ids=table.texts("engine_ids", example='["entrance-left"]'),
-            view=_polygon(table, "view"),
+            view=read_polygon(table, "view"),
             has_clock="clock" in table.values,
             planes=planes,
             source=read_camera_source(table, camera_id),
@@ -110,8 +110,8 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
     for table in tables:
         area_id = _unique(table, table.id("id", example='"checkout-queue"'), areas, kind="area")
         name = table.text("name", example='"Checkout queue"', required=True)
-        floor_id = _floor(table, floors)
-        polygon = _polygon(table, "polygon", required=True)
+        floor_id = read_floor(table, floors)
+        polygon = read_polygon(table, "polygon", required=True)
         ask = table.text("ask", example='"Could the queue end at the other wall?"')
         first_day, end_day = _days(table, timezone=timezone, things="areas")
         has_visits, is_door = (table.flag(key) or False for key in ("visits", "door"))
@@ -177,9 +177,9 @@ def read_fixtures(root: TableReader, *, floors: Mapping[str, Floor], timezone: s
     for table in root.each("fixture"):
         fixture_id = table.id("id", example='"shelf-1"')
         name = table.text("name", example='"Shelf 1"', required=True)
-        floor_id = _floor(table, floors)
-        polygon = _polygon(table, "polygon", required=True)
-        kind = _fixture_kind(table)
+        floor_id = read_floor(table, floors)
+        polygon = read_polygon(table, "polygon", required=True)
+        kind = fixture_kind(table)
         is_movable = table.flag("movable") or False
         height_m = table.number("height_m", minimum=0.01, maximum=100, unit="metres", example="1.6")
         since, until = _dates(table, timezone=timezone)
@@ -236,7 +236,8 @@ def _overlap(one: Fixture, since: datetime | None, until: datetime | None) -> bo
     return not (is_before or is_after)
 
 
-def _fixture_kind(table: TableReader) -> FixtureKind:
+def fixture_kind(table: TableReader) -> FixtureKind:
+    """Return the kind of a fixture; "shelf" where none is stated."""
     known: tuple[FixtureKind, ...] = get_args(FixtureKind)
     return table.word("kind", known, example="shelf", fix="other") or known[0]
 
@@ -254,7 +255,7 @@ def _unique(table: TableReader, value: str | None, taken: Iterable[str], *, kind
     return value
 
 
-def _floor(table: TableReader, floors: Mapping[str, Floor]) -> str:
+def read_floor(table: TableReader, floors: Mapping[str, Floor]) -> str:
     """Return the floor a camera, area or fixture is on; a site with one floor needs no `floor` key."""
     only = next(iter(floors))
     value = table.text("floor", example=f'"{only}"')
@@ -312,7 +313,7 @@ def _picture_px(table: TableReader, picture: Path | None) -> tuple[int, int] | N
     return (round(size_px[0]), round(size_px[1])) if size_px else None
 
 
-def _polygon(table: TableReader, key: str, *, required: bool = False) -> tuple[Point, ...] | None:
+def read_polygon(table: TableReader, key: str, *, required: bool = False) -> tuple[Point, ...] | None:
     """Return the corners of a simple polygon in floor metres."""
     points = table.points(key, least=3, example=_POLYGON)
     if points is None:

@@ -196,11 +196,14 @@ def _entry(value: dict[str, Any], *, site: Site) -> LogEntry:
         name = value.get(key)
         if name is not None and not (isinstance(name, str) and is_name(name)):
             raise ValueError(f'"{key}" is not 1 to {NAME_MAX_CHARS} printable characters')
+    prediction = value.get("prediction")
+    if prediction is not None and (type(prediction) is not int or prediction < 1):
+        raise ValueError('"prediction" is not the number of a receipt')
     try:
         at = parse_instant(value.get("at"), timezone=site.timezone)
     except ValueError as error:
         raise ValueError(f'"at": {error}') from None
-    return LogEntry(at.astimezone(site.zone), text, area, value.get("question"), value.get("by"))
+    return LogEntry(at.astimezone(site.zone), text, area, value.get("question"), value.get("by"), prediction)
 
 
 def is_name(text: str) -> bool:

@@ -5,19 +5,16 @@ A plan is written before the change and never altered: what it predicts is score
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from datetime import date
-from pathlib import Path
 from typing import Any, Final
 
 import msgspec
 
-from vsd_analytics.errors import InputError, Where
+from vsd_analytics.config.append_only import AppendOnlyFile
 from vsd_analytics.site.model import Site
 
 FILE: Final = "plans.jsonl"
-LOCK: Final = Path("status") / "plans.lock"
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,28 +79,17 @@ def read_plans(site: Site) -> tuple[Plan, ...]:
     Raises:
         InputError: E110, a line is not a plan.
     """
-    return tuple(_plan(line, number=n) for n, line in _lines(site))
+    return PLANS.read(site)
 
 
 def add_plan(site: Site, plan: Plan) -> bool:
     """Add a plan, durably: it is on disk when this returns. Returns False where the same plan is there already.
 
-    The file is replaced as a whole, under a lock, so that it holds all of the plan or nothing.
-
     Raises:
         InputError: E110, a line of the file is not a plan; nothing is written.
         DiskError: E304 to E306, the disk refused.
     """
-    from vsd_analytics.store.durable import exclusive, publish, sweep_temporaries
-
-    path = (site.root / FILE).resolve()  # what a link points to
-    with exclusive(site.root / LOCK):
-        sweep_temporaries(path.parent, file_name=path.name)
-        if plan in read_plans(site):
-            return False
-        lines = [line for _, line in _lines(site)]
-        publish(path, b"".join(line + b"\n" for line in [*lines, json.dumps(plan_dict(plan)).encode()]))
-    return True
+    return PLANS.add(site, plan)
 
 
 def plan_dict(plan: Plan) -> dict[str, Any]:
@@ -112,21 +98,6 @@ def plan_dict(plan: Plan) -> dict[str, Any]:
     return {k: v for k, v in written.items() if k != "in_turn" or v is not None}
 
 
-def _lines(site: Site) -> list[tuple[int, bytes]]:
-    path = site.root / FILE
-    if not path.exists():
-        return []
-    return [(n, line) for n, line in enumerate(path.read_bytes().split(b"\n"), start=1) if line.strip()]
-
-
-def _plan(line: bytes, *, number: int) -> Plan:
-    try:
-        return msgspec.json.decode(line, type=Plan)
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"line {number} of {FILE} is not a plan",
-            code="E110",
-            where=Where(FILE, number, line.decode(errors="replace")[:200]),
-            why=str(error),
-            fix="correct or delete the line; vsd plan --area ID --effect -0.15 makes a new plan",
-        ) from None
+PLANS: Final = AppendOnlyFile(
+    FILE, Plan, written=plan_dict, what="a plan", fix="vsd plan --area ID --effect -0.15 makes a new plan"
+)

@@ -127,7 +127,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
     site_id = site.id("id", example='"shop"') if has_site else None
     name = site.text("name", example='"Riverside Store"', required=has_site)
     timezone = zone(site, "timezone", required=has_site) or "UTC"
-    opening = _opening(site, mistakes)
+    opening = read_opening(site, mistakes)
     closed = site.parsed("closed", example='["2026-12-25"]', parse=parse_dates, form=_DATES)
     language = site.word("language", LANGUAGES, example="it") or LANGUAGES[0]
     day_starts = site.parsed("day_starts", example='"04:00"', parse=parse_day_start, form=DATE)
@@ -185,7 +185,8 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
     )
 
 
-def _opening(site: TableReader, mistakes: Mistakes) -> tuple[Spans, ...] | None:
+def read_opening(site: TableReader, mistakes: Mistakes) -> tuple[Spans, ...] | None:
+    """Return the opening hours of each weekday, Monday first; None where `[site]` states none that are valid."""
     if site.raw("opening", {"type": "object", **_OPENING}) is None:
         return None
     example = '{ mon-sat = "08:00-21:00", sun = "10:00-18:00" }'

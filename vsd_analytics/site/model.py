@@ -219,6 +219,7 @@ class LogEntry:
         area_id: Area it concerns, or None for the whole site.
         question: Id of the report's question it answers; None = none. Two entries that differ in this alone are one.
         by: Who logged it, likewise; None = not stated.
+        prediction: Number of the receipt of `vsd whatif` that foresaw it, likewise; None = none.
     """
 
     at: datetime
@@ -226,6 +227,7 @@ class LogEntry:
     area_id: str | None = None
     question: str | None = field(default=None, compare=False)
     by: str | None = field(default=None, compare=False)
+    prediction: int | None = field(default=None, compare=False)
 
 
 AlarmKind = Literal["gathering", "contact", "silence"]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import date, datetime, time, timedelta
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.site.model import Area, Floor, Site
+from vsd_analytics.site.model import Area, Fixture, Floor, Site
 
 
 def known_area(site: Site, area_id: str) -> Area:
@@ -47,3 +48,9 @@ def named_floors(site: Site, floor_id: str | None) -> list[str]:
             f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", fix=f"--floor {floors[0]}"
         )
     return [floor_id]
+
+
+def fixtures_at(site: Site, floor_id: str, day: date) -> tuple[Fixture, ...]:
+    """Return the fixtures that stand on a floor at the end of a local day."""
+    end = datetime.combine(day + timedelta(days=1), time(), tzinfo=site.zone) - timedelta(seconds=1)
+    return tuple(f for f in site.fixtures if f.floor_id == floor_id and f.is_there(end))

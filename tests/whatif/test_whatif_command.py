@@ -1,0 +1,250 @@
+"""`vsd whatif` from engine output to text, JSON, receipt and score, on a hall with a known crowd."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vsd_analytics.answer import Answers
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.config.predictions import LayoutPrediction, PredictedRange, add_prediction, read_predictions
+from vsd_analytics.config.project import load_site
+from vsd_analytics.figures.share.answers import share
+from vsd_analytics.ingest.intake.pipeline import ingest
+from vsd_analytics.ingest.reading.adapter import IngestOptions
+from vsd_analytics.warehouse.warehouse import open_warehouse
+from vsd_analytics.whatif.answers import whatif_answers
+from vsd_analytics.whatif.closeness import n_close
+from vsd_analytics.whatif.floor_records import ALONE, records_of
+from vsd_analytics.whatif.place_times import floor_key, place_times, recorded_place
+from vsd_analytics.whatif.prediction import RELATIONS, layout_effects
+from vsd_analytics.whatif.scores import LoggedPrediction, prediction_answers
+
+FIRST = datetime(2026, 11, 2, 9, tzinfo=UTC)  # a Monday
+DAYS = "2026-11-02..2026-11-03"
+TOML = """
+[site]
+id = "hall"
+name = "Hall"
+timezone = "UTC"
+opening = { mon-sun = "09:00-10:00" }
+
+[[floor]]
+id = "ground"
+name = "Ground floor"
+
+[[camera]]
+id = "cam-1"
+name = "Hall"
+floor = "ground"
+
+[[area]]
+id = "middle"
+name = "Middle"
+floor = "ground"
+polygon = [[8, 0], [12, 0], [12, 6], [8, 6]]
+
+[[fixture]]
+id = "wall"
+name = "Wall"
+floor = "ground"
+polygon = [[0, 6.5], [20, 6.5], [20, 7], [0, 7]]
+kind = "wall"
+
+[[fixture]]
+id = "stand"
+name = "Stand"
+floor = "ground"
+polygon = [[15, 5.5], [16, 5.5], [16, 6.2], [15, 6.2]]
+"""
+EDITS = """
+[[fixture]]
+id = "display"
+name = "Display <b>"
+polygon = [[9.5, 4.0], [10.5, 4.0], [10.5, 5.4], [9.5, 5.4]]
+
+[[fixture]]
+id = "stand"
+remove = true
+
+[[fixture]]
+id = "cellar"
+polygon = [[60, 60], [61, 60], [61, 61]]
+"""
+
+
+def frames() -> Iterator[dict[str, Any]]:
+    """Yield an hour of two days with a frame a second: couples and single people who cross the hall."""
+    rng = np.random.default_rng(8)
+    for d in range(2):
+        people = [(rng.uniform(0, 3580), rng.uniform(0.5, 5.8), rng.random() < 0.4) for _ in range(400)]
+        for s in range(3600):
+            rows = []
+            for k, (start, y, is_couple) in enumerate(people):
+                if 0 <= (x := 1.2 * (s - start)) <= 20:
+                    rows.append((f"{d}-{k}", x, y))
+                    if is_couple:
+                        rows.append((f"{d}-{k}-b", x, y + 0.7))
+            yield {
+                "v": 1, "camera": "cam-1", "seq": d * 3600 + s,
+                "ts": (FIRST + timedelta(days=d, seconds=s)).strftime("%Y-%m-%dT%H:%M:%S.000Z"),
+                "persons": [{"id": i, "x_m": round(x, 3), "y_m": round(y, 3)} for i, x, y in rows],
+            }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("whatif")
+    (folder / "vsd.toml").write_text(TOML, encoding="utf-8")
+    (folder / "edit.toml").write_text(EDITS, encoding="utf-8")
+    messages = folder / "frames.jsonl"
+    messages.write_text("\n".join(json.dumps(frame) for frame in frames()), encoding="utf-8")
+    ingest(load_site(folder), [messages], IngestOptions(), now=FIRST + timedelta(days=30))
+    return folder
+
+
+def vsd(project: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    code = run(cli, ["-C", str(project), "--now", "2026-11-10T08:00:00Z", *arguments])
+    out = capsys.readouterr()
+    return code, out.out, out.err
+
+
+def test_each_edit_is_answered_by_itself_and_leaves_a_receipt(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, _ = vsd(project, capsys, "whatif", str(project / "edit.toml"), "--range", DAYS, "--json")
+    told = json.loads(out)
+    display, stand, cellar = told["answers"]["whatif"]["rows"]
+    assert code == 0
+    assert [row["edit_outcome"] for row in (display, stand, cellar)] == ["range", "refused", "range"]
+    assert 0 < display["n_touched"]["value"] < display["n_near"]["value"]
+    places = {(row["number"], row["place_id"]): row for row in told["answers"]["whatif_places"]["rows"]}
+    around, middle, floor = (places[1, key]["predicted_change"] for key in ("around", "middle", "floor:ground"))
+    assert around["lo"] < 0 < around["hi"]
+    assert places[1, "around"]["direction"] == "no_direction"
+    assert floor["hi"] - floor["lo"] < around["hi"] - around["lo"]
+    assert middle["lo"] < 0 < middle["hi"]
+    assert places[2, "around"]["predicted_change"]["value"] is None
+    null = places[3, "floor:ground"]["predicted_change"]
+    assert (null["lo"], null["hi"]) == (-0.013, 0.013)
+    assert told["receipt"]["number"] == 1
+    assert told["receipt"]["refusals"] == {"2": "whatif.removed"}
+    [way] = [row for row in told["answers"]["whatif_ways"]["rows"] if row["way_name"] == "Wall"]
+    assert (way["free_m"], way["under_m"]) == (pytest.approx(1.1), 1.2)
+    again = vsd(project, capsys, "whatif", str(project / "edit.toml"), "--range", DAYS, "--json")
+    assert json.loads(again[1])["receipt"]["number"] == 1  # the same prediction is one receipt
+
+
+def test_text_says_what_is_claimed_and_what_is_not(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, err = vsd(project, capsys, "whatif", str(project / "edit.toml"), "--range", DAYS)
+    assert code == 0
+    assert "“Display <b>” stands in the way of" in out
+    assert "no direction is claimed" in out
+    assert "1.1 m to “Wall” (under 1.2 m)" in out
+    assert "people have never walked there" in out
+    assert "No change is expected" in out
+    assert "vsd log add TEXT --area ID --prediction 1" in err
+
+
+def test_only_refusals_end_with_one_and_leave_no_receipt(
+    project: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    edit = tmp_path / "edit.toml"
+    edit.write_text("[[one_way]]\nline = [[10, 0], [10, 6]]\n", encoding="utf-8")
+    before = read_predictions(load_site(project))
+    code, out, _ = vsd(project, capsys, "whatif", str(edit), "--range", DAYS)
+    assert code == 1
+    assert "was never measured" in out
+    assert read_predictions(load_site(project)) == before
+
+
+def test_time_too_close_is_that_of_the_weekly_figures(project: Path) -> None:
+    site = load_site(project)
+    days = date(2026, 11, 2), date(2026, 11, 3)
+    with open_warehouse(site, *days, relations=RELATIONS) as warehouse:
+        records = records_of(warehouse, "ground", *days, (-99, -99, 99, 99))
+        found = place_times(warehouse, "ground", *days)[floor_key("ground")]
+    is_close = n_close(records.frame, records.x_m, records.y_m, within_m=2.0) > 0
+    mine = recorded_place(records, np.ones(is_close.size, np.bool_), is_close)
+    assert mine.total_close_s == pytest.approx(found.total_close_s, rel=1e-3)
+    assert mine.exposure_s == pytest.approx(found.exposure_s, rel=1e-3)
+    couples = np.unique(records.track[records.company != ALONE]).size
+    assert couples > 200
+
+
+def test_few_people_are_hidden_from_readers(project: Path, tmp_path: Path) -> None:
+    site = load_site(project)
+    days = date(2026, 11, 2), date(2026, 11, 2)
+    from vsd_analytics.config.layout_edits import read_edits
+
+    (tmp_path / "edit.toml").write_text(
+        '[[fixture]]\nid = "post"\npolygon = [[10, 3], [10.01, 3], [10.01, 3.01]]\n', encoding="utf-8"
+    )
+    edits = read_edits(tmp_path / "edit.toml", site, last_day=days[1])
+    with open_warehouse(site, *days, relations=RELATIONS) as warehouse:
+        found = layout_effects(warehouse, edits, *days)
+    effect = replace(found.effects[0], n_touched=3)  # type: ignore[type-var]
+    exact = Answers(whatif_answers(replace(found, effects=(effect,)), site, around="around"))
+    assert exact["whatif"].rows[0]["n_touched"].value == 3  # type: ignore[union-attr]
+    shared = share(exact, below=5)
+    assert shared["whatif"].rows[0]["n_touched"].value is None  # type: ignore[union-attr]
+    assert shared["whatif"].rows[0]["touched_share"].value is None  # type: ignore[union-attr]
+    assert "close_min_per_open_h" not in {c.name for c in shared["whatif_places"].columns}
+
+
+def test_a_log_entry_names_its_receipt(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    add = ("log", "add", "display put up", "--at", "2026-11-10T07:00", "--area", "middle")
+    code, _, err = vsd(project, capsys, *add, "--prediction", "99")
+    assert code == 2
+    assert "there is no prediction 99" in err
+    assert vsd(project, capsys, *add, "--prediction", "1")[0] == 0
+    assert json.loads((project / "log.jsonl").read_text(encoding="utf-8"))["prediction"] == 1
+    code, out, _ = vsd(project, capsys, "whatif", "--scores", "--json")
+    told = json.loads(out)["answers"]
+    assert code == 0
+    [row] = told["prediction_scores"]["rows"]
+    assert (row["number"], row["entry"], row["area_id"], row["held"]) == (1, 1, "middle", None)
+    assert "0 of 0 predictions held; 1 are not due" in str(told["prediction_scores"]["notes"])
+
+
+@pytest.mark.parametrize(("theta", "n_weeks", "held"), [(0.95, 4, True), (0.7, 4, False), (0.95, 3, None)])
+def test_a_prediction_held_where_the_ratio_measured_lies_in_its_range(
+    project: Path, theta: float, n_weeks: int, held: bool | None
+) -> None:
+    from types import SimpleNamespace
+
+    site = load_site(project)
+    made = date(2026, 11, 2)
+    ranges = (PredictedRange(1, "middle", -0.1, 0.05), PredictedRange(1, "around", -0.1, 0.05))
+    receipt = LayoutPrediction(made, "", "", "", "", made, made, "ground", ranges, {})
+    running = SimpleNamespace(value=theta, n_weeks=n_weeks)
+    found: Any = SimpleNamespace(running=running, reason=None, area_id="middle", area_name="Middle")
+    _, scores = prediction_answers([receipt], [LoggedPrediction(1, 1, found)], site, today=made)
+    [row] = scores.rows
+    assert row["held"] is held
+    n_due = int(held is not None)
+    assert scores.notes[0][1].values == {"held": int(held is True), "scored": n_due, "open": 1 - n_due}
+
+
+def test_a_receipt_is_never_altered_and_a_broken_line_is_named(tmp_path: Path) -> None:
+    (tmp_path / "vsd.toml").write_text(TOML, encoding="utf-8")
+    site = load_site(tmp_path)
+    made = date(2026, 11, 2)
+    one = LayoutPrediction(
+        made, "a", "", "", "", made, made, "ground", (PredictedRange(1, "middle", -0.1, 0.05),), {2: "x"}
+    )
+    two = replace(one, edit="b")
+    assert [add_prediction(site, p) for p in (one, two, one)] == [1, 2, 1]
+    assert read_predictions(site) == (one, two)
+    file = tmp_path / "predictions.jsonl"
+    file.write_text(file.read_text(encoding="utf-8") + '{"made": 3}\n', encoding="utf-8")
+    with pytest.raises(Exception, match=r"line 3 of predictions.jsonl is not a receipt"):
+        add_prediction(site, replace(one, edit="c"))

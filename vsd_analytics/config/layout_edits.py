@@ -1,0 +1,161 @@
+"""Reader of a file of layout edits (`vsd whatif EDIT.toml`), in the words of `vsd.toml`."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from datetime import date
+from pathlib import Path
+from typing import Any, Final, get_args
+
+from vsd_analytics.config.floors import fixture_kind, read_floor, read_polygon
+from vsd_analytics.config.project import read_opening
+from vsd_analytics.config.reader import Mistakes, TableReader, nearest
+from vsd_analytics.config.toml_lines import read_toml
+from vsd_analytics.errors import ConfigError, VsdError, Where
+from vsd_analytics.site.layout import DoorEdit, DoorKind, Edit, FixtureEdit, LayoutEdits, OneWayEdit, OpeningEdit
+from vsd_analytics.site.model import Fixture, Point, Site
+from vsd_analytics.site.places import fixtures_at
+
+EXAMPLE: Final = '[[fixture]] with id = "display", polygon = [[1, 5], [2, 5], [2, 6], [1, 6]]'
+_LINE: Final = "[[4.0, 2.0], [4.0, 3.8]]"
+WIDTH_M: Final = (0.3, 50.0)
+
+
+def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
+    """Read a file of edits; every mistake of it is reported at once, with its line.
+
+    A `[[fixture]]` with the id of a fixture that is there moves it to `polygon`, or takes it away with `remove = true`;
+    any other id adds one. A `[[door]]` gets another width, a `[[one_way]]` one direction, `[site]` other opening hours.
+
+    Args:
+        path: The file.
+        site: The site it is about.
+        last_day: Local day whose fixtures are edited.
+
+    Raises:
+        ConfigError: E103, it has mistakes; E121 is one of them where it is no TOML.
+    """
+    text, problem = read_toml(path, name=path.name)
+    if problem is not None:
+        raise _refused(path.name, (problem,))
+    mistakes = Mistakes(text)
+    root = TableReader(tomllib.loads(text.text), path=(), label=path.name, mistakes=mistakes, folder=path.parent)
+    floor_id = read_floor(root, {floor.floor_id: floor for floor in site.floors})
+    there = {f.fixture_id: f for f in fixtures_at(site, floor_id, last_day)}
+    edits: list[Edit | None] = [_fixture(table, there) for table in root.each("fixture")]
+    edits += [_door(table) for table in root.each("door")]
+    edits += [_one_way(table) for table in root.each("one_way")]
+    edits += [_opening(root.inner("site"), mistakes)]
+    root.close()
+    known = tuple(edit for edit in edits if edit is not None)
+    if not known and not mistakes.all:
+        mistakes.add((), f"{path.name} edits nothing", code="E123", fix=f"add an edit, such as {EXAMPLE}")
+    if mistakes.all:
+        raise _refused(path.name, mistakes.all)
+    return LayoutEdits(floor_id, known, text.text)
+
+
+def _refused(name: str, problems: tuple[VsdError, ...]) -> ConfigError:
+    count, first = len(problems), problems[0].where
+    return ConfigError(
+        f"{name} has {count} mistake{'s' if count != 1 else ''}",
+        problems=problems,
+        where=Where(first.file, first.line) if first else Where(name),
+        fix=f"fix {'them' if count != 1 else 'it'} and run the command again",
+    )
+
+
+def _fixture(table: TableReader, there: Mapping[str, Fixture]) -> FixtureEdit | None:
+    fixture_id = table.id("id", example='"display"')
+    old = there.get(fixture_id or "")
+    name = table.text("name", example='"Display"') or (old.name if old is not None else fixture_id or "")
+    is_removed = table.flag("remove") or False
+    polygon = read_polygon(table, "polygon", required=not is_removed)
+    follow_share = _share(table, "follow_share")
+    fixture_kind(table)
+    table.number("height_m", minimum=0.01, maximum=100, unit="metres", example="1.6")
+    table.flag("movable")
+    table.close()
+    if fixture_id is None:
+        return None
+    if is_removed and old is None:
+        table.unknown(
+            "id", f"removes {fixture_id!r}, which is not there", nearest(fixture_id, there),
+            instead=f"fixtures of the floor: {', '.join(there) or 'none'}",
+        )  # fmt: skip
+        return None
+    if is_removed and polygon is not None:
+        table.fault("polygon", f"{table.label} has remove and polygon", fix="take one of the two lines out")
+        return None
+    if follow_share is not None and old is None:
+        table.fault(
+            "follow_share", f"{table.label} follow_share: {fixture_id!r} is new, so nobody stays at it yet",
+            why="it is the share of the stays at a fixture that move with it", fix="take the line out",
+        )  # fmt: skip
+        return None
+    if polygon is None and not is_removed:
+        return None
+    return FixtureEdit(fixture_id, name, None if old is None else old.polygon, polygon, follow_share)
+
+
+def _door(table: TableReader) -> DoorEdit | None:
+    name = table.text("name", example='"Main door"') or "door"
+    line = _line(table)
+    kinds: tuple[DoorKind, ...] = get_args(DoorKind)
+    kind = table.word("kind", kinds, example="exit", fix="exit")
+    if kind is None and "kind" not in table.values:
+        table.missing("kind", '"exit"', why="a queue forms before an exit; an entrance meters the way behind it")
+    widths = [_width(table, key, example) for key, example in (("width_m", "1.8"), ("new_width_m", "1.2"))]
+    table.close()
+    width_m, new_width_m = widths
+    if line is None or kind is None or width_m is None or new_width_m is None:
+        return None
+    if width_m == new_width_m:
+        table.fault("new_width_m", f"{table.label} new_width_m equals width_m", fix="give the width thought of")
+        return None
+    return DoorEdit(name, line, kind, width_m, new_width_m)
+
+
+def _one_way(table: TableReader) -> OneWayEdit | None:
+    name = table.text("name", example='"Aisle 2"') or "way"
+    line = _line(table)
+    table.close()
+    return None if line is None else OneWayEdit(name, line)
+
+
+def _opening(table: TableReader, mistakes: Mistakes) -> OpeningEdit | None:
+    opening = read_opening(table, mistakes)
+    follow_share = _share(table, "follow_share")
+    table.close()
+    if opening is None and table.values and not mistakes.all:
+        table.missing("opening", '{ mon-sat = "08:00-20:00" }')
+    return None if opening is None else OpeningEdit(tuple(opening), follow_share)
+
+
+def _line(table: TableReader) -> tuple[Point, Point] | None:
+    points = table.points("line", least=2, example=_LINE)
+    if points is None:
+        if "line" not in table.values:
+            table.missing("line", _LINE, why="its two ends say where people pass, in floor metres")
+        return None
+    if len(points) != 2 or math.dist(*points) < WIDTH_M[0]:
+        table.refuse("line", f"must be two points at least {WIDTH_M[0]} m apart", _LINE, code="E128")
+        return None
+    return points[0], points[1]
+
+
+def _width(table: TableReader, key: str, example: str) -> float | None:
+    if key not in table.values:
+        table.missing(key, example, why="the rule is the ratio of the two clear widths")
+    return table.number(key, minimum=WIDTH_M[0], maximum=WIDTH_M[1], unit="metres", example=example)
+
+
+def _share(table: TableReader, key: str) -> float | None:
+    return table.number(key, minimum=0, maximum=1, unit="", example="0.5")
+
+
+def edit_words(edits: LayoutEdits) -> dict[str, Any]:
+    """Return the values of a file of edits, without its comments and spaces."""
+    return tomllib.loads(edits.text)

@@ -1,0 +1,282 @@
+"""A fixture that is added, moved or removed: whom it touches, what stays free, how time too close may change there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+import shapely
+
+from vsd_analytics.answer import Reason
+from vsd_analytics.site.layout import FixtureEdit
+from vsd_analytics.site.model import Fixture
+from vsd_analytics.whatif.closeness import FramePairs, n_close, n_close_after, near_strangers, stepped_aside
+from vsd_analytics.whatif.detours import APPROACH_M, CLEARANCE_M, Detours, detours
+from vsd_analytics.whatif.floor_records import Bools, Box, Floats, FloorRecords, Ints
+from vsd_analytics.whatif.free_ways import FreeWay, free_ways
+from vsd_analytics.whatif.place_times import PlaceTime, recorded_place
+from vsd_analytics.whatif.ranges import MIN_CLOSE_S, NO_CHANGE, PredictedChange, predicted_change, spread
+from vsd_analytics.whatif.retiming import BEYOND_M, StepAside, halves, step_aside
+
+AROUND_M: Final = 4.0
+"""How far from a fixture its effect was measured."""
+NOBODY_M: Final = 2.0
+"""An edit that nobody comes nearer to than this changes nothing."""
+LEAST_DISTANCE_M: Final = 1.5
+"""At 1 m the models contradict each other; ranges were measured at 2 m."""
+MODELS: Final = ((CLEARANCE_M, APPROACH_M), (0.2, 1.5), (0.5, 3.5))
+"""Clearance and approach of each way in which people may pass; each is tried with and without the site's step aside."""
+MOST_WITHOUT_WAY: Final = 0.05
+"""Share of the people touched who may be without a way around; they are replayed as recorded."""
+Model: TypeAlias = tuple[Floats, Floats, Bools]
+"""Where everybody is, x and y, and who is too close."""
+STAY_M: Final = 1.5
+STAY_S: Final = 10.0
+STAY_M_PER_S: Final = 0.4
+"""Whoever spends 10 s within 1.5 m of a fixture slower than 0.4 m/s stays at it."""
+AROUND: Final = "around"
+"""Key of the floor within `AROUND_M` of the edit."""
+
+
+@dataclass(frozen=True, slots=True)
+class PredictedPlace:
+    """How the time too close in a place may change.
+
+    Attributes:
+        place_id: `AROUND`, the id of an area, or the key of the floor.
+        recorded: What was recorded there.
+        change: Its range; None where none is given.
+        refusal: Why not.
+        free_m2: Floor without fixtures before and after; None where the edit changes none of it.
+    """
+
+    place_id: str
+    recorded: PlaceTime
+    change: PredictedChange | None
+    refusal: Reason | None
+    free_m2: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Stays:
+    """People who stay at a fixture that is moved or removed.
+
+    Attributes:
+        n_people: Tracks.
+        stay_s: Person-seconds that they stay.
+        close_s: Of these, too close to somebody.
+        n_moved: Those who would stay at its new place, by the share stated; None where none is.
+    """
+
+    n_people: int
+    stay_s: float
+    close_s: float
+    n_moved: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class FixtureEffect:
+    """What a fixture edit does.
+
+    Attributes:
+        n_near: Tracks within `AROUND_M` of the new place, or of the old one of what is removed.
+        n_touched: Of these, those whose path it blocks.
+        n_standing, n_no_way: Of these, those who stand there, and those with no way around.
+        ways: Ways beside it.
+        places: Time too close around it and in the areas there.
+        stays: At its old place; None where it is added.
+        aside: The site's step aside.
+        refusal: Why no change is given anywhere; None where one is.
+    """
+
+    n_near: int
+    n_touched: int
+    n_standing: int
+    n_no_way: int
+    ways: tuple[FreeWay, ...]
+    places: tuple[PredictedPlace, ...]
+    stays: Stays | None
+    aside: StepAside | None
+    refusal: Reason | None
+
+
+def fixture_effect(
+    records: FloorRecords, edit: FixtureEdit, others: tuple[Fixture, ...], areas: Mapping[str, shapely.Polygon],
+    places: Mapping[str, PlaceTime], *, within_m: float, widths_m: tuple[float, ...],
+) -> FixtureEffect:  # fmt: skip
+    """Return what a fixture edit does to the people recorded around it.
+
+    Args:
+        records: People of `box_around`.
+        edit: The edit.
+        others: The other fixtures of the floor.
+        areas: Areas, by id, and the floor, by its key (`place_times.floor_key`; an empty polygon = everywhere).
+        places: What was recorded there, by the same keys.
+        within_m: The distance that counts.
+        widths_m: Clear widths that a way should have.
+    """
+    before = n_close(records.frame, records.x_m, records.y_m, within_m=within_m)
+    is_close = before > 0
+    place = shapely.Polygon(edit.new_polygon or edit.old_polygon)
+    around = shapely.convex_hull(place).buffer(AROUND_M)
+    inside = _inside(around, records.x_m, records.y_m)
+    stays = None if edit.old_polygon is None else _stays(records, edit, is_close)
+    taken = shapely.union_all([shapely.Polygon(f.polygon) for f in others]) if others else None
+    free_m2 = _free_m2(around, taken, edit)
+    here = {AROUND: recorded_place(records, inside, is_close)}
+    here |= {key: places[key] for key, shape in areas.items() if key in places and _meets(shape, around)}
+    shapes = {AROUND: around, **areas}
+    n_near = _n_people(records, inside)
+    refusal: Reason | None = Reason("whatif.removed")
+    models: list[Model] = []
+    main, aside = None, None
+    if edit.new_polygon is not None:
+        main = detours(records, edit.new_polygon, solid=taken)
+        refusal = _why_no_range(main, here[AROUND], within_m)
+        if refusal is None and main.touched.size:
+            aside = step_aside(records, halves(records), within_m=within_m)
+            models = list(_models(records, edit, taken, main, before, aside, within_m))
+    is_near = bool(_inside(place.buffer(NOBODY_M), records.x_m, records.y_m).any())
+    if refusal is None:
+        changes = _changes(records, shapes, here, is_close, models, is_near=is_near, within_m=within_m)
+    else:
+        changes = dict.fromkeys(here)
+    made = tuple(
+        PredictedPlace(key, time, changes[key], refusal, free_m2 if key == AROUND else None)
+        for key, time in here.items()
+    )
+    ways = () if edit.new_polygon is None else free_ways(records, edit.new_polygon, others, widths_m=widths_m)
+    n_touched, n_standing, n_no_way = (0, 0, 0) if main is None else (main.touched.size, main.n_standing, main.n_no_way)
+    return FixtureEffect(n_near, n_touched, n_standing, n_no_way, ways, made, stays, aside, refusal)
+
+
+def box_around(edit: FixtureEdit, *, within_m: float) -> Box:
+    """Return the part of the floor whose people an edit needs: those it may move, and those these may come close to."""
+    polygons = [shapely.Polygon(p) for p in (edit.old_polygon, edit.new_polygon) if p is not None]
+    least_x, least_y, most_x, most_y = (
+        shapely.union_all(polygons).bounds if edit.new_polygon is None else (shapely.Polygon(edit.new_polygon).bounds)
+    )
+    margin_m = AROUND_M + 2 * within_m
+    return least_x - margin_m, least_y - margin_m, most_x + margin_m, most_y + margin_m
+
+
+def _why_no_range(found: Detours, around: PlaceTime, within_m: float) -> Reason | None:
+    if within_m < LEAST_DISTANCE_M:
+        return Reason("whatif.short_distance", distance_m=within_m)
+    if found.n_no_way > MOST_WITHOUT_WAY * found.touched.size:
+        return Reason("whatif.no_way", n=found.n_no_way, of=int(found.touched.size))
+    if found.touched.size and around.total_close_s < MIN_CLOSE_S:
+        return Reason("whatif.little_time", least=MIN_CLOSE_S, has=around.total_close_s)
+    return None
+
+
+def _models(
+    records: FloorRecords, edit: FixtureEdit, taken: shapely.Geometry | None, main: Detours, before: Ints,
+    aside: StepAside, within_m: float,
+) -> Iterator[Model]:  # fmt: skip
+    """Yield where everybody is and who is too close, for each way in which people may pass."""
+    assert edit.new_polygon is not None
+    for clearance_m, approach_m in MODELS:
+        found = (
+            main
+            if (clearance_m, approach_m) == (CLEARANCE_M, APPROACH_M)
+            else detours(records, edit.new_polygon, solid=taken, clearance_m=clearance_m, approach_m=approach_m)
+        )
+        for strength in {0.0, aside.strength}:
+            x_m, y_m = found.x_m, found.y_m
+            if strength:
+                x_m, y_m = _pushed(records, found, strength, within_m)
+            counts = n_close_after(
+                before, records.frame, records.x_m, records.y_m, found.rows, x_m, y_m, within_m=within_m
+            )
+            yield x_m, y_m, counts > 0
+
+
+def _pushed(records: FloorRecords, found: Detours, strength: float, within_m: float) -> tuple[Floats, Floats]:
+    """Return places after those who were pushed step aside from strangers."""
+    rows, places = found.rows, (found.x_m[found.rows], found.y_m[found.rows])
+    others = found.x_m, found.y_m
+    is_with = records.track[rows], records.company[rows], records.track, records.company
+    reach_m = within_m + BEYOND_M
+    pairs = near_strangers(
+        FramePairs(records.frame), np.arange(rows.size), records.frame[rows], places, others, is_with, within_m=reach_m
+    )
+    x_m, y_m = found.x_m.copy(), found.y_m.copy()
+    x_m[rows], y_m[rows] = stepped_aside(pairs, places, others, strength=strength, reach_m=reach_m)
+    return x_m, y_m
+
+
+def _changes(
+    records: FloorRecords, shapes: Mapping[str, shapely.Polygon], here: Mapping[str, PlaceTime], is_close: Bools,
+    models: list[Model], *, is_near: bool, within_m: float,
+) -> dict[str, PredictedChange | None]:  # fmt: skip
+    """Return the range of the change of time too close in each place.
+
+    Around the edit it follows from the records. An area or the floor changes by the same person-seconds, over those
+    recorded in all of it.
+    """
+    if not is_near:
+        return dict.fromkeys(here, PredictedChange(0.0, -NO_CHANGE, NO_CHANGE))
+    weight_s = records.weight_s * records.is_owned
+    days, day = np.unique(records.day, return_inverse=True)
+    day = day.ravel()
+    changes: dict[str, PredictedChange | None] = {}
+    for key, time in here.items():
+        shape = shapes[key]
+        close_s = weight_s * is_close * _inside(shape, records.x_m, records.y_m)
+        near_s, total_s = float(close_s.sum()), time.total_close_s
+        if min(near_s, total_s) < MIN_CLOSE_S:
+            changes[key] = None
+            continue
+        of_day = np.bincount(day, weights=close_s, minlength=days.size)
+        more_s: list[Floats] = [np.zeros(days.size)]
+        for x, y, close in models:
+            rows = np.flatnonzero((x != records.x_m) | (close != is_close))
+            more = weight_s[rows] * close[rows] * _inside(shape, x[rows], y[rows]) - close_s[rows]
+            more_s.append(np.bincount(day[rows], weights=more, minlength=days.size).astype(np.float64))
+        ratio = np.divide(more_s[-1], of_day, out=np.full(days.size, np.nan), where=of_day > 0)
+        sd = spread(close_s=near_s, within_m=within_m, by_day=ratio) * min(near_s / total_s, 1.0)
+        changes[key] = predicted_change([float(s.sum()) / total_s for s in more_s[1:] or more_s], sd)
+    return changes
+
+
+def _meets(shape: shapely.Geometry, around: shapely.Geometry) -> bool:
+    return shape.is_empty or bool(shape.intersects(around))
+
+
+def _free_m2(shape: shapely.Polygon, taken: shapely.Geometry | None, edit: FixtureEdit) -> tuple[float, float]:
+    areas = []
+    for polygon in (edit.old_polygon, edit.new_polygon):
+        full = [*([] if taken is None else [taken]), *([] if polygon is None else [shapely.Polygon(polygon)])]
+        areas.append(float(shape.difference(shapely.union_all(full)).area if full else shape.area))
+    return areas[0], areas[1]
+
+
+def _stays(records: FloorRecords, edit: FixtureEdit, is_close: Bools) -> Stays:
+    """Return who stays at the old place of a fixture."""
+    near = _inside(shapely.Polygon(edit.old_polygon).buffer(STAY_M), records.x_m, records.y_m)
+    slow = np.zeros(near.size, np.bool_)
+    way_m = np.hypot(np.diff(records.x_m), np.diff(records.y_m))
+    slow[1:] = records.joins_next & (way_m < STAY_M_PER_S * np.maximum(np.diff(records.t_s), 1e-9))
+    at = near & slow & records.is_owned
+    people, person = np.unique(records.track, return_inverse=True)
+    of_person = np.bincount(person.ravel(), weights=records.weight_s * at, minlength=people.size)
+    stays = at & (of_person >= STAY_S)[person.ravel()]
+    n = int((of_person >= STAY_S).sum())
+    moved = None if edit.follow_share is None else round(edit.follow_share * n)
+    weight_s = records.weight_s * stays
+    return Stays(n, float(weight_s.sum()), float((weight_s * is_close).sum()), moved)
+
+
+def _n_people(records: FloorRecords, inside: Bools) -> int:
+    return int(np.unique(records.track[inside]).size)
+
+
+def _inside(shape: shapely.Geometry, x_m: Floats, y_m: Floats) -> Bools:
+    """Return which places lie in a shape; an empty one stands for the whole floor."""
+    if shape.is_empty:
+        return np.ones(x_m.size, np.bool_)
+    shapely.prepare(shape)
+    return np.asarray(shapely.contains_xy(shape, x_m, y_m))

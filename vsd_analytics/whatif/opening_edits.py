@@ -1,0 +1,188 @@
+"""Other opening hours: who came in the hours that close, and what if some of them come beside the others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import Final
+from zoneinfo import ZoneInfo
+
+import numpy as np
+
+from vsd_analytics.answer import Reason
+from vsd_analytics.site.layout import OpeningEdit, Spans
+from vsd_analytics.whatif.closeness import n_close
+from vsd_analytics.whatif.floor_records import ALONE, Bools, Floats, FloorRecords, Ints
+from vsd_analytics.whatif.ranges import MIN_CLOSE_S, PredictedChange, predicted_change, spread
+from vsd_analytics.whatif.retiming import Meetings, ShiftedPeople, StepAside, halves, shifted, step_aside
+
+STRANGERS_SD: Final = 0.15
+"""Standard deviation of the time too close to strangers, shifted over recorded, of halves of real hours left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpeningEffect:
+    """What other opening hours do.
+
+    Attributes:
+        n_people: Tracks in opening hours, as recorded.
+        n_closed: Of these, those that begin in an hour that would close.
+        change: Of the time too close per open hour on the whole floor; None where refused.
+        aside: The site's step aside; None where refused.
+        refusal: Why there is no change.
+    """
+
+    n_people: int
+    n_closed: int
+    change: PredictedChange | None
+    aside: StepAside | None
+    refusal: Reason | None
+
+
+@dataclass(frozen=True, slots=True)
+class _ClosedPeople:
+    closed: Bools
+    """Which records are of people of hours that close, shape (n_records,)."""
+    shift_s: Floats
+    """By how much these would come at another time; NaN where the day has no open hour left."""
+
+
+def opening_effect(
+    records: FloorRecords, edit: OpeningEdit, opening: tuple[Spans, ...] | None, *, zone: ZoneInfo, within_m: float
+) -> OpeningEffect:  # fmt: skip
+    """Return what other opening hours do to the people of a floor.
+
+    People of a span that closes come right after it, or right before it, in the nearest span that stays open; a stated
+    share of them comes, chosen evenly over the day, companions together.
+
+    Args:
+        records: All people of the floor in opening hours.
+        edit: The hours thought of.
+        opening: The hours in force; None = always open.
+        zone: Of opening hours.
+        within_m: The distance.
+    """
+    people, person = np.unique(records.track, return_inverse=True)
+    person = person.ravel()
+    first = (
+        np.flatnonzero(np.r_[True, records.track[1:] != records.track[:-1]]) if people.size else np.zeros(0, np.int64)
+    )
+    weekday, minute = local_minutes(records, zone)
+    moves = _moves(edit, weekday[first], minute[first])
+    n_closed = int(moves.closed.sum())
+    longer = opening is not None and any(
+        not _is_within(span, old) for new, old in zip(edit.opening, opening, strict=True) for span in new
+    )
+    refusal = _refusal(edit, moves, n_closed, is_longer=longer)
+    if refusal is not None or not n_closed:
+        change = PredictedChange(0.0, 0.0, 0.0) if refusal is None else None
+        return OpeningEffect(people.size, n_closed, change, None, refusal)
+    assert edit.follow_share is not None
+    aside = step_aside(records, halves(records), within_m=within_m)
+    party = np.where(records.company[first] == ALONE, -2 - first, records.company[first])
+    comes = moves.closed & _evenly(party, records.t_s[first], moves.closed, edit.follow_share)
+    change, refusal = _change(
+        records, moves.closed[person], comes[person], moves.shift_s[person], aside, _hours_left(edit, opening), within_m
+    )
+    return OpeningEffect(people.size, n_closed, change, aside, refusal)
+
+
+def local_minutes(records: FloorRecords, zone: ZoneInfo) -> tuple[Ints, Ints]:
+    """Return weekday (0 = Monday) and minute after local midnight of each record."""
+    quarters, at = np.unique(records.t_s // 900, return_inverse=True)
+    local = [datetime.fromtimestamp(900 * q, zone) for q in quarters.tolist()]
+    weekday = np.array([when.weekday() for when in local], np.int64)[at.ravel()]
+    start = np.array([60 * when.hour + when.minute for when in local], np.int64)[at.ravel()]
+    return weekday, start + (records.t_s % 900 // 60).astype(np.int64)
+
+
+def _moves(edit: OpeningEdit, weekday: Ints, minute: Ints) -> _ClosedPeople:
+    closed, shift_s = np.zeros(minute.size, np.bool_), np.full(minute.size, np.nan)
+    for day in range(7):
+        spans, own = edit.opening[day], weekday == day
+        is_open = np.zeros(minute.size, np.bool_)
+        for begin, end in spans:
+            is_open |= (minute >= begin) & (minute < end)
+        out = own & ~is_open
+        closed |= out
+        best = np.full(minute.size, np.inf)
+        for begin, end in spans:  # before an opening: mirrored behind it, so that the first come first to the open door
+            for shift, is_here in ((begin - minute, minute < begin), (end - 1 - minute, minute >= end)):
+                nearer = out & is_here & (np.abs(shift) < best)
+                best[nearer] = np.abs(shift[nearer])
+                shift_s[nearer] = 2 * 60.0 * shift[nearer]
+    return _ClosedPeople(closed, shift_s)
+
+
+def _refusal(edit: OpeningEdit, moves: _ClosedPeople, n_closed: int, *, is_longer: bool) -> Reason | None:
+    if is_longer:
+        return Reason("whatif.longer_hours")
+    if n_closed and edit.follow_share is None:
+        return Reason("whatif.no_share")
+    if not np.isfinite(moves.shift_s[moves.closed]).all():
+        return Reason("whatif.closed_day")
+    return None
+
+
+def _is_within(span: tuple[int, int], spans: Spans) -> bool:
+    return any(begin <= span[0] and span[1] <= end for begin, end in spans)
+
+
+def _hours_left(edit: OpeningEdit, opening: tuple[Spans, ...] | None) -> float:
+    """Return the open hours of a week after the edit over those before."""
+    before = [((0, 24 * 60),)] * 7 if opening is None else opening
+    hours = [sum(end - begin for spans in week for begin, end in spans) for week in (edit.opening, before)]
+    return hours[0] / hours[1]
+
+
+def _evenly(party: Ints, t_s: Floats, chosen: Bools, share: float) -> Bools:
+    """Return a share of the people chosen, evenly in the order in which their parties come; parties stay whole."""
+    rows = np.flatnonzero(chosen)
+    parties, at = np.unique(party[rows], return_inverse=True)
+    began = np.full(parties.size, np.inf)
+    np.minimum.at(began, at.ravel(), t_s[rows])
+    rank = np.empty(parties.size, np.int64)
+    rank[np.argsort(began, kind="stable")] = np.arange(parties.size)
+    takes = np.floor((rank + 1) * share) > np.floor(rank * share)
+    result = np.zeros(party.size, np.bool_)
+    result[rows] = takes[at.ravel()]
+    return result
+
+
+def _change(
+    records: FloorRecords, closed: Bools, comes: Bools, shift_s: Floats, aside: StepAside, hours_left: float,
+    within_m: float,
+) -> tuple[PredictedChange | None, Reason | None]:  # fmt: skip
+    """Return the change of the time too close per open hour, of people who stay and who come at another time."""
+    weight_s = records.weight_s * records.is_owned
+    recorded = n_close(records.frame, records.x_m, records.y_m, within_m=within_m) > 0
+    before_s = float(weight_s[recorded].sum())
+    if before_s < MIN_CLOSE_S:
+        return None, Reason("whatif.little_time", least=MIN_CLOSE_S, has=before_s)
+    layer = shifted(records, comes, np.where(comes, shift_s, 0.0))
+    stay = np.flatnonzero(~closed)
+    open_records = replace(records, frame=np.where(closed, -1 - np.arange(closed.size), records.frame))
+    meetings = Meetings(open_records, layer, within_m=within_m)
+    after_s, days = [], []
+    for strength in {0.0, aside.strength}:
+        x_m, y_m = meetings.places(strength)
+        frame = np.r_[records.frame[stay], layer.frame]
+        both_x, both_y = np.r_[records.x_m[stay], x_m], np.r_[records.y_m[stay], y_m]
+        weights = np.r_[weight_s[stay], weight_s[layer.rows]] * (n_close(frame, both_x, both_y, within_m=within_m) > 0)
+        after_s.append(float(weights.sum()))
+        days.append(_by_day(np.r_[records.day[stay], records.day[layer.rows]], weights, records.day))
+    by_day = days[-1] / np.maximum(_by_day(records.day, weight_s * recorded, records.day), 1e-9) / hours_left
+    changes = [s / before_s / hours_left - 1 for s in after_s]
+    met_share = _met_share(after_s[0], meetings, layer)
+    sd = spread(close_s=before_s, within_m=within_m, by_day=by_day, extra_sd=STRANGERS_SD * met_share)
+    return predicted_change(changes, sd), None
+
+
+def _met_share(after_s: float, meetings: Meetings, layer: ShiftedPeople) -> float:
+    """Return the share of the predicted time too close that comes of meetings nobody has recorded."""
+    return min(meetings.close_s(0.0) / max(after_s, 1e-9), 1.0) if layer.rows.size else 0.0
+
+
+def _by_day(day: Ints, weights: Floats, every: Ints) -> Floats:
+    days = np.unique(every)
+    return np.bincount(np.searchsorted(days, day), weights=weights, minlength=days.size).astype(np.float64)

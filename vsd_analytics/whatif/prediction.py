@@ -1,0 +1,146 @@
+"""What a file of edits does to the people recorded on some days: each edit answered by itself, or refused."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import date
+from typing import Final, TypeAlias
+
+import numpy as np
+import shapely
+
+from vsd_analytics.config.layout_edits import edit_words
+from vsd_analytics.config.predictions import LayoutPrediction, PredictedRange
+from vsd_analytics.site.layout import DoorEdit, Edit, FixtureEdit, LayoutEdits, OneWayEdit
+from vsd_analytics.site.model import Point
+from vsd_analytics.site.places import fixtures_at
+from vsd_analytics.warehouse.warehouse import Warehouse
+from vsd_analytics.whatif.doors import REACH_M, PredictedSeconds, passages, predicted_seconds
+from vsd_analytics.whatif.fixture_edits import FixtureEffect, box_around, fixture_effect
+from vsd_analytics.whatif.floor_records import Box, records_of
+from vsd_analytics.whatif.opening_edits import OpeningEffect, opening_effect
+from vsd_analytics.whatif.place_times import PlaceTime, floor_key, open_hours, place_times
+
+RELATIONS: Final = ("located", "pair_days", "track_days", "area_hours", "camera_hours")
+"""Relations that a prediction reads."""
+_WHOLE_FLOOR: Final[Box] = (-1e6, -1e6, 1e6, 1e6)
+
+
+@dataclass(frozen=True, slots=True)
+class OneWayTraffic:
+    """Who passes a line that would be one-way.
+
+    Attributes:
+        n_people: Tracks that pass it.
+        n_against: Of these, those that pass it against the direction allowed.
+    """
+
+    n_people: int
+    n_against: int
+
+
+Effect: TypeAlias = FixtureEffect | PredictedSeconds | OneWayTraffic | OpeningEffect
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutEffects:
+    """What the edits of a file do.
+
+    Attributes:
+        edits: The file.
+        effects: What each edit does, in its order.
+        first, last: The days.
+        places: What was recorded in each area, and on the floor by its key.
+        open_h: Recorded open hours by camera.
+        inputs: Hash of the facts.
+    """
+
+    edits: LayoutEdits
+    effects: tuple[Effect, ...]
+    first: date
+    last: date
+    places: dict[str, PlaceTime]
+    open_h: dict[str, float]
+    inputs: str
+
+
+def layout_effects(warehouse: Warehouse, edits: LayoutEdits, first: date, last: date) -> LayoutEffects:
+    """Return what edits of a floor do to the people recorded there.
+
+    Args:
+        warehouse: Opened over the days, with `RELATIONS`.
+        edits: The edits.
+        first: First local day.
+        last: Last local day, inclusive.
+    """
+    floor_id = edits.floor_id
+    places = place_times(warehouse, floor_id, first, last)
+    open_h = open_hours(warehouse, floor_id, first, last)
+    effects = tuple(_effect(warehouse, edit, floor_id, (first, last), places) for edit in edits.edits)
+    return LayoutEffects(edits, effects, first, last, places, open_h, warehouse.inputs_digest)
+
+
+def _effect(
+    warehouse: Warehouse, edit: Edit, floor_id: str, days: tuple[date, date], places: dict[str, PlaceTime]
+) -> Effect:
+    site = warehouse.site
+    within_m = float(site.settings.distance_m)
+    if isinstance(edit, FixtureEdit):
+        others = tuple(f for f in fixtures_at(site, floor_id, days[1]) if f.fixture_id != edit.fixture_id)
+        areas = {
+            a.area_id: shapely.Polygon(a.polygon) for a in site.areas if a.floor_id == floor_id and a.is_there(*days)
+        }
+        records = records_of(warehouse, floor_id, *days, box_around(edit, within_m=within_m))
+        return fixture_effect(
+            records, edit, others, areas | {floor_key(floor_id): shapely.Polygon()}, places, within_m=within_m,
+            widths_m=site.settings.free_way_m,
+        )  # fmt: skip
+    if isinstance(edit, DoorEdit):
+        records = records_of(warehouse, floor_id, *days, _box_of_line(edit.line, REACH_M + within_m))
+        return predicted_seconds(records, edit, within_m=within_m)
+    if isinstance(edit, OneWayEdit):
+        records = records_of(warehouse, floor_id, *days, _box_of_line(edit.line, REACH_M))
+        direction, rows = passages(records, edit.line)
+        people, against = (np.unique(records.track[r]).size for r in (rows, rows[direction < 0]))
+        return OneWayTraffic(people, against)
+    records = records_of(warehouse, floor_id, *days, _WHOLE_FLOOR)
+    return opening_effect(records, edit, site.opening, zone=site.zone, within_m=within_m)
+
+
+def _box_of_line(line: tuple[Point, Point], margin_m: float) -> Box:
+    (ax, ay), (bx, by) = line
+    return min(ax, bx) - margin_m, min(ay, by) - margin_m, max(ax, bx) + margin_m, max(ay, by) + margin_m
+
+
+def receipt(found: LayoutEffects, *, made: date, settings: str) -> LayoutPrediction:
+    """Return the receipt of a prediction.
+
+    Args:
+        found: What was predicted.
+        made: Local day on which it is made.
+        settings: Id of the settings in force.
+    """
+    words = json.dumps(edit_words(found.edits), sort_keys=True, default=str)
+    refusals = {n: e.refusal.code for n, e in _numbered(found) if not isinstance(e, OneWayTraffic) and e.refusal}
+    refusals |= {n: "whatif.one_way" for n, e in _numbered(found) if isinstance(e, OneWayTraffic)}
+    return LayoutPrediction(
+        made, found.edits.text, hashlib.blake2b(words.encode(), digest_size=8).hexdigest(), found.inputs, settings,
+        found.first, found.last, found.edits.floor_id, tuple(_ranges(found)), refusals,
+    )  # fmt: skip
+
+
+def _ranges(found: LayoutEffects) -> Iterator[PredictedRange]:
+    for number, effect in _numbered(found):
+        if isinstance(effect, FixtureEffect):
+            for place in effect.places:
+                if place.change is not None:
+                    yield PredictedRange(number, place.place_id, place.change.lo, place.change.hi)
+        elif isinstance(effect, OpeningEffect) and effect.change is not None:
+            yield PredictedRange(number, floor_key(found.edits.floor_id), effect.change.lo, effect.change.hi)
+
+
+def _numbered(found: LayoutEffects) -> Iterator[tuple[int, Effect]]:
+    return iter(enumerate(found.effects, start=1))
