@@ -86,6 +86,13 @@ def test_a_mistake_is_reported_with_its_line(
     assert raised.value.what.startswith("edit.toml has 1 mistake")
 
 
+def test_the_example_of_the_page_is_a_file_of_edits(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "whatif.md").read_text(encoding="utf-8")
+    example = page.partition("```\n")[2].partition("```")[0]
+    fruit = Fixture("fruit", "Fruit", "ground", BOX)
+    assert len(read(tmp_path, example, replace(site(), fixtures=(*site().fixtures, fruit))).edits) == 6
+
+
 def test_all_mistakes_are_reported_at_once(tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as raised:
         read(tmp_path, '[[fixture]]\nid = "new"\n[[door]]\nkind = "exti"\nline = [[0, 0], [0, 1]]\nwidth_m = 2\n')

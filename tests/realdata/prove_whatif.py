@@ -1,9 +1,9 @@
-"""How well `vsd whatif` predicts, on real recordings: widths of ways, people at another time, fixtures that nobody meets.
+"""How well `vsd whatif` predicts, on real recordings: widths of ways, people at another time, fixtures.
 
 Run `VSD_REALDATA=... python tests/realdata/prove_whatif.py`; the tables are in docs/whatif.md.
 
-Widths: seven runs through a corridor with an exit or an entrance of some width. Each narrower run is predicted from each
-wider one of the same corridor, and is no part of its own prediction: the rule of exits has no parameter.
+Widths: seven runs through a corridor with an exit or an entrance of some width. Each narrower run is predicted from
+each wider one of the same corridor, and is no part of its own prediction: the rule of exits has no parameter.
 
 Another time: everybody of every second ten minutes (100 s in short scenes) is shifted by 20 and 40 s to either side,
 with company and own path, among all others as recorded. The strength of stepping aside comes from the other half. The
@@ -59,7 +59,7 @@ def widths(root: Path, within_m: float) -> None:
         errors, held, n_refused = [], 0, 0
         for old, old_m in runs:
             for new, new_m in runs:
-                if old[:3] != new[:3] and kind == "exit" or old_m == new_m:
+                if (kind == "exit" and old[:3] != new[:3]) or old_m == new_m:
                     continue
                 door = DoorEdit("", line, kind, old_m, new_m)  # type: ignore[arg-type]
                 found = predicted_seconds(corridor(root, old), door, within_m=within_m)

@@ -146,7 +146,7 @@ def test_each_edit_is_answered_by_itself_and_leaves_a_receipt(
 def test_text_says_what_is_claimed_and_what_is_not(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = vsd(project, capsys, "whatif", str(project / "edit.toml"), "--range", DAYS)
     assert code == 0
-    assert "“Display <b>” stands in the way of" in out
+    assert "“Display <b>” is in the way of" in out
     assert "no direction is claimed" in out
     assert "1.1 m to “Wall” (under 1.2 m)" in out
     assert "people have never walked there" in out

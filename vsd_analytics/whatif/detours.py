@@ -1,7 +1,7 @@
 """Whose path a new fixture blocks, and the way around it on their own side, companions together.
 
 Everybody else walks as recorded. A blocked path is pushed sideways until it clears the fixture, and returns to itself
-over the approach. On a side where a fixture stands, nobody passes; where both sides are taken, there is no way.
+over the approach. Nobody passes on a side with a fixture; between two fixtures there is no way.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ APPROACH_M: Final = 2.5
 _TIGHT_M: Final = 0.2
 """A place nearer to another fixture than this is no place to walk."""
 _STANDS_M: Final = 0.5
-"""Whoever comes no farther than this across the place stands there: a direction is not known."""
+"""Whoever comes no farther than this across the place is standing: a direction is not known."""
 
 _TOGETHER_S: Final = 30.0
 """Companions who reach the place within this time of each other pass it together."""
@@ -72,8 +72,8 @@ def detours(
     first, last = _ends(walk, is_blocked[rows])
     span = np.column_stack([x_m[rows[last]] - x_m[rows[first]], y_m[rows[last]] - y_m[rows[first]]])
     length = np.hypot(*span.T)
-    stands = length < _STANDS_M
-    ahead = np.where(stands[:, None], [1.0, 0.0], span / np.maximum(length, 1e-9)[:, None])
+    is_standing = length < _STANDS_M
+    ahead = np.where(is_standing[:, None], [1.0, 0.0], span / np.maximum(length, 1e-9)[:, None])
     left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
     corners = shapely.get_coordinates(hull) - (centre := shapely.get_coordinates(hull.centroid)[0])
     middle = (np.column_stack([x_m, y_m])[rows[first]] + np.column_stack([x_m, y_m])[rows[last]]) / 2 - centre
@@ -92,16 +92,16 @@ def detours(
     is_free = np.where(side > 0, ~sides[1.0][1], ~sides[-1.0][1])
     other_free = np.where(side > 0, ~sides[-1.0][1], ~sides[1.0][1])
     side = np.where(is_free | ~other_free, side, -side)
-    has_way = is_free | other_free | stands
+    has_way = is_free | other_free | is_standing
     new = np.where((side > 0)[walk, None], sides[1.0][0], sides[-1.0][0])
-    standing = rows[stands[walk]]
-    new[stands[walk]] = _outside(x_m[standing], y_m[standing], hull.buffer(clearance_m))
+    standing = rows[is_standing[walk]]
+    new[is_standing[walk]] = _outside(x_m[standing], y_m[standing], hull.buffer(clearance_m))
     goes = has_way[walk]
     x_m[rows[goes]], y_m[rows[goes]] = new[goes].T
     track = records.track[rows[first]]
     shifted = rows[goes & (np.hypot(x_m[rows] - records.x_m[rows], y_m[rows] - records.y_m[rows]) > 0)]
     return Detours(
-        np.unique(track), np.unique(track[stands]).size, np.unique(track[~has_way]).size, shifted, x_m, y_m
+        np.unique(track), np.unique(track[is_standing]).size, np.unique(track[~has_way]).size, shifted, x_m, y_m
     )  # fmt: skip
 
 

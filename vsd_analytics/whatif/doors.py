@@ -21,7 +21,7 @@ from vsd_analytics.whatif.floor_records import Bools, FloorRecords, Ints
 ONE_WAY_SHARE: Final = 0.95
 """Share of passages in one direction from which a way is one-way."""
 CROWDED_SHARE: Final = 0.9
-"""Share of the time at a door that people are closer than `QUEUE_M` to somebody, from which a queue stands there: 0.91
+"""Share of the time at a door that people are closer than `QUEUE_M` to somebody, from which there is a queue: 0.91
 to 0.99 in the seven runs."""
 QUEUE_M: Final = 1.0
 REACH_M: Final = 12.0

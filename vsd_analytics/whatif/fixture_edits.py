@@ -275,7 +275,7 @@ def _n_people(records: FloorRecords, inside: Bools) -> int:
 
 
 def _inside(shape: shapely.Geometry, x_m: Floats, y_m: Floats) -> Bools:
-    """Return which places lie in a shape; an empty one stands for the whole floor."""
+    """Return which places lie in a shape; an empty one is the whole floor."""
     if shape.is_empty:
         return np.ones(x_m.size, np.bool_)
     shapely.prepare(shape)

@@ -24,13 +24,13 @@ ALONE: Final = -1
 MAX_GAP_INTERVALS: Final = 2.5
 """Records of one person are joined by a straight line up to this many frame intervals (`gap_intervals` of episodes)."""
 
-_RECORDS: Final = f"""
+_RECORDS: Final = """
 select
     located.camera_id, located.track_id, located.ts_ms, located.x_mm, located.y_mm, located.weight_ms,
     located.is_owned, site_days.site_day, calendar.local_date
 from located
-inner join calendar on located.ts_ms // {QUARTER_MS} = calendar.quarter
-inner join site_days on located.ts_ms // {QUARTER_MS} = site_days.quarter
+inner join calendar on located.ts_ms // $quarter_ms = calendar.quarter
+inner join site_days on located.ts_ms // $quarter_ms = site_days.quarter
 inner join cameras on located.camera_id = cameras.camera_id
 where
     cameras.floor_id = $floor and calendar.local_date between $first and $last and calendar.is_open
@@ -144,7 +144,9 @@ def records_of(warehouse: Warehouse, floor_id: str, first: date, last: date, box
     """
     left, low, right, high = (round(1000 * side) for side in box)
     asked = {"floor": floor_id, "first": first, "last": last}
-    rows = warehouse.table(_RECORDS, asked | {"left": left, "low": low, "right": right, "high": high})
+    rows = warehouse.table(
+        _RECORDS, asked | {"left": left, "low": low, "right": right, "high": high, "quarter_ms": QUARTER_MS}
+    )
     columns = {n: rows[n].to_numpy() for n in ("ts_ms", "x_mm", "y_mm", "weight_ms", "is_owned")}
     camera_ids, camera = _codes(rows["camera_id"])
     names, name = _codes(rows["track_id"])
