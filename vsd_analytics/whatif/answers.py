@@ -1,4 +1,4 @@
-"""Predictions of layout edits as answers, with a sentence for each: whom it touches, and what is claimed by which rule."""
+"""Predictions of layout edits as answers, with a sentence for each: whom it touches, what is claimed, by which rule."""
 
 from __future__ import annotations
 

@@ -50,8 +50,8 @@ where
     and pair_days.n_records >= params.together_share * least(a.n_records, b.n_records)
     and pair_days.site_day between $first and $last
 """
-"""Pairs close for most of the shorter life. Those who walk together by the rule of M9 are among them; that rule asks both
-lives, and so misses companions of whom one is seen longer, which a replay must not part."""
+"""Pairs close for most of the shorter life. Those who walk together by the rule of M9 are among them; that rule asks
+both lives, and so misses companions of whom one is seen longer, whom a replay must not part."""
 
 
 @dataclass(frozen=True, slots=True)
