@@ -180,6 +180,25 @@ def test_time_too_close_is_that_of_the_weekly_figures(project: Path) -> None:
     assert couples > 200
 
 
+def test_purged_days_and_people_without_track_ids_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "vsd.toml").write_text(TOML, encoding="utf-8")
+    (tmp_path / "edit.toml").write_text(EDITS, encoding="utf-8")
+    messages = tmp_path / "frames.jsonl"
+    rows = [{**frame, "persons": [{"x_m": 10.0, "y_m": 4.5}]} for frame, _ in zip(frames(), range(60), strict=False)]
+    messages.write_text("\n".join(map(json.dumps, rows)), encoding="utf-8")
+    ingest(load_site(tmp_path), [messages], IngestOptions(), now=FIRST + timedelta(days=30))
+    code, _, err = vsd(tmp_path, capsys, "whatif", str(tmp_path / "edit.toml"))
+    assert code == 2
+    assert "no track id" in err
+    code, _, err = vsd(tmp_path, capsys, "purge", "--older-than", "2d", "--force")
+    assert code == 0, err
+    code, _, err = vsd(tmp_path, capsys, "whatif", str(tmp_path / "edit.toml"), "--range", "2026-11-02..2026-11-02")
+    assert code == 2
+    assert "were purged" in err
+
+
 def test_few_people_are_hidden_from_readers(project: Path, tmp_path: Path) -> None:
     site = load_site(project)
     days = date(2026, 11, 2), date(2026, 11, 2)

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import date
+from datetime import date, datetime, time, timedelta
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -14,18 +14,20 @@ import shapely
 
 from vsd_analytics.config.layout_edits import edit_words
 from vsd_analytics.config.predictions import LayoutPrediction, PredictedRange
+from vsd_analytics.errors import UsageError
 from vsd_analytics.site.layout import DoorEdit, Edit, FixtureEdit, LayoutEdits, OneWayEdit
 from vsd_analytics.site.model import Point
 from vsd_analytics.site.places import fixtures_at
 from vsd_analytics.warehouse.warehouse import Warehouse
 from vsd_analytics.whatif.doors import REACH_M, PredictedSeconds, passages, predicted_seconds
 from vsd_analytics.whatif.fixture_edits import FixtureEffect, box_around, fixture_effect
-from vsd_analytics.whatif.floor_records import Box, records_of
+from vsd_analytics.whatif.floor_records import Box, FloorRecords, records_of
 from vsd_analytics.whatif.opening_edits import OpeningEffect, opening_effect
 from vsd_analytics.whatif.place_times import PlaceTime, floor_key, open_hours, place_times
 
 RELATIONS: Final = ("located", "pair_days", "track_days", "area_hours", "camera_hours")
 """Relations that a prediction reads."""
+HOUR_S: Final = 3600
 _WHOLE_FLOOR: Final[Box] = (-1e6, -1e6, 1e6, 1e6)
 
 
@@ -75,7 +77,11 @@ def layout_effects(warehouse: Warehouse, edits: LayoutEdits, first: date, last: 
         edits: The edits.
         first: First local day.
         last: Last local day, inclusive.
+
+    Raises:
+        UsageError: E101, records of the days were purged, or most of them near an edit have no track id.
     """
+    _check_purged(warehouse, first, last)
     floor_id = edits.floor_id
     places = place_times(warehouse, floor_id, first, last)
     open_h = open_hours(warehouse, floor_id, first, last)
@@ -93,21 +99,44 @@ def _effect(
         areas = {
             a.area_id: shapely.Polygon(a.polygon) for a in site.areas if a.floor_id == floor_id and a.is_there(*days)
         }
-        records = records_of(warehouse, floor_id, *days, box_around(edit, within_m=within_m))
+        records = _records(warehouse, floor_id, days, box_around(edit, within_m=within_m))
         return fixture_effect(
             records, edit, others, areas | {floor_key(floor_id): shapely.Polygon()}, places, within_m=within_m,
             widths_m=site.settings.free_way_m,
         )  # fmt: skip
     if isinstance(edit, DoorEdit):
-        records = records_of(warehouse, floor_id, *days, _box_of_line(edit.line, REACH_M + within_m))
+        records = _records(warehouse, floor_id, days, _box_of_line(edit.line, REACH_M + within_m))
         return predicted_seconds(records, edit, within_m=within_m)
     if isinstance(edit, OneWayEdit):
-        records = records_of(warehouse, floor_id, *days, _box_of_line(edit.line, REACH_M))
+        records = _records(warehouse, floor_id, days, _box_of_line(edit.line, REACH_M))
         direction, rows = passages(records, edit.line)
         people, against = (np.unique(records.track[r]).size for r in (rows, rows[direction < 0]))
         return OneWayTraffic(people, against)
-    records = records_of(warehouse, floor_id, *days, _WHOLE_FLOOR)
+    records = _records(warehouse, floor_id, days, _WHOLE_FLOOR)
     return opening_effect(records, edit, site.opening, zone=site.zone, within_m=within_m)
+
+
+def _check_purged(warehouse: Warehouse, first: date, last: date) -> None:
+    """Refuse days of which paths are gone: the weekly figures know these days, the replay does not."""
+    ends = [datetime.combine(day, time(), tzinfo=warehouse.site.zone) for day in (first, last + timedelta(days=1))]
+    begin, end = (int(at.timestamp()) // HOUR_S for at in ends)
+    n_gone = sum(begin <= hour < end for hour in warehouse.built.sealed.hours)
+    if n_gone:
+        raise UsageError(
+            f"the records of {n_gone} hours of these days were purged", why="a prediction replays the paths of people",
+            fix="--range with later days",
+        )  # fmt: skip
+
+
+def _records(warehouse: Warehouse, floor_id: str, days: tuple[date, date], box: Box) -> FloorRecords:
+    """Return the records of a part of a floor; refuse those of an engine without track ids."""
+    records = records_of(warehouse, floor_id, *days, box)
+    if 2 * int((records.track < 0).sum()) > records.track.size:
+        raise UsageError(
+            "most records near an edit have no track id", why="without it nobody's path is known",
+            fix="let the engine follow people (track_id)",
+        )  # fmt: skip
+    return records
 
 
 def _box_of_line(line: tuple[Point, Point], margin_m: float) -> Box:
