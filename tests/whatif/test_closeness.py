@@ -40,7 +40,7 @@ def test_counts_after_a_move_are_those_of_all_pairs_anew(seed: int) -> None:
     frame, x, y = crowd(seed)
     moved = np.random.default_rng(seed + 9).choice(frame.size, 60, replace=False)
     new_x, new_y = x.copy(), y.copy()
-    new_x[moved] += 1.5
+    new_x[moved] += np.random.default_rng(seed + 3).uniform(-3, 3, moved.size)
     before = n_close(frame, x, y, within_m=2.0)
     after = n_close_after(before, frame, x, y, moved, new_x, new_y, within_m=2.0)
     assert after.tolist() == n_close(frame, new_x, new_y, within_m=2.0).tolist()
