@@ -10,7 +10,7 @@ from privacy import person_times
 from privacy.hidden_counts import HOURS, N_DAYS, World
 from privacy.person_times import Times
 
-from vsd_analytics.figures.now import READ_BEFORE, Now, first_day, now, relations, usual_day
+from vsd_analytics.figures.now import READ_BEFORE, first_day, now, relations, usual_day
 from vsd_analytics.figures.share.now import Band
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
@@ -29,13 +29,12 @@ def people_told(band: Band) -> Interval:
     return {"above": (band.hi, np.inf), "within": (low, band.hi)}.get(band.crowd or "", (0.0, low))
 
 
-def read_live(known: Times, world: World, week: int) -> set[Now]:
-    """Add what the pages of every minute of a week tell of the hours of its floor, and return the pages.
+def read_live(known: Times, world: World, week: int) -> None:
+    """Add what the pages of every minute of a week tell of the hours of its floor.
 
     A quarter-hour gives an interval of its person-hours; the sums of these are all that is told of an hour. Days on
     which a camera was down or lost minutes are left out: their people are made up for, so they tell less.
     """
-    pages: set[Now] = set()
     site = world.site
     [floor] = [f.floor_id for f in site.floors]
     for day in range(N_DAYS):
@@ -50,10 +49,8 @@ def read_live(known: Times, world: World, week: int) -> set[Now]:
             for hour in range(*HOURS):
                 start = datetime(on.year, on.month, on.day, hour, tzinfo=site.zone)
                 of_minutes = [now(warehouse, usual, start + timedelta(minutes=m)) for m in range(16, 16 + 60)]
-                pages |= set(of_minutes)
                 told = {page.start: people_told(page.people) for page in of_minutes if page.people is not None}
                 assert len(told) == QUARTERS
                 low, high = (sum(ends) / QUARTERS for ends in zip(*told.values(), strict=True))
                 keys = person_times.keys_of(week, days=[day], hour=hour)
                 known.rows.append((dict.fromkeys(keys, 1.0), low, min(high, 200.0), f"live {week} {day} {hour}"))
-    return pages

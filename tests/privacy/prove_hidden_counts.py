@@ -53,7 +53,7 @@ def main() -> None:
 def history(folder: Path, seed: int, *, n_weeks: int) -> sequences.Versions:
     """Return what a reader has of a world that goes on and changes."""
     rng = random.Random(seed)
-    versions = sequences.lived(folder, seed, n_weeks=n_weeks)
+    versions = sequences.lived(folder, seed, n_weeks=n_weeks, has_live_page=True)
     for slots in (rng.choice((1, 3)), rng.choice((7, 12))):
         at = rng.randrange(n_weeks), rng.randrange(2), rng.randrange(hidden.N_DAYS)
         if at not in versions.worlds[-1].lost:

@@ -18,7 +18,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 from privacy import hidden_counts as hidden
-from privacy import person_times
+from privacy import live_pages, person_times
 from privacy.hidden_counts import HOURS, N_DAYS, Key, Known, World
 from privacy.other_outputs import read_cards
 from privacy.person_times import Times
@@ -67,7 +67,9 @@ class Versions:
         self.rows += [({(number, k): w for k, w in row.items()}, lo, hi, said) for row, lo, hi, said in known.rows]
 
 
-def lived(folder: Path, seed: int, *, n_weeks: int, days: Sequence[int] = ASKED_ON) -> Versions:
+def lived(
+    folder: Path, seed: int, *, n_weeks: int, days: Sequence[int] = ASKED_ON, has_live_page: bool = False
+) -> Versions:
     """Return what a reader has of a world after all its weeks, with pages asked for while they go on.
 
     Args:
@@ -75,12 +77,15 @@ def lived(folder: Path, seed: int, *, n_weeks: int, days: Sequence[int] = ASKED_
         seed: Of chance.
         n_weeks: Its weeks.
         days: Days of each week, from 0, in whose morning a page is asked for.
+        has_live_page: The live page is read in every minute.
     """
     made = hidden.build(folder / "whole", seed, n_weeks=n_weeks)
     world = hidden.write(folder / "site", made.n, made.lost, weeks=0)
     versions = Versions([world], changed=[frozenset()], times=[Times()])
     for week in range(n_weeks):
         hidden.add_week(world, week)
+        if has_live_page:
+            live_pages.read_live(versions.times[0], world, week)
         for day in days if week % EACH == 0 else ():
             try:
                 report = week_report(world.site, hidden.monday(week), clock=instant(week, day, 5))

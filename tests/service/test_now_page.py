@@ -68,6 +68,11 @@ def test_without_a_record_and_while_closed_there_is_no_instruction() -> None:
     assert "Next" not in texts(page(replace(BUSY, is_open=False)))
 
 
+def test_a_queue_above_its_limit_is_marked_and_says_the_limit() -> None:
+    assert re.search(r'<div class="above"><dt>Tills</dt><dd>more than 6</dd>', page(BUSY))
+    assert "fewer than 5" in texts(page(BUSY))
+
+
 def test_silent_cameras_are_named_with_their_time_and_the_others_are_not_said_to_send() -> None:
     said = texts(page(BUSY))
     assert "Camera 1: silent since 16:15." in said

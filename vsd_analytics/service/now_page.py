@@ -42,7 +42,7 @@ class NowPage:
         record: How often that was right.
         cameras: Sentences on cameras.
         has_silent: A camera is silent.
-        floors: Address and name of the other floors' pages.
+        pages: Address and name of the other floors' pages, and of the desk where it is shown there.
         notes: How to read the page.
         away: What the script says when the server is away, with its place `{n}` unfilled.
         style, style_hash, script, script_hash: The page's only style and script, and what the policy allows.
@@ -64,7 +64,7 @@ class NowPage:
     record: str
     cameras: tuple[str, ...]
     has_silent: bool
-    floors: tuple[tuple[str, str], ...]
+    pages: tuple[tuple[str, str], ...]
     notes: tuple[str, ...]
     away: str
     style: Markup
@@ -119,7 +119,7 @@ def render_now(
         record=record,
         cameras=() if found is None else _cameras(found, site),
         has_silent=found is not None and bool(found.silent),
-        floors=tuple((f"{folder}/{f.floor_id}", f.name) for f in site.floors if f.floor_id != floor_id),
+        pages=tuple(_pages(site, floor_id, folder)),
         notes=tuple(notes),
         away=template("now.away"),
         style=Markup(style),
@@ -186,7 +186,9 @@ def _queue(queue: QueueNow) -> tuple[str, str, Tone]:
     if band.crowd == "few":
         return queue.name, say("now.q_few", n=band.below), "plain"
     tone: Tone = "above" if band.crowd == "above" else "plain"
-    return queue.name, say(f"now.q_{band.crowd}", n=fmt.number(band.hi)), tone
+    assert band.hi is not None
+    limit = fmt.count(band.hi) if band.hi == round(band.hi) else fmt.number(band.hi)
+    return queue.name, say(f"now.q_{band.crowd}", n=limit), tone
 
 
 def _advice(found: Now | None) -> tuple[str, str]:
@@ -216,6 +218,11 @@ def _silent(cameras: Sequence[SilentNow], site: Site) -> list[str]:
         else say("now.camera_since", camera=names[c.camera_id], clock=fmt.clock(c.last))
         for c in cameras
     ]
+
+
+def _pages(site: Site, floor_id: str, folder: str) -> list[tuple[str, str]]:
+    desk = [("/desk", say("desk.pages.desk"))] if folder.startswith("/desk/") else []
+    return [*desk, *((f"{folder}/{f.floor_id}", f.name) for f in site.floors if f.floor_id != floor_id)]
 
 
 def _style() -> str:
