@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from vsd_analytics.config.layout_edits import read_edits
-from vsd_analytics.errors import ConfigError
+from vsd_analytics.errors import ConfigError, UsageError
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.layout import DoorEdit, FixtureEdit, LayoutEdits, OneWayEdit, OpeningEdit
 from vsd_analytics.site.model import Fixture, Floor, Site
@@ -91,6 +91,11 @@ def test_the_example_of_the_page_is_a_file_of_edits(tmp_path: Path) -> None:
     example = page.partition("```\n")[2].partition("```")[0]
     fruit = Fixture("fruit", "Fruit", "ground", BOX)
     assert len(read(tmp_path, example, replace(site(), fixtures=(*site().fixtures, fruit))).edits) == 6
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"there is no file .*nowhere\.toml"):
+        read_edits(tmp_path / "nowhere.toml", site(), last_day=date(2026, 11, 8))
 
 
 def test_all_mistakes_are_reported_at_once(tmp_path: Path) -> None:

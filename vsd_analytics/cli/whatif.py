@@ -34,11 +34,11 @@ LAYOUTS: Final[dict[str, Layout]] = {
     ),
     "whatif_stays": (TableLayout(("number", "edit_name", "n_stays", "stay_min", "close_share", "n_stays_moved")),),
     "predictions": (
-        TableLayout(("number", "made", "first_date", "last_date", "n_ranges", "n_refused", "edit_print")),
+        TableLayout(("number", "predicted_on", "first_date", "last_date", "n_ranges", "n_refused", "edit_print")),
     ),
     "prediction_scores": (
         TableLayout(
-            ("number", "entry", "name", "predicted_change", "measured_change", "n_weeks_after", "is_due", "held")
+            ("number", "entry", "name", "predicted_lo", "predicted_hi", "measured_change", "n_weeks_after", "held")
         ),
     ),
 }  # fmt: skip

@@ -13,7 +13,7 @@ from vsd_analytics.config.floors import fixture_kind, read_floor, read_polygon
 from vsd_analytics.config.project import read_opening
 from vsd_analytics.config.reader import Mistakes, TableReader, nearest
 from vsd_analytics.config.toml_lines import read_toml
-from vsd_analytics.errors import ConfigError, VsdError, Where
+from vsd_analytics.errors import ConfigError, UsageError, VsdError, Where
 from vsd_analytics.site.layout import DoorEdit, DoorKind, Edit, FixtureEdit, LayoutEdits, OneWayEdit, OpeningEdit
 from vsd_analytics.site.model import Fixture, Point, Site
 from vsd_analytics.site.places import fixtures_at
@@ -35,8 +35,11 @@ def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
         last_day: Local day whose fixtures are edited.
 
     Raises:
+        UsageError: E101, there is no such file.
         ConfigError: E103, it has mistakes; E121 is one of them where it is no TOML.
     """
+    if not path.is_file():
+        raise UsageError(f"there is no file {str(path)!r}", fix=f"write it: {EXAMPLE}; docs/whatif.md has all edits")
     text, problem = read_toml(path, name=path.name)
     if problem is not None:
         raise _refused(path.name, (problem,))

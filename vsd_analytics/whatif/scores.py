@@ -18,7 +18,7 @@ DUE_WEEKS: Final = 4
 """Weeks after the change from which a prediction is scored."""
 PREDICTIONS: Final = (
     Column("number", "key"),
-    Column("made", "fact"),
+    Column("predicted_on", "fact"),
     Column("first_date", "fact"),
     Column("last_date", "fact"),
     Column("n_ranges", "number"),
@@ -32,13 +32,14 @@ SCORES: Final = (
     Column("edit", "key"),
     Column("area_id", "key"),
     Column("name", "fact"),
-    Column("predicted_change", "rate", "change"),
+    Column("predicted_lo", "rate", "change"),
+    Column("predicted_hi", "rate", "change"),
     Column("measured_change", "rate", "change"),
     Column("n_weeks_after", "fact"),
-    Column("is_due", "fact"),
+    Column("is_scored", "fact"),
     Column("held", "fact"),
 )
-"""Columns of `prediction_scores`: `held` is empty until the prediction is due."""
+"""Columns of `prediction_scores`: `held` is empty until the prediction is scored."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +87,7 @@ def prediction_answers(
     listed: list[Row] = [
         {
             "number": number,
-            "made": p.made,
+            "predicted_on": p.made,
             "first_date": p.first,
             "last_date": p.last,
             "n_ranges": Value(len(p.ranges)),
@@ -96,7 +97,7 @@ def prediction_answers(
         for number, p in enumerate(predictions, start=1)
     ]
     rows = [row for one in logged for row in _scores(predictions[one.number - 1], one)]
-    due = [row for row in rows if row["is_due"]]
+    due = [row for row in rows if row["is_scored"]]
     said = Reason(
         "whatif.score", held=sum(row["held"] is True for row in due), scored=len(due), open=len(rows) - len(due)
     )
@@ -123,10 +124,11 @@ def _scores(prediction: LayoutPrediction, logged: LoggedPrediction) -> list[Row]
             "edit": ranged.edit,
             "area_id": ranged.place,
             "name": logged.found.area_name,
-            "predicted_change": Value((ranged.lo + ranged.hi) / 2, ranged.lo, ranged.hi),
+            "predicted_lo": Value(ranged.lo),
+            "predicted_hi": Value(ranged.hi),
             "measured_change": known(None if theta is None else theta - 1, why),
             "n_weeks_after": n_weeks,
-            "is_due": is_due,
+            "is_scored": is_due,
             "held": None if theta is None or not is_due else ranged.lo <= theta - 1 <= ranged.hi,
         }
         for ranged in prediction.ranges
