@@ -30,8 +30,8 @@ def serve(project: Project, host: str, port: int, per_minute: float, has_desk: b
     """Answer requests for figures and pages of the weekly reports over HTTP; only the desk can change anything.
 
     Every request needs the token of secrets/serve.token, which the first start makes, or of VSD_SERVE_TOKEN. The
-    numbers are those of vsd report --format json, with small counts hidden. /openapi.json describes all addresses. HTTP
-    is not encrypted: for other machines, put a proxy with TLS before it.
+    numbers are those of vsd report --format json, with small counts hidden. /openapi.json describes all addresses. /now
+    is a live page for a wall or a phone. HTTP is not encrypted: for other machines, put a proxy with TLS before it.
 
     With --desk, people sign in at /desk with a second token, of secrets/desk.token or VSD_DESK_TOKEN, and their name.
     What they write goes into log.jsonl with that name, as by vsd log.
