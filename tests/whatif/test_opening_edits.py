@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from dataclasses import replace
+from datetime import UTC, date, datetime
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -23,7 +24,8 @@ def day_of_walkers(seed: int = 1, n: int = 500) -> FloorRecords:
     rng = np.random.default_rng(seed)
     starts = MONDAY + np.floor(rng.uniform(540 * 60, 719 * 60, n))
     ways = [((0.0, y), (20.0, y + 0.5), t) for y, t in zip(rng.uniform(0, 6, n), starts, strict=True)]
-    return walkers(*ways)
+    records = walkers(*ways)
+    return replace(records, day=np.full(records.day.size, date(2026, 11, 2).toordinal()))
 
 
 def effect(opening: tuple[Spans, ...], share: float | None) -> OpeningEffect:
@@ -45,6 +47,13 @@ def test_who_comes_beside_the_others_makes_open_hours_fuller_and_who_stays_away_
     assert nobody.value == pytest.approx(0.0, abs=0.15)  # as many people in each hour that stays open
     assert nobody.value < half.value < everybody.value
     assert everybody.lo > 0
+
+
+def test_the_hours_of_days_without_records_count_for_nothing() -> None:
+    """Only Monday was recorded: that the other days close an hour earlier, or two, is no part of its rate."""
+    other_days = (SHORTER[0], *(((540, 600),),) * 6)
+    one, two = effect(SHORTER, 0.0).change, effect(other_days, 0.0).change
+    assert one == two
 
 
 @pytest.mark.parametrize(

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, Final, get_args
 
 from vsd_analytics.config.floors import fixture_kind, read_floor, read_polygon
-from vsd_analytics.config.project import read_opening
+from vsd_analytics.config.project import read_opening, refused
 from vsd_analytics.config.reader import Mistakes, TableReader, nearest
 from vsd_analytics.config.toml_lines import read_toml
-from vsd_analytics.errors import ConfigError, UsageError, VsdError, Where
+from vsd_analytics.errors import UsageError
 from vsd_analytics.site.layout import DoorEdit, DoorKind, Edit, FixtureEdit, LayoutEdits, OneWayEdit, OpeningEdit
 from vsd_analytics.site.model import Fixture, Point, Site
 from vsd_analytics.site.places import fixtures_at
@@ -42,7 +42,7 @@ def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
         raise UsageError(f"there is no file {str(path)!r}", fix=f"write it: {EXAMPLE}; docs/whatif.md has all edits")
     text, problem = read_toml(path, name=path.name)
     if problem is not None:
-        raise _refused(path.name, (problem,))
+        raise refused(path.name, (problem,))
     mistakes = Mistakes(text)
     root = TableReader(tomllib.loads(text.text), path=(), label=path.name, mistakes=mistakes, folder=path.parent)
     floor_id = read_floor(root, {floor.floor_id: floor for floor in site.floors})
@@ -56,18 +56,8 @@ def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
     if not known and not mistakes.all:
         mistakes.add((), f"{path.name} edits nothing", code="E123", fix=f"add an edit, such as {EXAMPLE}")
     if mistakes.all:
-        raise _refused(path.name, mistakes.all)
+        raise refused(path.name, mistakes.all)
     return LayoutEdits(floor_id, known, text.text)
-
-
-def _refused(name: str, problems: tuple[VsdError, ...]) -> ConfigError:
-    count, first = len(problems), problems[0].where
-    return ConfigError(
-        f"{name} has {count} mistake{'s' if count != 1 else ''}",
-        problems=problems,
-        where=Where(first.file, first.line) if first else Where(name),
-        fix=f"fix {'them' if count != 1 else 'it'} and run the command again",
-    )
 
 
 def _fixture(table: TableReader, there: Mapping[str, Fixture]) -> FixtureEdit | None:

@@ -82,7 +82,7 @@ def load_site(folder: str | Path, *, environ: Mapping[str, str] | None = None) -
         )
     text, problem = read_toml(path, name=FILE)
     if problem is not None:
-        raise _refused((problem,))
+        raise refused(FILE, (problem,))
     return site_of(text, folder=folder, environ=environ)
 
 
@@ -96,17 +96,18 @@ def site_of(text: TomlText, *, folder: Path, environ: Mapping[str, str] | None =
     root = TableReader(tomllib.loads(text.text), path=(), label=FILE, mistakes=mistakes, folder=folder)
     site = read_site(root, environ=environ or {})
     if site is None:
-        raise _refused(mistakes.all)
+        raise refused(FILE, mistakes.all)
     return site
 
 
-def _refused(problems: tuple[VsdError, ...]) -> ConfigError:
+def refused(name: str, problems: tuple[VsdError, ...]) -> ConfigError:
+    """Return the error of a file of this name with all its mistakes."""
     count, first = len(problems), problems[0].where
     is_outside = all(p.where is not None and p.where.file.startswith(OF_ENVIRONMENT) for p in problems)
     return ConfigError(
-        f"{'the environment' if is_outside else FILE} has {count} mistake{'s' if count != 1 else ''}",
+        f"{'the environment' if is_outside else name} has {count} mistake{'s' if count != 1 else ''}",
         problems=problems,
-        where=Where(first.file, first.line) if first else Where(FILE),
+        where=Where(first.file, first.line) if first else Where(name),
         fix=f"fix {'them' if count != 1 else 'it'} and run the command again",
     )
 

@@ -163,6 +163,8 @@ def _kind(edit: Edit) -> str:
 def _outcome(effect: Effect) -> str:
     if isinstance(effect, OneWayTraffic) or effect.refusal is not None:
         return "refused"
+    if isinstance(effect, FixtureEffect) and all(place.change is None for place in effect.places):
+        return "refused"
     return "ratio" if isinstance(effect, PredictedSeconds) else "range"
 
 
@@ -277,11 +279,13 @@ def _sentence(edit: Edit, effect: Effect, site: Site) -> Reason:
             if effect.refusal is not None and edit.new_polygon is None:
                 return Reason("whatif.said_removed", name=name, n=n_near, around_m=AROUND_M, why=effect.refusal)
             ways, stays = _said_ways(effect), _said_stays(effect)
-            if effect.refusal is not None:
-                said = "whatif.said_blocked"
-                return Reason(said, name=name, around_m=AROUND_M, ways=ways, why=effect.refusal, stays=stays, **people)
             change = next(place.change for place in effect.places if place.place_id == AROUND)
-            if change is None or _direction(change) == "no_change":
+            if change is None:
+                why = effect.refusal or Reason("whatif.little_here")
+                return Reason(
+                    "whatif.said_blocked", name=name, around_m=AROUND_M, ways=ways, why=why, stays=stays, **people
+                )  # fmt: skip
+            if _direction(change) == "no_change":
                 return Reason("whatif.said_nobody", name=name, ways=ways, most=NO_CHANGE, stays=stays)
             return Reason(
                 "whatif.said_around", name=name, around_m=AROUND_M, ways=ways, lo=change.lo, hi=change.hi,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import date, datetime
 from typing import Final
 from zoneinfo import ZoneInfo
 
@@ -82,7 +82,13 @@ def opening_effect(
     party = np.where(records.company[first] == ALONE, -2 - first, records.company[first])
     comes = moves.closed & _evenly(party, records.t_s[first], moves.closed, edit.follow_share)
     change, refusal = _change(
-        records, moves.closed[person], comes[person], moves.shift_s[person], aside, _hours_left(edit, opening), within_m
+        records,
+        moves.closed[person],
+        comes[person],
+        moves.shift_s[person],
+        aside,
+        _hours_left(edit, opening, records.day),
+        within_m,
     )
     return OpeningEffect(people.size, n_closed, change, aside, refusal)
 
@@ -128,11 +134,12 @@ def _is_within(span: tuple[int, int], spans: Spans) -> bool:
     return any(begin <= span[0] and span[1] <= end for begin, end in spans)
 
 
-def _hours_left(edit: OpeningEdit, opening: tuple[Spans, ...] | None) -> float:
-    """Return the open hours of a week after the edit over those before."""
-    before = [((0, 24 * 60),)] * 7 if opening is None else opening
-    hours = [sum(end - begin for spans in week for begin, end in spans) for week in (edit.opening, before)]
-    return hours[0] / hours[1]
+def _hours_left(edit: OpeningEdit, opening: tuple[Spans, ...] | None, day: Ints) -> float:
+    """Return the open hours after the edit over those before, of the days with records."""
+    before = (((0, 24 * 60),),) * 7 if opening is None else opening
+    weekdays = [date.fromordinal(n).weekday() for n in np.unique(day).tolist()]
+    minutes = [sum(end - begin for d in weekdays for begin, end in week[d]) for week in (edit.opening, before)]
+    return minutes[0] / minutes[1]
 
 
 def _evenly(party: Ints, t_s: Floats, chosen: Bools, share: float) -> Bools:
