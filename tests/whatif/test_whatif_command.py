@@ -151,7 +151,23 @@ def test_text_says_what_is_claimed_and_what_is_not(project: Path, capsys: pytest
     assert "1.1 m to “Wall” (under 1.2 m)" in out
     assert "people have never walked there" in out
     assert "No change is expected" in out
+    assert "\n1: “Display <b>” is in the way of" in out
+    assert "\n3: “cellar”" in out
     assert "vsd log add TEXT --area ID --prediction 1" in err
+
+
+def test_two_edits_of_one_kind_have_a_sentence_each(
+    project: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    edit = tmp_path / "edit.toml"
+    posts = ("[[9, 3], [9.2, 3], [9.2, 3.2]]", "[[11, 1], [11.2, 1], [11.2, 1.2]]")
+    edit.write_text(
+        "".join(f'[[fixture]]\nid = "post-{k}"\nname = "Post"\npolygon = {p}\n' for k, p in enumerate(posts))
+    )
+    code, out, _ = vsd(project, capsys, "whatif", str(edit), "--range", DAYS, "--no-receipt")
+    assert code == 0
+    assert "\n1: “Post” is in the way" in out
+    assert "\n2: “Post” is in the way" in out
 
 
 def test_only_refusals_end_with_one_and_leave_no_receipt(

@@ -18,8 +18,11 @@ from vsd_analytics.whatif.place_times import floor_key
 from vsd_analytics.whatif.prediction import Effect, LayoutEffects, OneWayTraffic
 from vsd_analytics.whatif.ranges import NO_CHANGE, PredictedChange
 
+_REMARK: Final = Column("name", "fact")
+"""What remarks on a row begin with: the number of the edit, since two edits may have one name."""
 EDITS: Final = (
     Column("number", "key"),
+    _REMARK,
     Column("edit_kind", "fact", "edit_kind"),
     Column("edit_name", "fact"),
     Column("edit_outcome", "fact", "edit_outcome"),
@@ -59,6 +62,7 @@ WAYS: Final = (
 """Columns of `whatif_ways`."""
 DOORS: Final = (
     Column("number", "key"),
+    _REMARK,
     Column("edit_name", "fact"),
     Column("n_people", "count"),
     Column("one_way_share", "share", "share", tells=("n_people",)),
@@ -69,6 +73,7 @@ DOORS: Final = (
 """Columns of `whatif_doors`."""
 STAYS: Final = (
     Column("number", "key"),
+    _REMARK,
     Column("edit_name", "fact"),
     Column("n_stays", "count"),
     Column("n_stays_moved", "count"),
@@ -120,12 +125,13 @@ def _edit(number: int, edit: Edit, effect: Effect) -> Row:
     n_near, n_touched, n_standing, n_no_way = _people(effect)
     return {
         "number": number,
+        "name": str(number),
         "edit_kind": _kind(edit),
         "edit_name": edit.name if not isinstance(edit, OpeningEdit) else None,
         "edit_outcome": _outcome(effect),
         "n_near": Value(n_near),
         "n_touched": Value(n_touched),
-        "touched_share": known(n_touched / n_near if n_near else None, Reason("whatif.nobody_near", number=number)),
+        "touched_share": known(n_touched / n_near if n_near else None, Reason("whatif.nobody_near")),
         "n_standing": Value(n_standing),
         "n_no_way": Value(n_no_way),
     }
@@ -243,6 +249,7 @@ def _door(number: int, edit: Edit, effect: PredictedSeconds) -> Row:
     has = traffic.n_people > 0
     return {
         "number": number,
+        "name": str(number),
         "edit_name": edit.name if isinstance(edit, DoorEdit) else "",
         "n_people": Value(traffic.n_people),
         "one_way_share": known(traffic.one_way_share if has else None, nobody),
@@ -259,6 +266,7 @@ def _stays(number: int, edit: Edit, effect: Effect) -> Iterator[Row]:
         stays = effect.stays
         yield {
             "number": number,
+            "name": str(number),
             "edit_name": edit.name,
             "n_stays": Value(stays.n_people),
             "n_stays_moved": known(stays.n_moved, Reason("whatif.no_stay_share")),
