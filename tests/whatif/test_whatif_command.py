@@ -236,6 +236,7 @@ def test_few_people_are_hidden_from_readers(project: Path, tmp_path: Path) -> No
 
 
 def test_a_log_entry_names_its_receipt(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    vsd(project, capsys, "whatif", str(project / "edit.toml"), "--range", DAYS)
     add = ("log", "add", "display put up", "--at", "2026-11-10T07:00", "--area", "middle")
     code, _, err = vsd(project, capsys, *add, "--prediction", "99")
     assert code == 2
