@@ -188,7 +188,7 @@ ELSEWHERE: Final[dict[str, tuple[str, str]]] = {
     **dict.fromkeys(("E411", "E412", "E413", "W401", "W402", "W403", "W404", "W405", "W406"), (_CALIBRATION, "")),
     "E503": ("a week that left with other counts", "privacy/test_sequences.py"),
     **dict.fromkeys(("E501", "E502", "E515", "E520", "E521", "E522"), (_REPORT, "")),
-    **dict.fromkeys(("W510", "W511", "W512", "W513", "W514"), (_REPORT, "")),
+    **dict.fromkeys(("W510", "W511", "W512", "W513", "W514", "W516"), (_REPORT, "")),
     **dict.fromkeys(("E601", "E602", "E603", "E604"), ("a query that its writer corrects; E603 names the columns", "")),
     **dict.fromkeys((f"E70{n}" for n in range(1, 10)), (_MACHINES, "")),
     "E710": (_MACHINES, "live/test_alarm_commands.py"),

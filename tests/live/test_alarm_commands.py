@@ -110,7 +110,7 @@ def test_the_page_shows_the_figures_of_the_json_and_is_the_operator_s(
     assert vsd(project, "alarms", "2026-W46", "--page", now="2026-11-20T00:00:00Z") == 0
     printed = capsys.readouterr().out
     assert printed.startswith("7 alarms in week 46, 5 of them at ")
-    page = (project / "reports" / "2026-W46-alarms.html").read_text(encoding="utf-8")
+    page = (project / "operator" / "2026-W46-alarms.html").read_text(encoding="utf-8")
     assert say("page.exact") in page
     assert vsd(project, "alarms", "2026-W46", "--json", now="2026-11-20T00:00:00Z") == 0
     answers = json.loads(capsys.readouterr().out)["answers"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,9 @@ from site_index import many_reports as many
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.report.pages.json_and_csv import to_json
+from vsd_analytics.report.pages.week import render_html
+from vsd_analytics.site_index.read_reports import OPERATORS
 
 TOML = """\
 [site]
@@ -112,3 +116,31 @@ def test_make_with_an_empty_store_makes_nothing_and_touches_nothing(
 def test_help_has_examples() -> None:
     said = CliRunner().invoke(cli, ["site", "build", "--help"]).output
     assert "vsd site build riverside harbour --out public" in said
+
+
+@pytest.mark.parametrize("kind", ["page", "figures", "planner", "alarms"])
+def test_what_is_the_operators_is_neither_listed_nor_copied(
+    shop: Path, tmp_path: Path, kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reports, public = shop / "reports", tmp_path / "public"
+    exact = many.report(back=0, value=100.0, change=0.01)
+    exact = replace(exact, rules=replace(exact.rules, mask_below=0))
+    marked = "<!doctype html>\n<head>\n<meta name='x'>\n" + OPERATORS.decode()
+    name, text = {
+        "page": ("2026-W46.html", render_html(exact)),
+        "figures": ("2026-W46.json", to_json(exact).decode()),
+        "planner": ("2026-W46-planner.html", marked),
+        "alarms": ("2026-W46-alarms.html", marked),
+    }[kind]
+    (reports / name).write_text(text, encoding="utf-8")
+    (reports / "2026-W46.pdf").write_bytes(b"%PDF-1.7")
+    for out in ((), ("--out", public)):
+        code, _, err = build("-C", shop, "site", "build", *out, capsys=capsys)
+        assert code == 1
+        assert err.count("W516") == 2, "named once, with its command to learn more"
+        assert name in err
+    assert not (public / "shop" / name).exists()
+    assert (public / "shop" / "2026-W45.html").exists()
+    is_of_the_week = kind in ("page", "figures")
+    assert (public / "shop" / "2026-W46.pdf").exists() is not is_of_the_week, "a PDF does not say whom it is for"
+    assert f'href="{name}"' not in (reports / "index.html").read_text()

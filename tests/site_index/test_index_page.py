@@ -327,3 +327,26 @@ def test_templates_use_exactly_the_documented_variables() -> None:
     for kind in (Index, Row, Link, WeekLine, Year):
         documented = re.findall(r"^ {8}([\w, ]+): ", kind.__doc__ or "", flags=re.MULTILINE)
         assert {n.strip() for names in documented for n in names.split(",")} == {f.name for f in fields(kind)}
+
+
+def test_a_floor_has_its_rate_by_people_and_by_floor_in_view_and_that_of_a_year_before(tmp_path: Path) -> None:
+    folder = tmp_path / "shop"
+    now = many.report(value=165.0, change=0.01)
+    views = m.MapViews(cameras=(), shared=(), floor_m2=300.0, shared_m2=0.0, unseen_m2=50.0)
+    many.write(folder, replace(now, views=views))
+    many.write(folder, many.report(back=52, value=150.0, change=0.01))
+    (row,) = make_index(listed(folder)).rows
+    assert row.rates[1] == "66 per 100 m² in view"
+    assert "A year before, in week 46, 2025: 150 per open hour" in row.details
+
+
+def test_a_year_before_is_silent_where_another_distance_held_or_too_little_was_recorded(tmp_path: Path) -> None:
+    gaps = many.report(back=52, share=0.3)
+    gaps = replace(gaps, coverage=replace(gaps.coverage, cameras=()))
+    for k, before in enumerate((gaps, many.report(back=52, value=150.0, change=0.01))):
+        folder = tmp_path / f"shop{k}"
+        many.write(folder, many.report(value=165.0, change=0.01))
+        many.write(folder, replace(before, rules=replace(before.rules, distance_m=1.0 if k else 2.0)))
+        (row,) = make_index(listed(folder)).rows
+        assert not any("year before" in text for text in row.details)
+        assert len(row.rates) == 1, "what cameras see is unknown"

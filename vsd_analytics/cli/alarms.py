@@ -35,7 +35,7 @@ _PATIENCE_S = 15.0
 @click.option("--deliver", is_flag=True, help="Send what was not sent before: alarms.jsonl, webhook, topic.")
 @click.option("--test", "is_test", is_flag=True, help="Send one made-up event to the webhook and topic, and stop.")
 @click.option("--page", "is_page", is_flag=True, help="Write the page of these alarms.")
-@click.option("--out", metavar="DIR", help="Folder to write the page to (default: reports/ of the project).")
+@click.option("--out", metavar="DIR", help="Folder to write the page to (default: operator/ of the project).")
 @click.option("--open", "is_opened", is_flag=True, help="Open the page in a browser.")
 @language_option
 @json_option
@@ -57,7 +57,7 @@ def alarms(
 
     RANGE is a day, DAY..DAY or an ISO week; without it the last stored day is replayed.
 
-    --page writes reports/2026-W46-alarms.html: the alarms by rule, by day and hour, the longest, and how many there
+    --page writes operator/2026-W46-alarms.html: the alarms by rule, by day and hour, the longest, and how many there
     would be if a rule waited longer (for_s). It shows single hours and small groups: do not share it. --json prints the
     same figures.
 
@@ -193,7 +193,7 @@ def _write_page(project: Project, answers: Answers, out: str | None, *, is_opene
     week = WeekRef.of(holds.first, zone=site.timezone)
     if (holds.first, holds.last) != (week.monday, week.sunday) or week.monday.weekday():
         week = WeekRef.of_days(holds.first, holds.last, zone=site.timezone)
-    folder = Path(out) if out is not None else project.root / "reports"
+    folder = Path(out) if out is not None else project.pages(is_operators=True)
     [path] = write(folder, {f"{week.iso}-alarms.html": alarm_html(page).encode()})
     click.echo(page.headline)
     click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")

@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 )
 @click.option("--floor", "floor_id", metavar="FLOOR", help="Only this floor (default: one page for each).")
 @click.option(
-    "--out", metavar="DIR", help="Folder to write to, or - for standard output (default: reports/ of the project)."
+    "--out",
+    metavar="DIR",
+    help="Folder to write to, or - for standard output (default: reports/ of the project, with --exact operator/).",
 )
 @click.option("--open", "is_opened", is_flag=True, help="Open the page in a browser.")
 @exact_option
@@ -87,7 +89,7 @@ def planner(
             on_plan=on_plan,
             on_hours=on_hours,
         )
-    folder = Path(out) if out not in (None, "-") else project.root / "reports"
+    folder = Path(out) if out not in (None, "-") else project.pages()
     printed = []
     for data in made:
         page = render_planner(data)

@@ -66,6 +66,14 @@ class Project:
         site = load_site(self.root, environ=os.environ)
         return site.with_settings(mask_below=0) if self.is_exact else site
 
+    def pages(self, *, is_operators: bool = False) -> Path:
+        """Return where pages and files go: `reports/`, which may be shared, or `operator/`, which may not.
+
+        Args:
+            is_operators: They show small counts whatever the command was given; with `--exact` all do.
+        """
+        return self.root / ("operator" if is_operators or self.is_exact else "reports")
+
     def say(self, text: str) -> None:
         """Print a message for the user on standard error, unless `--quiet`."""
         if not self.quiet:

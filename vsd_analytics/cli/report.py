@@ -41,7 +41,9 @@ PAGES: Final = frozenset({"html", "pdf", "json"})
 @click.option("--figure", type=click.Choice(FIGURES), help="The figure that svg and png draw.")
 @choice_option("--paper", choices=["a4", "letter"], default="a4", help="Paper of the PDF.")
 @click.option(
-    "--out", metavar="DIR", help="Folder to write to, or - for standard output (default: reports/ of the project)."
+    "--out",
+    metavar="DIR",
+    help="Folder to write to, or - for standard output (default: reports/ of the project, with --exact operator/).",
 )
 @click.option("--floor", "floor_id", metavar="FLOOR", help="Only this floor (default: one report for each).")
 @click.option("--strict", is_flag=True, help="Exit with 1 when too little was recorded to compare.")
@@ -114,7 +116,7 @@ def report(
     if out == "-":
         print_one(every, kinds)
         return _exit_code(reports, strict=strict)
-    folder = Path(out) if out is not None else project.root / "reports"
+    folder = Path(out) if out is not None else project.pages()
     paths: list[Path] = []
     failed: list[VsdError] = []
     for files in every:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.option("--floor", "floor_id", metavar="FLOOR", help="Only this floor (default: one card for each).")
-@click.option("--out", metavar="DIR", help="Folder to write to (default: reports/ of the project).")
+@click.option("--out", metavar="DIR", help="Folder to write to (default: operator/ of the project).")
 @click.option("--open", "is_opened", is_flag=True, help="Open the card in a browser.")
 @click.option("--mail", "is_mailed", is_flag=True, help="Write the card as a mail, .eml (in mail/ of the project).")
 @click.option("--send", "is_sent", is_flag=True, help="Send it by [mail] of vsd.toml, to nobody twice a day.")
@@ -174,7 +174,7 @@ def _write(project: Project, card: Today, out: str | None, options: MailOptions 
     page = make_today_page(card, site, is_made_up=is_made_up)
     click.echo(filled("today_mail.txt.j2", page).partition("\n-- \n")[0])
     floor = "" if len(site.floors) == 1 else f"-{card.floor_id}"
-    folder = Path(out) if out is not None else project.root / "reports"
+    folder = Path(out) if out is not None else project.pages(is_operators=True)
     paths = write(folder, {f"today{floor}.html": today_html(page).encode()})
     if options is not None:
         date = project.now.astimezone(site.zone) if options.is_sent else None

@@ -13,7 +13,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from vsd_analytics.errors import UsageError, VsdError, Where
-from vsd_analytics.site_index.read_reports import FoundReports, files_in, find_reports, kind_of, read_report_json
+from vsd_analytics.site_index.read_reports import FoundReports, find_reports, kind_of, read_report_json, shared_names
 from vsd_analytics.store.durable import publish, sweep_pages
 
 REPORTS = "reports"
@@ -127,7 +127,7 @@ def _gathered(source: ReportSource, out: Path) -> FoundReports:
     known = find_reports(reports, project=source.name)
     target = out / source.name
     target.mkdir(parents=True, exist_ok=True)
-    for name in files_in(reports):
+    for name in shared_names(reports)[0]:
         kind = kind_of(name)
         if kind is not None and (kind != "json" or _is_readable(reports / name)):
             _copy(reports / name, target / name)

@@ -19,7 +19,7 @@ from vsd_analytics.site_index import week_bars
 from vsd_analytics.site_index.compare_section import CompareSection, compare_section
 from vsd_analytics.site_index.floor_weeks import Catalogue, FloorWeeks, standing, verdict_of
 from vsd_analytics.site_index.read_reports import Entry, IndexedReport
-from vsd_analytics.site_index.site_comparison import compare_sites
+from vsd_analytics.site_index.site_comparison import compare_sites, is_whole
 from vsd_analytics.site_index.summary import headline, lead, week_line
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording import terms
@@ -28,6 +28,7 @@ from vsd_analytics.wording.languages import months
 from vsd_analytics.wording.reasons import reason_text
 
 LONGEST_NOTE = 110
+YEAR = timedelta(weeks=52)
 LINKS = ("report", "pdf", "planner", "json")
 
 
@@ -56,7 +57,7 @@ class Row:
         link: Its page, if there is one.
         week: The week shown, where it is not the index's.
         rate: Violations per recorded open hour.
-        risk: Violations per person-hour; empty when unknown.
+        rates: Violations per person-hour and per 100 square metres in view, those that are known.
         bars: Ten weeks.
         verdict: What became of it, in words.
         direction: Class of the verdict: good, bad or same.
@@ -73,7 +74,7 @@ class Row:
     link: Link | None
     week: str
     rate: str
-    risk: str
+    rates: tuple[str, ...]
     bars: Markup
     verdict: str
     direction: str
@@ -228,7 +229,6 @@ def _row(floor: FloorWeeks, latest: date) -> Row:
         raise AssertionError("a floor is made of reports")
     window = floor.window(latest)
     weeks = tuple(week_bars.said(t) for _, t in window)
-    encounter_rate = report.level.encounter_rate
     share = report.coverage.share
     violation_rate = report.level.violation_rate
     is_current = monday == latest
@@ -239,9 +239,7 @@ def _row(floor: FloorWeeks, latest: date) -> Row:
         link=next(iter(_links(entry, floor.full_name, only="report")), None),
         week="" if is_current else say("index.last_report", week=_week_name(monday)),
         rate=week_bars.said(report) if week_bars.bar_kind(report) == "rough" else fmt.number(violation_rate.value),
-        risk=say("index.risk", rate=fmt.number(encounter_rate.value))
-        if encounter_rate.value is not None and encounter_rate.state == "ok"
-        else "",
+        rates=tuple(_like_with_like(report)),
         bars=week_bars.bars(
             window,
             target=None if target is None else target.value,
@@ -249,12 +247,34 @@ def _row(floor: FloorWeeks, latest: date) -> Row:
         ),
         verdict=_verdict(report),
         direction=terms.direction(_clear(report)),
-        details=tuple(d for d in (_why(report), terms.capital(target_words(target)), _note(report)) if d),
+        details=tuple(
+            d for d in (_why(report), terms.capital(target_words(target)), _year_ago(floor, report), _note(report)) if d
+        ),
         recorded=fmt.percent_short(share),
         is_low=report.state in ("no_data", "too_incomplete") and not report.is_so_far,
         links=tuple(_links(entry, say("index.whose", floor=floor.full_name, week=_week_name(monday)))),
         weeks=weeks,
     )
+
+
+def _like_with_like(report: IndexedReport) -> Iterator[str]:
+    """Yield the rate by people and by floor in view, so that a crowded or large floor is not taken for a bad one."""
+    encounter_rate, rate, views = report.level.encounter_rate, report.level.violation_rate, report.views
+    if encounter_rate.value is not None and encounter_rate.state == "ok":
+        yield say("index.per_person_hour", rate=fmt.number(encounter_rate.value))
+    if rate.value is not None and rate.state == "ok" and views is not None and views.seen_m2 > 0:
+        yield say("index.per_100_m2", rate=fmt.number(100 * rate.value / views.seen_m2))
+
+
+def _year_ago(floor: FloorWeeks, report: IndexedReport) -> str:
+    """Return the rate of the same week a year before, where it was measured at the same distance."""
+    before = floor.report(report.week.monday - YEAR)
+    if before is None or before.level.violation_rate.state != "ok" or not is_whole(before):
+        return ""
+    if before.rules.distance_m != report.rules.distance_m:
+        return ""
+    rate = fmt.number(before.level.violation_rate.value)
+    return say("index.year_ago", week=_week_name(before.week.monday), rate=rate)
 
 
 def _clear(report: IndexedReport) -> Verdict | None:

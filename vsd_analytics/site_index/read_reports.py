@@ -44,6 +44,9 @@ STEM: Final = re.compile(r"(?P<iso>\d{4}-W\d{2})(?:-(?P<floor>[a-z0-9][a-z0-9_-]
 """Names of reports: 2026-W46, or 2026-W46-ground where a site has several floors."""
 OF_DAYS: Final = re.compile(r"\d{4}-\d{2}-\d{2}")
 """How the files of other days than a week begin (`vsd report --range`); the index lists weeks."""
+OPERATORS: Final = b'<meta name="audience" content="operator">'
+"""In the head of each page that hides no small counts."""
+HEAD_BYTES: Final = 4096
 PLANNER: Final = re.compile(rf"{STEM.pattern}-planner")
 _YEARS: Final = range(1900, 2200)
 
@@ -91,6 +94,19 @@ class IndexedTrend:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class IndexedViews:
+    """The part of `views` that the index needs; same names."""
+
+    floor_m2: float = 0.0
+    unseen_m2: float = 0.0
+
+    @property
+    def seen_m2(self) -> float:
+        """Return the size of the floor that cameras see, without fixtures."""
+        return self.floor_m2 - self.unseen_m2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class IndexedReport:
     """What the index needs of a `report.model.WeekReport`; same names, units and meanings.
 
@@ -113,12 +129,20 @@ class IndexedReport:
     settings_change: SettingsChange | None = None
     close_by_crowding: CloseByCrowding | None = None
     trend: IndexedTrend | None = None
+    views: IndexedViews | None = None
 
     @property
     def is_so_far(self) -> bool:
         """Tell whether nothing is compared only because the week was not over; see `WeekReport.is_so_far`."""
         is_recorded = self.coverage.share >= self.rules.min_coverage
         return self.state == "too_incomplete" and self.coverage.not_over_from is not None and is_recorded
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Audience:
+    """The part of a JSON file that says from which count on it hides nothing."""
+
+    rules: Rules
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,8 +188,7 @@ def find_reports(folder: Path, *, project: str, prefix: str = "") -> FoundReport
         project: Name of the project, to distinguish sites of one name.
         prefix: Address of `folder` relative to the index, ending in "/" unless empty.
     """
-    problems: list[VsdError] = []
-    names = files_in(folder)
+    names, problems = shared_names(folder)
     reports: dict[str, IndexedReport] = {}
     for name in (n for n in names if n.endswith(".json") and not OF_DAYS.match(n)):
         try:
@@ -205,6 +228,41 @@ def monday_of(stem: str) -> date:
     if monday.year not in _YEARS:
         raise ValueError(f"{monday} lies outside {_YEARS.start} to {_YEARS.stop - 1}")
     return monday
+
+
+def shared_names(folder: Path) -> tuple[list[str], list[VsdError]]:
+    """Return the files in a folder of reports without those for the operator, and a warning for each of these.
+
+    A page says whom it is for, a JSON file from which count on it hides nothing. Where a week's page or JSON file is
+    the operator's, so may be all files of its name: a PDF does not say.
+    """
+    names = files_in(folder)
+    operators = {name for name in names if kind_of(name) is not None and _is_operators(folder / name)}
+    stems = {name.rpartition(".")[0] for name in operators}
+    problems = [_for_operator(folder / name) for name in sorted(operators)]
+    return [name for name in names if name.rpartition(".")[0] not in stems], problems
+
+
+def _is_operators(path: Path) -> bool:
+    if path.suffix == ".html":
+        with path.open("rb") as page:
+            return OPERATORS in page.read(HEAD_BYTES)
+    if path.suffix != ".json" or path.lstat().st_size > MAX_BYTES:
+        return False
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=_Audience).rules.mask_below <= 1
+    except (msgspec.DecodeError, RecursionError, UnicodeDecodeError):
+        return False  # named where it is read
+
+
+def _for_operator(path: Path) -> VsdError:
+    return VsdError(
+        "a page for the operator is among the reports and is not listed",
+        code="W516",
+        where=Where(str(path)),
+        why="it was made with --exact or mask_below = 0, or is one of alarms: small counts are not hidden in it",
+        fix=f"move it to another folder; vsd report --week {path.name[:8]} --format html,json makes that for readers",
+    )
 
 
 def kind_of(name: str) -> str | None:

@@ -1,9 +1,9 @@
-"""Where the names of areas are written on a map: clear of each other, of fixtures' names, and of the map's edge."""
+"""Where names of areas and of small fixtures are written on a map: clear of each other and of the map's edge."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from vsd_analytics.figures.week.model_map import MapArea, MapFixture
@@ -25,12 +25,14 @@ class AreaName:
         x: Left end, SVG units.
         y: Its baseline.
         sizes: The sizes of letters in which it has room.
+        is_fixture: It is a fixture's.
     """
 
     text: str
     x: float
     y: float
     sizes: frozenset[float]
+    is_fixture: bool = False
 
     def box(self, size: float) -> Box:
         """Return what it fills in letters of this size."""
@@ -38,7 +40,7 @@ class AreaName:
 
 
 def area_names(
-    areas: Sequence[MapArea], fixtures: Sequence[MapFixture], frame: Frame, *, sizes: Mapping[float, float]
+    areas: Sequence[MapArea | MapFixture], fixtures: Sequence[MapFixture], frame: Frame, *, sizes: Mapping[float, float]
 ) -> list[AreaName]:
     """Place the name of each area above it, inside it or below it; without room it has none.
 
@@ -46,7 +48,7 @@ def area_names(
     in all sizes wins; else the first with room in the smallest.
 
     Args:
-        areas: The areas; of two that need the same place, the first has it.
+        areas: The areas, and fixtures too small for their names; of two that need the same place, the first has it.
         fixtures: Fixtures whose names are written, each where it has room in itself.
         frame: The frame of the map.
         sizes: Sizes in which the areas' names may be drawn, smallest first, and the fixtures' names beside each.
@@ -55,7 +57,7 @@ def area_names(
         size: [box for f in fixtures if (box := name_box(f, frame, beside)) is not None]
         for size, beside in sizes.items()
     }
-    found = []
+    placed = []
     outlines = [_around(area, frame) for area in areas]
     for area, own in zip(areas, outlines, strict=True):
         beside = [other for other in outlines if not _meet(other, own)]
@@ -64,13 +66,13 @@ def area_names(
         best = max(choices, key=lambda c: len(c.sizes), default=None)
         if best is None:
             continue
-        found.append(best)
+        placed.append(best)
         for size in best.sizes:
             taken[size].append(best.box(size))
-    return found
+    return placed
 
 
-def _places(area: MapArea, own: Box, frame: Frame, size: float) -> Iterator[AreaName]:
+def _places(area: MapArea | MapFixture, own: Box, frame: Frame, size: float) -> Iterator[AreaName]:
     """Yield where a name may be: above its area, inside its top or bottom, below it; first at its left end."""
     left, top, right, bottom = own
     if left >= frame.width or top >= frame.height or right <= 0 or bottom <= 0:
@@ -79,7 +81,7 @@ def _places(area: MapArea, own: Box, frame: Frame, size: float) -> Iterator[Area
     inside = 4.0 if left > GAP else 0.0
     for x, inward in ((left, inside), (right - text_width(area.name, size), -inside)):
         for y, shift in ((top - 6, 0.0), (top + size + 4, inward), (bottom - 7, inward), (bottom + size + 2, 0.0)):
-            yield AreaName(area.name, max(GAP, x + shift), y, frozenset())
+            yield AreaName(area.name, max(GAP, x + shift), y, frozenset(), isinstance(area, MapFixture))
 
 
 def _with_room(name: AreaName, frame: Frame, taken: Mapping[float, Sequence[Box]], beside: Sequence[Box]) -> AreaName:
@@ -90,10 +92,10 @@ def _with_room(name: AreaName, frame: Frame, taken: Mapping[float, Sequence[Box]
         is_on_map = box[1] >= 0 and box[2] <= frame.width and box[3] <= frame.height
         return is_on_map and not any(_meet(box, other) for other in (*taken[size], *beside))
 
-    return AreaName(name.text, name.x, name.y, frozenset(s for s in taken if has_room(s)))
+    return replace(name, sizes=frozenset(s for s in taken if has_room(s)))
 
 
-def _around(area: MapArea, frame: Frame) -> Box:
+def _around(area: MapArea | MapFixture, frame: Frame) -> Box:
     x, y = zip(*frame.ring(area.ring), strict=True)
     return min(x), min(y), max(x), max(y)
 

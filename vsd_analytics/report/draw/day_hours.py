@@ -11,6 +11,7 @@ from typing import Final
 from markupsafe import Markup
 
 from vsd_analytics.figures.today import TodayHour
+from vsd_analytics.report.draw.floor_frame import text_width
 from vsd_analytics.report.draw.svg import BAND, HATCH, INK, RECORDED, RULE, chart_text, drawing, el
 from vsd_analytics.wording import format as fmt
 
@@ -21,6 +22,8 @@ TOP: Final = 26
 BOTTOM: Final = 22
 DAY_GAP: Final = 10
 WARM: Final = "#e76f3f"
+NAME_SIZE: Final = 14
+"""Of the names of days, which are bold, so wider than `text_width` says for their 13 units."""
 
 
 def day_hours(
@@ -48,7 +51,8 @@ def day_hours(
         for hour in open_hours:
             parts += _hour(hour, x=x, width=width, top=top, is_unusual=(hour.day, hour.hour) in unusual)
             x += width
-        parts.append(chart_text(names[day], (start + x) / 2, 14, anchor="middle", class_="tv"))
+        middle = min((start + x) / 2, WIDTH - text_width(names[day], NAME_SIZE) / 2)
+        parts.append(chart_text(names[day], middle, 14, anchor="middle", class_="tv"))
         first, last = open_hours[0].hour, open_hours[-1].hour + 1
         parts.append(chart_text(f"{first:02d}", start, HEIGHT - 6, anchor="start"))
         parts.append(chart_text(f"{last:02d}", x, HEIGHT - 6, anchor="end"))

@@ -12,7 +12,7 @@ from vsd_analytics.figures.week.model_map import FloorMap, Point
 from vsd_analytics.figures.week.results import Rules
 from vsd_analytics.report.draw import floor_frame as draw
 from vsd_analytics.report.draw.area_names import Box, area_names
-from vsd_analytics.report.draw.floor_frame import FONT, FONT_FIXTURE, FONT_PHONE, Frame
+from vsd_analytics.report.draw.floor_frame import FONT, FONT_FIXTURE, FONT_PHONE, Frame, name_box
 from vsd_analytics.report.draw.svg import ACCENT, BAR, INK, MUTED, WHITE, Look, centred, drawing, el
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording.catalogue import say
@@ -77,18 +77,19 @@ def _text(
 
 
 def _area_labels(shown: FloorMap, frame: Frame) -> tuple[list[Markup], list[tuple[Box, float]]]:
-    """Name each area that has room for it; the others are left to the table.
+    """Name each area, and each fixture too small for its name, where there is room; others are left to the table.
 
     Returns:
         The names, and the boxes they fill with the radius of the marks that must keep clear of them.
     """
-    found = area_names(shown.areas, shown.fixtures, frame, sizes=_SIZES)
+    small = [f for f in shown.fixtures if f.kind != "wall" and name_box(f, frame, FONT_FIXTURE) is None]
+    placed = area_names([*shown.areas, *small], shown.fixtures, frame, sizes=_SIZES)
     labels = []
-    for name in found:
+    for name in placed:
         style = "pt halo" if FONT_PHONE in name.sizes else "pt halo x"
-        labels.append(_text(name.text, name.x, name.y, class_=style, fill=INK))
+        labels.append(_text(name.text, name.x, name.y, class_=style, fill=MUTED if name.is_fixture else INK))
     radius = {float(FONT_PRINT): MARK_RADIUS, float(FONT_PHONE): MARK_RADIUS_PHONE}
-    return labels, [(name.box(size), float(r)) for size, r in radius.items() for name in found if size in name.sizes]
+    return labels, [(name.box(size), float(r)) for size, r in radius.items() for name in placed if size in name.sizes]
 
 
 def _spots(shown: FloorMap, frame: Frame, boxes: Sequence[tuple[Box, float]]) -> list[Markup]:
