@@ -101,6 +101,26 @@ def test_a_target_is_set_drawn_and_taken_back(site: Site, anna: DeskBrowser) -> 
     assert [(c.after, c.by) for c in read_target_changes(site)] == [(120.5, "Anna"), (None, "Anna")]
 
 
+def test_opening_hours_are_changed_from_a_day_on_and_taken_back(site: Site, anna: DeskBrowser) -> None:
+    before = (site.root / "vsd.toml").read_bytes()
+    days = dict.fromkeys(("mon", "tue", "wed", "thu", "fri"), "8:00 – 13:00, 15:00-19:00")
+    assert anna.send("hours", **{"from": "2026-11-30"}, **days, sat="09:00-12:00", sun="").status_code == 303
+    assert "The opening hours are saved" in anna.page()
+    (change,) = load_site(site.root).opening_changes
+    assert (str(change.first), change.by) == ("2026-11-30", "Anna")
+    assert change.opening == (*(((480, 780), (900, 1140)),) * 5, ((540, 720),), ())
+    page = anna.page()
+    assert 'value="08:00-13:00 15:00-19:00"' in page
+    assert "Hours since Mon 30 Nov, Anna" in page
+    anna.send("hours", **{"from": "2026-12-07"}, **days, sat="09:00-12:00", sun="")
+    assert "These are the opening hours already." in anna.page()
+    anna.send("undo-hours", line="2026-11-30")
+    assert "Taken back." in anna.page()
+    anna.send("undo-hours", line="2026-11-30")
+    assert "Nothing to take back" in anna.page()
+    assert (site.root / "vsd.toml").read_bytes() == before
+
+
 def test_a_target_that_cannot_be_saved_is_said_in_words(tmp_path: Path) -> None:
     site = desk_site(tmp_path / "shop")
     path = site.root / "vsd.toml"
@@ -270,6 +290,10 @@ def test_hostile_texts_are_stored_as_they_are_and_shown_as_text(site: Site, text
         ("target", {"floor": "ground", "value": "nan"}, "A target is a number above 0"),
         ("target", {"floor": "ground", "value": "1e3"}, "A target is a number above 0"),
         ("target", {"floor": "attic", "value": "3"}, "no such floor"),
+        ("hours", {"from": "2026-11-02", "mon": "08:00-20:00"}, "Choose a day of this week or later"),
+        ("hours", {"from": "soon", "mon": "08:00-20:00"}, "This is no day."),
+        ("hours", {"from": "2026-11-30", "mon": "8 to 9"}, "Write hours as 08:00-20:00"),
+        ("hours", {"from": "2026-11-30", "sun": "08:10-20:00"}, "Write hours as 08:00-20:00"),
         ("answer", {"question": "Q1-nothing", "answer": "later"}, "not open any more"),
         ("answer", {"question": QUESTION, "answer": "perhaps"}, "Choose one of the three answers."),
     ],

@@ -25,6 +25,7 @@ COMMANDS = (
         "today",
         "report",
         "target",
+        "opening",
         "inbox",
         "planner",
         "site",

@@ -9,7 +9,7 @@ from pathlib import Path
 from vsd_analytics.config.broker_and_alarms import read_alarms, read_broker, read_delivery
 from vsd_analytics.config.calendar import read_calendar
 from vsd_analytics.config.floors import read_areas, read_cameras, read_fixtures, read_floors
-from vsd_analytics.config.opening import WEEKDAYS, Spans, parse_opening
+from vsd_analytics.config.opening_hours import read_opening, read_opening_changes
 from vsd_analytics.config.reader import DATE, Form, Mistakes, TableReader
 from vsd_analytics.config.reading_rules import read_sources
 from vsd_analytics.config.routes import read_base_url, read_chromium, read_exchange, read_mail
@@ -25,9 +25,6 @@ FILE = "vsd.toml"
 DAY_STARTS_MIN = 240
 
 _DATES: Form = {"type": "array", "items": DATE}
-_DAY = f"({'|'.join(WEEKDAYS)})"
-_HOURS: Form = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
-_OPENING: Form = {"patternProperties": {f"^{_DAY}(-{_DAY})?$": _HOURS}, "additionalProperties": False}
 _NAMES: Form = {"additionalProperties": {"type": "string", "minLength": 1}}
 
 
@@ -128,7 +125,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
     site_id = site.id("id", example='"shop"') if has_site else None
     name = site.text("name", example='"Riverside Store"', required=has_site)
     timezone = zone(site, "timezone", required=has_site) or "UTC"
-    opening = read_opening(site, mistakes)
+    opening, opening_changes = read_opening(site), read_opening_changes(root)
     closed = site.parsed("closed", example='["2026-12-25"]', parse=parse_dates, form=_DATES)
     language = site.word("language", LANGUAGES, example="it") or LANGUAGES[0]
     day_starts = site.parsed("day_starts", example='"04:00"', parse=parse_day_start, form=DATE)
@@ -162,6 +159,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
         timezone=timezone,
         root=root.folder,
         opening=opening,
+        opening_changes=opening_changes,
         closed=closed or frozenset(),
         calendar=calendar,
         day_starts_min=DAY_STARTS_MIN if day_starts is None else day_starts,
@@ -184,17 +182,6 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
         sources=sources,
         setting_sources=settings.sources,
     )
-
-
-def read_opening(site: TableReader, mistakes: Mistakes) -> tuple[Spans, ...] | None:
-    """Return the opening hours of each weekday, Monday first; None where `[site]` states none that are valid."""
-    if site.raw("opening", {"type": "object", **_OPENING}) is None:
-        return None
-    example = '{ mon-sat = "08:00-21:00", sun = "10:00-18:00" }'
-    week, wrong = parse_opening(site.table("opening", example=example, form=_OPENING))
-    for key, error in wrong:
-        mistakes.add(("site", "opening", key), f"[site] opening: {error}", code="E127", fix=error.fix)
-    return week
 
 
 def _ingest_map(ingest: TableReader, mistakes: Mistakes) -> dict[str, str]:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from datetime import datetime, timedelta
+from datetime import date, datetime, timedelta
 from typing import Final
 
 from vsd_analytics.config.asked_questions import read_asked
 from vsd_analytics.config.change_log import add_answer, add_entry, remove_entry
 from vsd_analytics.config.floor_targets import RANGE, read_target_changes, set_target
 from vsd_analytics.config.log_records import ANSWERS, TEXT_MAX_CHARS
+from vsd_analytics.config.opening import WEEKDAYS, OpeningError, parse_spans
+from vsd_analytics.config.opening_hours import change_opening, take_opening_back
 from vsd_analytics.config.values import parse_instant
-from vsd_analytics.errors import CONTROL, ConfigError
+from vsd_analytics.errors import CONTROL, ConfigError, UsageError
 from vsd_analytics.service.desk_history import desk_history
 from vsd_analytics.site.model import Site
 from vsd_analytics.site.questions import AnswerKind
@@ -21,6 +23,7 @@ from vsd_analytics.wording.catalogue import say
 
 FIELD_MAX_CHARS: Final = 2000
 """Of any field; a longer one is no form of the desk."""
+_SPAN_GAPS: Final = re.compile(r"[\s,;]+")
 _NUMBER: Final = re.compile(r"\d{1,7}(\.\d{1,3})?")
 FAR: Final = timedelta(days=5 * 366)
 """A change so far from today has a wrong date."""
@@ -138,6 +141,46 @@ def take_target_back(form: Writing) -> str:
     return say("desk.done.undone")
 
 
+def change_hours(form: Writing) -> str:
+    """Change the opening hours from a day on; return what the page says then."""
+    first = _day(form, "from")
+    week = []
+    for day in WEEKDAYS:
+        try:
+            week.append(parse_spans(_spans(form.fields.get(day, "")), day=day))
+        except OpeningError:
+            raise FormMistakeError(day, say("desk.mistake.hours")) from None
+    try:
+        changed = change_opening(form.site, tuple(week), first=first, today=form.now.date(), by=form.writer)
+    except UsageError:
+        raise FormMistakeError("from", say("desk.mistake.hours_from")) from None
+    except ConfigError:
+        raise FormMistakeError("from", say("desk.mistake.hours_file")) from None
+    return say("desk.done.hours" if changed else "desk.done.hours_before")
+
+
+def take_hours_back(form: Writing) -> str:
+    """Delete the opening hours that hold from a day on; return what the page says then."""
+    try:
+        gone = take_opening_back(form.site, _day(form, "line"), today=form.now.date())
+    except (UsageError, ConfigError):
+        return say("desk.mistake.hours_file")
+    return say("desk.done.undone" if gone else "desk.done.undone_before")
+
+
+def _spans(text: str) -> list[str]:
+    """Return the spans of a field such as "8:00 – 13:00, 15:00-19:00"; an empty one is a closed day."""
+    joined = re.sub(r"\s*[-\u2013]\s*", "-", text.strip())
+    return [part for part in _SPAN_GAPS.split(joined) if part not in ("", "-")]
+
+
+def _day(form: Writing, name: str) -> date:
+    try:
+        return date.fromisoformat(form.fields.get(name, "").strip())
+    except ValueError:
+        raise FormMistakeError(name, say("desk.mistake.day")) from None
+
+
 def take_back(form: Writing) -> str:
     """Take back what one line of the log says; return what the page says then.
 
@@ -157,5 +200,7 @@ JOBS: Final[dict[str, Callable[[Writing], str]]] = {
     "undo": take_back,
     "target": set_floor_target,
     "undo-target": take_target_back,
+    "hours": change_hours,
+    "undo-hours": take_hours_back,
 }
 """By the last part of the address that a form is sent to."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import date, datetime, timedelta
 from typing import Final
 
 from markupsafe import Markup
@@ -12,6 +12,8 @@ from markupsafe import Markup
 from vsd_analytics.config.asked_questions import read_asked
 from vsd_analytics.config.floor_targets import read_target_changes
 from vsd_analytics.config.log_records import NAME_MAX_CHARS, TEXT_MAX_CHARS
+from vsd_analytics.config.opening import WEEKDAYS
+from vsd_analytics.config.opening_hours import in_words
 from vsd_analytics.report.pages.replies import KINDS
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
 from vsd_analytics.service.desk_history import HistoryLine, desk_history
@@ -23,7 +25,9 @@ from vsd_analytics.wording.catalogue import say
 
 LINES_MAX: Final = 30
 """Lines of the log on the page; all are in the file."""
-EMPTY: Final = dict.fromkeys(("job", "question", "answer", "at", "text", "area", "floor", "value"), "")
+EMPTY: Final = dict.fromkeys(
+    ("job", "question", "answer", "at", "text", "area", "floor", "value", "from", *WEEKDAYS), ""
+)
 """Of all forms, the fields that are shown again as they were filled in."""
 
 
@@ -89,6 +93,21 @@ class DeskTarget:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DeskHours:
+    """The opening hours: texts.
+
+    Attributes:
+        days: Key, name and spans of each weekday, as the fields have them.
+        first: The day from which a change holds, unless another is chosen.
+        changes: What began lately or will begin: its day, what is said of it, and whether it can be taken back.
+    """
+
+    days: tuple[tuple[str, str, str], ...]
+    first: str
+    changes: tuple[tuple[str, str, bool], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DeskPage:
     """Everything the template of the desk may use; each field is one variable.
 
@@ -107,6 +126,7 @@ class DeskPage:
         answers: Word of each kind of answer.
         areas: Id and name of each area.
         targets: The target of each floor.
+        hours: The opening hours.
         now: The present, as fields for times have it.
         text_max: Longest text.
         lines: What was written, the last first.
@@ -129,6 +149,7 @@ class DeskPage:
     answers: tuple[tuple[str, str, str], ...]
     areas: tuple[tuple[str, str], ...]
     targets: tuple[DeskTarget, ...]
+    hours: DeskHours
     now: str
     text_max: int
     lines: tuple[DeskLine, ...]
@@ -218,6 +239,7 @@ def render_desk(
             answers=tuple((k, say(f"desk.answer.{_key(k)}"), say(f"desk.answer_hint.{_key(k)}")) for k in KINDS),
             areas=tuple((a.area_id, a.name) for a in site.areas if a.is_there(local.date(), local.date())),
             targets=_targets(site),
+            hours=_hours(site, local.date()),
             now=f"{local:%Y-%m-%dT%H:%M}",
             text_max=TEXT_MAX_CHARS,
             lines=tuple(lines[:LINES_MAX]),
@@ -305,6 +327,22 @@ def _targets(site: Site) -> tuple[DeskTarget, ...]:
             )
         )
     return tuple(found)
+
+
+def _hours(site: Site, today: date) -> DeskHours:
+    monday = today - timedelta(days=today.weekday())
+    last = site.opening_changes[-1].opening if site.opening_changes else site.opening
+    spans = in_words(last) if last is not None else dict.fromkeys(WEEKDAYS, "00:00-24:00")
+    days = tuple((key, fmt.weekday(monday + timedelta(days=k)), spans[key]) for k, key in enumerate(WEEKDAYS))
+    changes = tuple(
+        (
+            c.first.isoformat(),
+            say("desk.hours.since", day=fmt.date_short(c.first), by=c.by or "").strip(" ,"),
+            c.first >= monday,
+        )
+        for c in reversed(site.opening_changes)
+    )
+    return DeskHours(days=days, first=f"{monday + timedelta(days=7)}", changes=changes[:3])
 
 
 def _line(line: HistoryLine, names: Mapping[str, str]) -> DeskLine:

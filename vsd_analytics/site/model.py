@@ -366,6 +366,25 @@ class ReadingRule:
     topics: tuple[str, ...] = ()
 
 
+Opening = tuple[tuple[tuple[int, int], ...], ...]
+"""For weekday 0 (Monday) to 6: (start, end) in minutes after local midnight."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpeningChange:
+    """Opening hours that hold from a day on: `[[opening]]`.
+
+    Attributes:
+        first: First local day.
+        opening: The week from then on.
+        by: Who changed them; None = not stated.
+    """
+
+    first: date
+    opening: Opening
+    by: str | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class Site:
     """A site as `vsd.toml` and the files it names describe it.
@@ -375,7 +394,8 @@ class Site:
         name: Display name.
         timezone: IANA zone all local times are in.
         root: The project folder.
-        opening: For weekday 0 (Monday) to 6: tuple of (start, end) in minutes after local midnight; None = always open.
+        opening: Before the first of `opening_changes`; None = always open.
+        opening_changes: In the order of their first days.
         closed, calendar: Local dates on which the site is closed; `[calendar]`, `[[event]]`.
         day_starts_min: Minutes after local midnight at which a site day starts.
         floors, cameras, areas, fixtures: In the order of the file.
@@ -398,7 +418,8 @@ class Site:
     name: str
     timezone: str
     root: Path
-    opening: tuple[tuple[tuple[int, int], ...], ...] | None = None
+    opening: Opening | None = None
+    opening_changes: tuple[OpeningChange, ...] = ()
     closed: frozenset[date] = frozenset()
     calendar: Calendar = field(default_factory=Calendar)
     day_starts_min: int = 240
@@ -429,6 +450,25 @@ class Site:
     def with_own_settings(self) -> Site:
         """Return the site with the settings of vsd.toml in force."""
         return self if self.own_settings is None else replace(self, settings=self.own_settings, own_settings=None)
+
+    def opening_on(self, day: date) -> Opening | None:
+        """Return the week of opening hours that holds on a day; None = always open."""
+        return next(opening for first, opening in reversed(self.opening_spans) if first <= day)
+
+    @property
+    def opening_spans(self) -> tuple[tuple[date, Opening | None], ...]:
+        """Return first day and week of all opening hours; each holds until the next begins."""
+        return ((date.min, self.opening), *((c.first, c.opening) for c in self.opening_changes))
+
+    @property
+    def openings(self) -> tuple[Opening, ...]:
+        """Return each week of opening hours that holds at some time."""
+        return tuple(opening for _, opening in self.opening_spans if opening is not None)
+
+    @property
+    def is_always_open(self) -> bool:
+        """Tell whether the site has no opening hours at any time."""
+        return not self.openings
 
     @property
     def node(self) -> str | None:
