@@ -111,7 +111,7 @@ def test_opening_hours_are_changed_from_a_day_on_and_taken_back(site: Site, anna
     assert change.opening == (*(((480, 780), (900, 1140)),) * 5, ((540, 720),), ())
     page = anna.page()
     assert 'value="08:00-13:00 15:00-19:00"' in page
-    assert "Hours since Mon 30 Nov, Anna" in page
+    assert "Hours from Mon 30 Nov, Anna" in page
     anna.send("hours", **{"from": "2026-12-07"}, **days, sat="09:00-12:00", sun="")
     assert "These are the opening hours already." in anna.page()
     anna.send("undo-hours", line="2026-11-30")
