@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config.opening_hours import change_opening, take_opening_back
+from vsd_analytics.config.opening_changes import change_opening, take_opening_back
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError, UsageError
-from vsd_analytics.site.model import Opening, Site
+from vsd_analytics.site.calendar import Opening
+from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.dimensions import bucket_quarters, calendar, is_open
 
 TODAY = date(2026, 11, 18)
@@ -79,9 +80,9 @@ def test_what_is_written_holds_from_its_day_on_and_is_taken_back_without_a_trace
                 written.append((day, week))
         site = load_site(root)
         assert [(c.first, c.opening, c.by) for c in site.opening_changes] == [(d, w, by) for d, w in written]
-        assert site.opening_on(days_[0] - timedelta(days=1)) == before.opening
-        assert site.opening_on(days_[0]) == one
-        assert site.opening_on(days_[1]) == two
+        assert site.hours.on(days_[0] - timedelta(days=1)) == before.opening
+        assert site.hours.on(days_[0]) == one
+        assert site.hours.on(days_[1]) == two
         for day, _ in written if is_first_gone_first else reversed(written):
             assert take_opening_back(load_site(root), day, today=TODAY) is not None
             assert take_opening_back(load_site(root), day, today=TODAY) is None
@@ -99,12 +100,12 @@ def test_the_calendar_has_each_day_open_as_its_hours_say(one: Opening, two: Open
         site = load_site(root)
         for row in calendar(site, TODAY, TODAY + timedelta(days=20)).to_pylist():
             minute = row["local_hour"] * 60 + row["quarter"] % 4 * 15  # Rome is whole hours from UTC
-            opening = site.opening_on(row["local_date"])
+            opening = site.hours.on(row["local_date"])
             assert opening is not None
             expected = any(start <= minute < end for start, end in opening[row["local_date"].weekday()])
             assert row["is_open"] is expected
             assert is_open(site, row["local_date"], minute) is expected
-        is_whole = all(m % 60 == 0 for o in site.openings for day in o for span in day for m in span)
+        is_whole = all(m % 60 == 0 for o in site.hours.weeks for day in o for span in day for m in span)
         assert bucket_quarters(site) == (4 if is_whole else 1)
 
 

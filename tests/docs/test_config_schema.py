@@ -58,6 +58,10 @@ country = "IT"
 name = "Fair"
 from = "2026-11-10"
 to = "2026-11-12"
+[[opening]]
+from = "2026-12-01"
+hours = { mon-sat = "08:00-20:00" }
+by = "Anna"
 """
 )
 

@@ -37,7 +37,7 @@ def opening(
     """
     from vsd_analytics.config.first_config import parse_opening_words
     from vsd_analytics.config.opening import parse_opening
-    from vsd_analytics.config.opening_hours import change_opening, in_words, take_opening_back
+    from vsd_analytics.config.opening_changes import change_opening, in_words, take_opening_back
     from vsd_analytics.site.instants import parse_range
 
     def day(text: str) -> date:

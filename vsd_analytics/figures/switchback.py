@@ -196,7 +196,7 @@ def pairs_of(site: Site, area: Area, monday: date, weeks: int) -> list[tuple[dat
     """Return the days of one weekday in two successive weeks on which the site is open and the area is there."""
 
     def is_on(day: date) -> bool:
-        opening = site.opening_on(day)
+        opening = site.hours.on(day)
         is_open = day not in site.closed and (opening is None or bool(opening[day.weekday()]))
         return is_open and (area.first_day or date.min) <= day < (area.end_day or date.max)
 

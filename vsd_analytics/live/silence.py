@@ -28,7 +28,7 @@ class Opening:
     ) -> None:
         zone = site.zone
         self._first_ms, self._end_ms = life
-        self._is_always = is_always or (site.is_always_open and not site.closed)
+        self._is_always = is_always or (not site.hours.weeks and not site.closed)
 
         @lru_cache(maxsize=4 * _QUARTERS_MAX)
         def is_open_in(quarter: int) -> bool:

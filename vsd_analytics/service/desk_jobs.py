@@ -13,7 +13,7 @@ from vsd_analytics.config.change_log import add_answer, add_entry, remove_entry
 from vsd_analytics.config.floor_targets import RANGE, read_target_changes, set_target
 from vsd_analytics.config.log_records import ANSWERS, TEXT_MAX_CHARS
 from vsd_analytics.config.opening import WEEKDAYS, OpeningError, parse_spans
-from vsd_analytics.config.opening_hours import change_opening, take_opening_back
+from vsd_analytics.config.opening_changes import change_opening, take_opening_back
 from vsd_analytics.config.values import parse_instant
 from vsd_analytics.errors import CONTROL, ConfigError, UsageError
 from vsd_analytics.service.desk_history import desk_history

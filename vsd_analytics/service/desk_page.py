@@ -13,7 +13,7 @@ from vsd_analytics.config.asked_questions import read_asked
 from vsd_analytics.config.floor_targets import read_target_changes
 from vsd_analytics.config.log_records import NAME_MAX_CHARS, TEXT_MAX_CHARS
 from vsd_analytics.config.opening import WEEKDAYS
-from vsd_analytics.config.opening_hours import in_words
+from vsd_analytics.config.opening_changes import in_words
 from vsd_analytics.report.pages.replies import KINDS
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
 from vsd_analytics.service.desk_history import HistoryLine, desk_history

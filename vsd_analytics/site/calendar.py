@@ -1,4 +1,4 @@
-"""The calendar of a site: public holidays of its country, events written by hand, and changes of the clock.
+"""The calendar of a site: opening hours, public holidays of its country, events written by hand, changes of the clock.
 
 Public holidays come from the library `holidays` (extra `calendar`), by country and region (ISO 3166). What happens only
 at this site, such as school holidays or a fair, is an event of `vsd.toml`.
@@ -14,6 +14,52 @@ from typing import Final
 from zoneinfo import ZoneInfo
 
 WEEK: Final = timedelta(days=7)
+
+
+Opening = tuple[tuple[tuple[int, int], ...], ...]
+"""For weekday 0 (Monday) to 6: (start, end) in minutes after local midnight."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpeningChange:
+    """Opening hours that hold from a day on: `[[opening]]`.
+
+    Attributes:
+        first: First local day.
+        opening: The week from then on.
+        by: Who changed them; None = not stated.
+    """
+
+    first: date
+    opening: Opening
+    by: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class OpeningHours:
+    """The opening hours of a site at all times.
+
+    Attributes:
+        until_then: Before the first change; None = always open.
+        changes: In the order of their first days.
+    """
+
+    until_then: Opening | None
+    changes: tuple[OpeningChange, ...] = ()
+
+    @property
+    def spans(self) -> tuple[tuple[date, Opening | None], ...]:
+        """Return first day and week of all; each holds until the next begins."""
+        return ((date.min, self.until_then), *((c.first, c.opening) for c in self.changes))
+
+    @property
+    def weeks(self) -> tuple[Opening, ...]:
+        """Return each week of opening hours that holds at some time; none = the site is always open."""
+        return tuple(opening for _, opening in self.spans if opening is not None)
+
+    def on(self, day: date) -> Opening | None:
+        """Return the week that holds on a day; None = always open."""
+        return next(opening for first, opening in reversed(self.spans) if first <= day)
 
 
 @dataclass(frozen=True, slots=True)

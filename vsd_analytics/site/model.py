@@ -10,7 +10,7 @@ from zoneinfo import ZoneInfo
 
 from vsd_analytics.resources import DEFAULT_LANGUAGE
 from vsd_analytics.settings import Settings, Value
-from vsd_analytics.site.calendar import Calendar
+from vsd_analytics.site.calendar import Calendar, Opening, OpeningChange, OpeningHours
 from vsd_analytics.site.routes import CameraSource, ExchangeRoute, MailRoute
 
 Point = tuple[float, float]
@@ -366,51 +366,27 @@ class ReadingRule:
     topics: tuple[str, ...] = ()
 
 
-Opening = tuple[tuple[tuple[int, int], ...], ...]
-"""For weekday 0 (Monday) to 6: (start, end) in minutes after local midnight."""
-
-
-@dataclass(frozen=True, slots=True)
-class OpeningChange:
-    """Opening hours that hold from a day on: `[[opening]]`.
-
-    Attributes:
-        first: First local day.
-        opening: The week from then on.
-        by: Who changed them; None = not stated.
-    """
-
-    first: date
-    opening: Opening
-    by: str | None = None
-
-
 @dataclass(frozen=True, slots=True)
 class Site:
     """A site as `vsd.toml` and the files it names describe it.
 
     Attributes:
-        site_id: Identifier, a Hive folder name.
-        name: Display name.
+        site_id, name: Identifier, a Hive folder name; display name.
         timezone: IANA zone all local times are in.
         root: The project folder.
-        opening: Before the first of `opening_changes`; None = always open.
-        opening_changes: In the order of their first days.
+        opening, opening_changes: Before the first change, None = always open; and changes in the order of their days.
         closed, calendar: Local dates on which the site is closed; `[calendar]`, `[[event]]`.
         day_starts_min: Minutes after local midnight at which a site day starts.
         floors, cameras, areas, fixtures: In the order of the file.
         settings: Values in force.
         own_settings: Settings of vsd.toml where others are in force; None = `settings`. Facts of both lie side by side.
-        broker: `[mqtt]`; None = no live source.
-        exchange: `[exchange]`; None = all records come to this project directly.
+        broker, exchange: `[mqtt]`, None = no live source; `[exchange]`, None = all records come here directly.
         alarms, alarm_delivery: `[[alarm]]`, in the order of the file, and `[alarms]`.
-        engine: `[engine]`; None = nothing is known of the engine's error.
-        mail: `[mail]`; None = mails are written, not sent.
+        engine, mail: `[engine]`, None = nothing is known of its error; `[mail]`, None = mails are written, not sent.
         base_url: `[report] base_url`, where the folder of reports can be read, without a slash at its end; None = none.
         language: `[site] language`, in which pages are written.
         chromium: `[report] chromium`, the browser that prints PDFs; None = looked for on the PATH.
-        ingest_map: `[ingest.map]`, ours to theirs.
-        sources: `[[source]]`, in the order of the file.
+        ingest_map, sources: `[ingest.map]`, ours to theirs; `[[source]]`, in the order of the file.
         setting_sources: For each setting that is not the default: "vsd.toml line 7" or an environment variable.
     """
 
@@ -451,24 +427,10 @@ class Site:
         """Return the site with the settings of vsd.toml in force."""
         return self if self.own_settings is None else replace(self, settings=self.own_settings, own_settings=None)
 
-    def opening_on(self, day: date) -> Opening | None:
-        """Return the week of opening hours that holds on a day; None = always open."""
-        return next(opening for first, opening in reversed(self.opening_spans) if first <= day)
-
     @property
-    def opening_spans(self) -> tuple[tuple[date, Opening | None], ...]:
-        """Return first day and week of all opening hours; each holds until the next begins."""
-        return ((date.min, self.opening), *((c.first, c.opening) for c in self.opening_changes))
-
-    @property
-    def openings(self) -> tuple[Opening, ...]:
-        """Return each week of opening hours that holds at some time."""
-        return tuple(opening for _, opening in self.opening_spans if opening is not None)
-
-    @property
-    def is_always_open(self) -> bool:
-        """Tell whether the site has no opening hours at any time."""
-        return not self.openings
+    def hours(self) -> OpeningHours:
+        """Return the opening hours at all times."""
+        return OpeningHours(self.opening, self.opening_changes)
 
     @property
     def node(self) -> str | None:

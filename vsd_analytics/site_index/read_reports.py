@@ -18,6 +18,7 @@ from urllib.parse import quote
 import msgspec
 
 from vsd_analytics.errors import CONTROL, VsdError, Where
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.model_sections import Target
 from vsd_analytics.figures.week.results import (
@@ -250,9 +251,10 @@ def _is_operators(path: Path) -> bool:
     if path.suffix != ".json" or path.lstat().st_size > MAX_BYTES:
         return False
     try:
-        return msgspec.json.decode(path.read_bytes(), type=_Audience).rules.mask_below <= 1
+        rules = msgspec.json.decode(path.read_bytes(), type=_Audience).rules
     except (msgspec.DecodeError, RecursionError, UnicodeDecodeError):
         return False  # named where it is read
+    return not Mask(rules.mask_below).is_on
 
 
 def _for_operator(path: Path) -> VsdError:

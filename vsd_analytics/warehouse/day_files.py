@@ -164,7 +164,7 @@ class DayFiles:
         site = self._site
         midnights = [day + timedelta(days=k) for k in (0, 1, 2)]
         edges = [round(datetime(d.year, d.month, d.day, tzinfo=site.zone).timestamp()) for d in midnights]
-        opening = site.opening_on(day)
+        opening = site.hours.on(day)
         opened = None if opening is None else opening[day.weekday()]
         hours = (edges[0] // 3600 - AROUND_H, (edges[1] - 1) // 3600 + AROUND_H)
         if is_site_day:  # track ids end with it, so no row reads beyond it

@@ -15,7 +15,8 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from vsd_analytics.settings import BY_NAME, DEFAULTS, FLOOR_CELL_M, OWNER_CELL_M, SETTINGS
-from vsd_analytics.site.model import Calibration, Camera, Floor, Opening, Point, Site
+from vsd_analytics.site.calendar import Opening
+from vsd_analytics.site.model import Calibration, Camera, Floor, Point, Site
 from vsd_analytics.warehouse.rules import RULES
 
 if TYPE_CHECKING:
@@ -112,7 +113,7 @@ def _param(name: str, value: Any) -> tuple[str, int | float]:
 
 def bucket_quarters(site: Site) -> int:
     """Return 4 where local hours and opening times fall on UTC hours, else 1 (zones or doors at half past)."""
-    edges = [m for opening in site.openings for day in opening for span in day for m in span]
+    edges = [m for opening in site.hours.weeks for day in opening for span in day for m in span]
     return 4 if _has_whole_hours(site.timezone) and all(m % 60 == 0 for m in edges) else 1
 
 
@@ -341,7 +342,7 @@ def calendar(site: Site, first: date, last: date) -> pa.Table:
     hour_start_ms = quarters[np.maximum.accumulate(np.where(begins, np.arange(len(quarters)), 0))] * QUARTER_MS
     weekdays = (days + 3) % 7  # 1970 began on a Thursday
     opens = np.zeros(len(quarters), np.bool_)
-    for since, opening in site.opening_spans:
+    for since, opening in site.hours.spans:
         holds = days.astype("datetime64[D]") >= np.datetime64(since, "D")  # a later change writes over an earlier one
         times, at = np.unique(weekdays[holds] * 1440 + local_s[holds] % 86400 // 60, return_inverse=True)
         opens[holds] = np.array([_opens(opening, *divmod(int(time), 1440)) for time in times], np.bool_)[at]
@@ -392,7 +393,7 @@ def _local_quarters(site: Site, first: date, last: date) -> tuple[Ints, Ints, In
 
 def is_open(site: Site, day: date, minute: int) -> bool:
     """Return whether the site is open at `minute` minutes after local midnight of `day`."""
-    return day not in site.closed and _opens(site.opening_on(day), day.weekday(), minute)
+    return day not in site.closed and _opens(site.hours.on(day), day.weekday(), minute)
 
 
 def _opens(opening: Opening | None, weekday: int, minute: int) -> bool:

@@ -24,7 +24,8 @@ from vsd_analytics.ingest.checks.sample import Ints, Sample
 from vsd_analytics.ingest.reading.cell_values import is_number
 from vsd_analytics.ingest.reading.column_hints import named_like
 from vsd_analytics.ingest.reading.instants import utc_to_local
-from vsd_analytics.site.model import Opening, Site
+from vsd_analytics.site.calendar import Opening
+from vsd_analytics.site.model import Site
 
 _DAY_MS, _HOUR_MS, _MINUTE_MS = 86_400_000, 3_600_000, 60_000
 _ALWAYS: Opening = (((0, 24 * 60),),) * 7
@@ -63,7 +64,7 @@ def _zones(case: Case) -> Iterator[SourceWarning]:
         return
     as_read, as_local = (f"{_clock(int(local.min()))} to {_clock(int(local.max()))}" for local in (here, there))
     shares = ""
-    if not site.is_always_open:
+    if site.hours.weeks:
         open_as_read, open_as_local = open_share(here, site), open_share(there, site)
         shares = f"; {open_as_read:.0%} and {open_as_local:.0%} of the records would be in opening hours"
     camera = next((c.camera_id for c in (*case.cameras, *site.cameras)), "cam-1")
@@ -82,7 +83,7 @@ def _clock(local_ms: int) -> str:
 
 def open_share(local_ms: np.ndarray, site: Site) -> float:
     """Return the share of local times in opening hours; the small hours belong to the day before where it is open."""
-    if site.is_always_open:
+    if not site.hours.weeks:
         return 1.0
     days, minutes = local_ms // _DAY_MS, local_ms % _DAY_MS / _MINUTE_MS
     closed = {(day - date(1970, 1, 1)).days for day in site.closed}
@@ -100,7 +101,7 @@ def open_share(local_ms: np.ndarray, site: Site) -> float:
 
 def _holding(days: np.ndarray, site: Site) -> Iterator[tuple[Opening | None, np.ndarray]]:
     """Yield opening hours, and on which days since 1970 they hold."""
-    spans = site.opening_spans
+    spans = site.hours.spans
     since = np.array([(first - date(1970, 1, 1)).days for first, _ in spans])
     which = np.searchsorted(since, days, side="right") - 1
     for k, (_, opening) in enumerate(spans):
@@ -329,7 +330,7 @@ def _closed(case: Case) -> Iterator[SourceWarning]:
     site, sample = case.site, case.sample
     # who states another zone knows the hours
     is_stated = case.options.start is not None or case.options.zone not in (None, site.timezone)
-    if site.is_always_open or is_stated or sample.n_instants < ROWS_MIN:
+    if not site.hours.weeks or is_stated or sample.n_instants < ROWS_MIN:
         return
     utc = sample.ts_ms
     local = utc_to_local(utc, site.timezone)
