@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, Final, get_args
 
 from vsd_analytics.config.floors import fixture_kind, read_floor, read_polygon
-from vsd_analytics.config.project import read_opening, refused
+from vsd_analytics.config.opening_hours import read_opening
+from vsd_analytics.config.project import refused
 from vsd_analytics.config.reader import Mistakes, TableReader, nearest
 from vsd_analytics.config.toml_lines import read_toml
 from vsd_analytics.errors import UsageError
@@ -119,7 +120,7 @@ def _one_way(table: TableReader) -> OneWayEdit | None:
 
 
 def _opening(table: TableReader, mistakes: Mistakes) -> OpeningEdit | None:
-    opening = read_opening(table, mistakes)
+    opening = read_opening(table)
     follow_share = _share(table, "follow_share")
     table.close()
     if opening is None and table.values and not mistakes.all:

@@ -372,8 +372,7 @@ class Site:
 
     Attributes:
         site_id, name: Identifier, a Hive folder name; display name.
-        timezone: IANA zone all local times are in.
-        root: The project folder.
+        timezone, root: IANA zone all local times are in; the project folder.
         opening, opening_changes: Before the first change, None = always open; and changes in the order of their days.
         closed, calendar: Local dates on which the site is closed; `[calendar]`, `[[event]]`.
         day_starts_min: Minutes after local midnight at which a site day starts.
@@ -384,8 +383,7 @@ class Site:
         alarms, alarm_delivery: `[[alarm]]`, in the order of the file, and `[alarms]`.
         engine, mail: `[engine]`, None = nothing is known of its error; `[mail]`, None = mails are written, not sent.
         base_url: `[report] base_url`, where the folder of reports can be read, without a slash at its end; None = none.
-        language: `[site] language`, in which pages are written.
-        chromium: `[report] chromium`, the browser that prints PDFs; None = looked for on the PATH.
+        language, chromium: Of pages; the browser that prints PDFs, None = looked for on the PATH.
         ingest_map, sources: `[ingest.map]`, ours to theirs; `[[source]]`, in the order of the file.
         setting_sources: For each setting that is not the default: "vsd.toml line 7" or an environment variable.
     """

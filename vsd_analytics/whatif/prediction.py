@@ -112,8 +112,14 @@ def _effect(
         direction, rows = passages(records, edit.line)
         people, against = (np.unique(records.track[r]).size for r in (rows, rows[direction < 0]))
         return OneWayTraffic(people, against)
+    opening = site.hours.on(days[0])
+    if opening != site.hours.on(days[1]):
+        raise UsageError(
+            "the opening hours change within these days", why="a prediction needs one week of hours to change",
+            fix="--range with days before or after it",
+        )  # fmt: skip
     records = _records(warehouse, floor_id, days, _WHOLE_FLOOR)
-    return opening_effect(records, edit, site.opening, zone=site.zone, within_m=within_m)
+    return opening_effect(records, edit, opening, zone=site.zone, within_m=within_m)
 
 
 def _check_purged(warehouse: Warehouse, first: date, last: date) -> None:
