@@ -108,6 +108,22 @@ def test_the_table_of_queues_has_the_hours_of_the_report_and_holds_back_the_same
     assert shown[11] == pytest.approx(4 / 9, rel=1e-3)
 
 
+def test_the_command_gives_no_small_count_of_people_who_wait(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Version 1.1.0 printed that two people came in an hour."""
+    few = lambda day, hour: {w.QUEUE: 1} if day == 0 and hour == 10 else PAIRS if hour == 11 else {w.DOOR: 20}  # noqa: E731
+    w.world(tmp_path, asking(), w.messages(few, days=(0, 1)))
+    found = {}
+    for option in ((), ("--exact",)):
+        _, out, _ = vsd(tmp_path, capsys, "queue", "--week", "2026-W46", "--json", *option)
+        rows = json.loads(out)["answers"]["queue_hours"]["rows"]
+        [found[option]] = [row for row in rows if row["local_hour"] == 10]
+    assert found["--exact",]["n_entered"]["value"] == 2
+    assert not [name for name in found[()] if name.startswith("n_")]
+    assert found[()]["people_waiting"]["value"] is None
+
+
 def test_a_week_in_which_one_of_two_cameras_was_silent_is_unknown_and_names_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,7 +17,7 @@ from vsd_analytics.answer import HoldsFor, Reason
 from vsd_analytics.figures.comparable import DAY_MS, Recalibration, has_other_owners, pair_days, recalibrations
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, WEEK, Array, Flags, FloorHours, Ints, Panel, Place
-from vsd_analytics.figures.share.people import why_few_on_floor
+from vsd_analytics.figures.share.people import people_by_day, why_few_on_floor
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.stats.cut_share import CutShares, changed_cut_share
 from vsd_analytics.stats.rates import HISTORY_WEEKS
@@ -130,6 +130,11 @@ class Period:
         hours = self.data.hours
         is_unknown = hours.is_counted[:, self.is_inside] & ~hours.knows_people[:, self.is_inside]
         return NO_POSITIONS if is_unknown.any() else None
+
+    @cached_property
+    def people_by_day(self) -> Mapping[str | None, Ints]:
+        """Return how many people were in each area on each day, at least; None is the rest of the floor."""
+        return people_by_day(self)
 
     @cached_property
     def why_few_people(self) -> Reason | None:

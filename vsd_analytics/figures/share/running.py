@@ -14,7 +14,7 @@ from datetime import date
 
 from vsd_analytics.figures.panels import Array, FloorHours, Ints
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.share.people import people_by_day, people_of_floor
+from vsd_analytics.figures.share.people import people_of_floor
 
 Key = str | None
 """Id of an area; None is the rest of the floor."""
@@ -51,7 +51,7 @@ def release(data: FloorHours, monday: date, last: date) -> Release | None:
         return None
     keys: list[Key] = [*(a.area_id for a in data.areas), None] if data.areas else []
     counts = {key: _by_step(data.panel(period.area(key), period.days).n.sum(axis=0), ends) for key in keys}
-    there = {key: _most_by_step(n, ends) for key, n in people_by_day(period).items()} if keys else {}
+    there = {key: _most_by_step(n, ends) for key, n in period.people_by_day.items()} if keys else {}
     return Release(
         period.days[ends[-2] - 1],
         frozenset(key for key in keys if not _is_ready(counts[key], below)),

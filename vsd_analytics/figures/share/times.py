@@ -14,7 +14,7 @@ import numpy as np
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.share.counts import GIVES_AWAY
-from vsd_analytics.figures.share.people import has_tracks, people_by_day
+from vsd_analytics.figures.share.people import has_tracks
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.periods import Period
@@ -36,7 +36,7 @@ def hidden_times(period: Period) -> Mapping[str | None, Reason]:
     few_people = Reason("hidden.few_people", least=below)
     if period.why_few_people is not None:
         return dict.fromkeys([*(a.area_id for a in data.areas), None], few_people)
-    n_people = {key: int(n.max(initial=0)) for key, n in people_by_day(period).items()}
+    n_people = {key: int(n.max(initial=0)) for key, n in period.people_by_day.items()}
     times_h = {key: float(np.nansum(data.panel(period.area(key), period.days).exposure_h)) for key in n_people}
     few = [k for k, n in n_people.items() if times_h[k] > 0 and (n < below or k in data.untimed)]
     others = [k for k in reversed(n_people) if k not in few and times_h[k] > 0] if few else []
