@@ -15,6 +15,7 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.render.text import Layout, TableLayout
 from vsd_analytics.wording.catalogue import say
 
+BY_TRACK: Final = "people are counted by track id: somebody whose id was cut counts more than once"
 LAYOUTS: Final[dict[str, Layout]] = {
     "whatif": (
         TableLayout(("number", "edit_kind", "edit_name", "edit_outcome", "n_near", "n_touched", "touched_share")),
@@ -87,15 +88,17 @@ def whatif(project: Project, edit: Path | None, days: str | None, scores: bool, 
     first, last = resolve(project, week=None, days=days)
     edits = read_edits(edit, project.site, last_day=last)
     with warehouse_of(project, week=None, days=f"{first}..{last}", relations=RELATIONS) as warehouse:
-        found = layout_effects(warehouse, edits, first, last)
+        effects = layout_effects(warehouse, edits, first, last)
         notes = purged_hours_notes(warehouse)
-    answers = Answers(whatif_answers(found, project.site, around=say("reason.row.around")))
-    made = receipt(
-        found, made=project.now.astimezone(project.site.zone).date(), settings=project.site.settings.settings_id()
+    answers = Answers(whatif_answers(effects, project.site, around=say("reason.row.around")))
+    prediction = receipt(
+        effects, made=project.now.astimezone(project.site.zone).date(), settings=project.site.settings.settings_id()
     )
-    number = None if no_receipt or not made.ranges else add_prediction(project.site, made)
-    stored = {"receipt": None if number is None else {"number": number, **prediction_dict(made)}}
+    number = None if no_receipt or not prediction.ranges else add_prediction(project.site, prediction)
+    stored = {"receipt": None if number is None else {"number": number, **prediction_dict(prediction)}}
     print_answers(answers, days=(first, last), layouts=LAYOUTS, as_json=as_json, notes=notes, beside=stored)
+    if not as_json:
+        project.say(BY_TRACK)
     if number is not None and not as_json:
         project.say(
             f"stored as prediction {number}; after the change: vsd log add TEXT --area ID --prediction {number}"
