@@ -38,7 +38,7 @@ def test_text_has_headings_clock_hours_ranges_and_dashes() -> None:
 
 def test_remarks_give_each_reason_once_and_only_of_what_is_shown() -> None:
     entries = "entries that were seen; where tracks begin inside an area, more people came"
-    no_end = "Till: vsd.toml does not say where people are served (served_in)"
+    no_end = "Till: the settings do not say where people are served (served_in)"
     assert remarks(one_of_each(), SHOWN) == [f"Till: {NEEDS}", no_end, entries]
     assert remarks(one_of_each(), (TableLayout(("name",)),)) == [no_end, entries]
     again = {
@@ -104,7 +104,7 @@ def test_json_has_an_object_for_each_value_and_null_is_never_zero() -> None:
     assert (known["silent_cameras"], known["started"], unknown["started"]) == (
         ["cam-1", "cam-2"], "2026-11-09T08:00:00+00:00", None)  # fmt: skip
     assert found["holds_for"]["until"] == "2026-11-12T08:00:00+00:00"
-    assert found["notes"][1] == {"row": 1, "text": "vsd.toml does not say where people are served (served_in)"}
+    assert found["notes"][1] == {"row": 1, "text": "the settings do not say where people are served (served_in)"}
     jsonschema.validate({"visits": found}, ANSWERS_SCHEMA)
 
 

@@ -11,7 +11,7 @@ from vsd_analytics.figures.values import known
 from vsd_analytics.site.layout import DoorEdit, Edit, FixtureEdit, OpeningEdit
 from vsd_analytics.site.model import Site
 from vsd_analytics.whatif.doors import PredictedSeconds, rule
-from vsd_analytics.whatif.fixture_edits import AROUND, AROUND_M, FixtureEffect, PredictedPlace
+from vsd_analytics.whatif.fixture_edits import AROUND, AROUND_M, NOBODY_M, FixtureEffect, PredictedPlace
 from vsd_analytics.whatif.free_ways import WIDEST_M
 from vsd_analytics.whatif.opening_edits import OpeningEffect
 from vsd_analytics.whatif.place_times import floor_key
@@ -294,7 +294,7 @@ def _sentence(edit: Edit, effect: Effect, site: Site) -> Reason:
                     "whatif.said_blocked", name=name, around_m=AROUND_M, ways=ways, why=why, stays=stays, **people
                 )  # fmt: skip
             if _direction(change) == "no_change":
-                return Reason("whatif.said_nobody", name=name, ways=ways, most=NO_CHANGE, stays=stays)
+                return Reason("whatif.said_nobody", name=name, reach_m=NOBODY_M, ways=ways, most=NO_CHANGE, stays=stays)
             return Reason(
                 "whatif.said_around", name=name, around_m=AROUND_M, ways=ways, lo=change.lo, hi=change.hi,
                 distance_m=distance_m, stays=stays, no_way=n_no_way, **people,

@@ -5,13 +5,14 @@ A page shows a row of numbers for each place and what makes them doubtful; the s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from vsd_analytics.answer import Answers, Row, Value, value_of
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
+from vsd_analytics.wording.reasons import reason_text
 
 _SHOWN_BELOW_S = 90
 _MINUTE_S = 60
@@ -39,10 +40,11 @@ class QueueView:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceNumbers:
-    """A queue or a place with a capacity as a row of a table: each number, and its likely range or nothing."""
+    """A queue or a place with a capacity as a row of a table: each number, its likely range, and why some lack."""
 
     name: str
     cells: tuple[tuple[str, str], ...]
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +98,7 @@ def _queue(row: Row, hours: Sequence[Row]) -> QueueView:
     mean, most = value_of(row, "people_waiting"), value_of(row, "people_waiting_p90")
     lines = []
     if mean.value is None:
-        lines.append(say("waiting.no_people", reason=_too_little()))
+        lines.append(say("waiting.no_people", reason=_why(mean)))
     else:
         on_average = _sentence("people", mean, fmt.number)
         lines.append(
@@ -104,7 +106,7 @@ def _queue(row: Row, hours: Sequence[Row]) -> QueueView:
         )
     median = value_of(row, "wait_median_s")
     if median.value is None:
-        lines.append(say("waiting.no_waits", reason=_too_little()))
+        lines.append(say("waiting.no_waits", reason=_why(median)))
     else:
         lines.append(_sentence("median", median, time_text))
         for key, column, write in (("p90", "wait_p90_s", time_text), ("left", "left_share", fmt.percent)):
@@ -137,7 +139,7 @@ def _capacity(row: Row) -> str:
     )
     place = {"name": row["name"], "capacity": fmt.count(float(str(row["capacity"])))}
     if people.value is None:
-        return say("waiting.place_unknown", plural=None, **place, reason=_too_little())
+        return say("waiting.place_unknown", plural=None, **place, reason=_why(people))
     if not full.value:
         key, more = "waiting.place_never" if busy.value else "waiting.place_roomy", {}
     else:
@@ -151,17 +153,20 @@ def _capacity(row: Row) -> str:
 
 
 def _queue_row(row: Row) -> PlaceNumbers:
-    cells = [_numbers(value_of(row, "people_waiting"), fmt.number)]
-    cells += [_numbers(value_of(row, name), fmt.count) for name in ("wait_median_s", "wait_p90_s")]
-    left = _numbers(value_of(row, "left_share"), fmt.percent_short)
-    return PlaceNumbers(name=str(row["name"]), cells=(*cells, left))
+    writers = {"people_waiting": fmt.number, "wait_median_s": fmt.count, "wait_p90_s": fmt.count}
+    return _place(row, writers | {"left_share": fmt.percent_short})
 
 
 def _capacity_row(row: Row) -> PlaceNumbers:
-    people = _numbers(value_of(row, "people"), fmt.number)
-    shares = (_numbers(value_of(row, name), fmt.percent_short) for name in ("busy_share", "full_share"))
-    capacity = (fmt.count(float(str(row["capacity"]))), "")
-    return PlaceNumbers(name=str(row["name"]), cells=(capacity, people, *shares))
+    writers = {"people": fmt.number, "busy_share": fmt.percent_short, "full_share": fmt.percent_short}
+    return _place(row, writers, (fmt.count(float(str(row["capacity"]))), ""))
+
+
+def _place(row: Row, writers: Mapping[str, Callable[[float], str]], *first: tuple[str, str]) -> PlaceNumbers:
+    values = {name: value_of(row, name) for name in writers}
+    cells = (_numbers(value, writers[name]) for name, value in values.items())
+    missing = dict.fromkeys(_why(value) for value in values.values() if value.value is None)
+    return PlaceNumbers(name=str(row["name"]), cells=(*first, *cells), missing=tuple(missing))
 
 
 def _numbers(value: Value, write: Callable[[float], str]) -> tuple[str, str]:
@@ -177,8 +182,8 @@ def _numbers(value: Value, write: Callable[[float], str]) -> tuple[str, str]:
 def _notes(queues: Sequence[Row], use: Sequence[Row], rows: Sequence[PlaceNumbers]) -> list[str]:
     """Return what is not known of the numbers, or doubtful, as short sentences."""
     notes = []
-    if any(value == fmt.MISSING for row in rows for value, _ in row.cells):
-        notes.append(say("waiting.dash"))
+    reasons = dict.fromkeys(reason for row in rows for reason in row.missing)
+    notes += [say("waiting.dash", reason=reason) for reason in reasons]
     if doubtful := dict.fromkeys(str(r["name"]) for r in queues if r["means_agree"] is False):
         notes.append(say("waiting.care", places=terms.joined(doubtful)))
     gaps = [r for r in (*queues, *use) if r["silent_cameras"] or r["unrecorded_hours"]]
@@ -199,9 +204,9 @@ def unknown_hours(row: Row) -> str:
     return ", ".join(f"{h:02d}:00" for h in cell) if isinstance(cell, tuple) else ""
 
 
-def _too_little() -> str:
-    """Return why a row has no value: its own reason is English, as all texts of the JSON file are."""
-    return say("words.too_little_data").lower()
+def _why(value: Value) -> str:
+    """Return why a number is not known."""
+    return reason_text(value.reason) or say("words.too_little_data").lower()
 
 
 def _sentence(key: str, value: Value, write: Callable[[float], str]) -> str:
