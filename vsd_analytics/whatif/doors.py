@@ -144,5 +144,5 @@ def _refusal(traffic: DoorTraffic, door: DoorEdit) -> Reason | None:
     if traffic.one_way_share < ONE_WAY_SHARE:
         return Reason("whatif.both_ways", share=1 - traffic.one_way_share)
     if traffic.crowded_share < CROWDED_SHARE:
-        return Reason("whatif.no_queue", share=traffic.crowded_share, least=CROWDED_SHARE)
+        return Reason("whatif.no_queue", queue_m=QUEUE_M, share=traffic.crowded_share, least=CROWDED_SHARE)
     return None
