@@ -351,6 +351,7 @@ def test_who_reads_the_limit_of_small_counts_makes_a_mask_or_says_it() -> None:
     assert reading == {
         "vsd_analytics.figures.panels",  # makes a Mask
         "vsd_analytics.figures.week.density",
+        "vsd_analytics.site_index.collect_reports",
         "vsd_analytics.service.answers",  # says it
     }
 

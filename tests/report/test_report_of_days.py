@@ -165,7 +165,7 @@ def test_the_command_writes_files_named_by_their_days(vsd: Vsd, site: Site, tmp_
 def test_the_index_of_weeks_does_not_list_other_days(week: WeekReport, day: WeekReport, tmp_path: Path) -> None:
     (tmp_path / "2026-W46.json").write_bytes(to_json(week))
     (tmp_path / "2026-11-11.json").write_bytes(to_json(day))
-    found = find_reports(tmp_path, project="shop")
+    found = find_reports(tmp_path, project="shop", hides=False)  # of a site that hides nothing
     assert ([e.stem for e in found.entries], found.problems) == (["2026-W46"], ())
 
 

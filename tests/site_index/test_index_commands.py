@@ -144,3 +144,12 @@ def test_what_is_the_operators_is_neither_listed_nor_copied(
     is_of_the_week = kind in ("page", "figures")
     assert (public / "shop" / "2026-W46.pdf").exists() is not is_of_the_week, "a PDF does not say whom it is for"
     assert f'href="{name}"' not in (reports / "index.html").read_text()
+
+
+def test_a_site_that_hides_nothing_lists_its_pages(shop: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (shop / "vsd.toml").write_text(f"{TOML}\n[report]\nmask_below = 0\n")
+    exact = many.report(back=0, value=100.0, change=0.01)
+    many.write(shop, replace(exact, rules=replace(exact.rules, mask_below=0)))
+    code, _, err = build("-C", shop, "site", "build", capsys=capsys)
+    assert (code, err) == (0, "")
+    assert 'href="2026-W46.html"' in (shop / "reports" / "index.html").read_text()

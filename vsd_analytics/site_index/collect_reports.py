@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
+from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import UsageError, VsdError, Where
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.site_index.read_reports import FoundReports, find_reports, kind_of, read_report_json, shared_names
 from vsd_analytics.store.durable import publish, sweep_pages
 
@@ -27,10 +29,12 @@ class ReportSource:
     Attributes:
         folder: Project folder.
         name: Name of its folder in links: a-z, 0-9, - and _.
+        hides: It hides small counts from readers.
     """
 
     folder: Path
     name: str
+    hides: bool = True
 
     @property
     def reports(self) -> Path:
@@ -63,7 +67,7 @@ def sources_of(folders: Sequence[Path]) -> tuple[ReportSource, ...]:
                 why=f"{sources[name].folder} is, too, and pages are published under the name of the folder",
                 fix="rename one of the two folders",
             )
-        sources[name] = ReportSource(folder, name)
+        sources[name] = ReportSource(folder, name, _hides(folder))
     return tuple(sources.values())
 
 
@@ -123,21 +127,29 @@ def _gathered(source: ReportSource, out: Path) -> FoundReports:
     reports = source.reports.resolve()
     if reports.is_relative_to(out):
         prefix = "".join(f"{quote(part)}/" for part in reports.relative_to(out).parts)
-        return find_reports(reports, project=source.name, prefix=prefix)
-    known = find_reports(reports, project=source.name)
+        return find_reports(reports, project=source.name, prefix=prefix, hides=source.hides)
+    known = find_reports(reports, project=source.name, hides=source.hides)
     target = out / source.name
     target.mkdir(parents=True, exist_ok=True)
-    for name in shared_names(reports)[0]:
+    for name in shared_names(reports, hides=source.hides)[0]:
         kind = kind_of(name)
         if kind is not None and (kind != "json" or _is_readable(reports / name)):
             _copy(reports / name, target / name)
     sweep_pages(target)
-    published = find_reports(target, project=source.name, prefix=f"{source.name}/")
+    published = find_reports(target, project=source.name, prefix=f"{source.name}/", hides=source.hides)
     named = {_name(p) for p in known.problems}
     return FoundReports(
         entries=published.entries,
         problems=(*known.problems, *(p for p in published.problems if _name(p) not in named)),
     )
+
+
+def _hides(folder: Path) -> bool:
+    """Tell whether a project hides small counts; one without a readable vsd.toml does."""
+    try:
+        return Mask(int(load_site(folder).settings.mask_below)).is_on
+    except VsdError:
+        return True
 
 
 def _is_readable(path: Path) -> bool:

@@ -181,15 +181,16 @@ class FoundReports:
     problems: tuple[VsdError, ...] = ()
 
 
-def find_reports(folder: Path, *, project: str, prefix: str = "") -> FoundReports:
+def find_reports(folder: Path, *, project: str, prefix: str = "", hides: bool = True) -> FoundReports:
     """Return the weeks in a folder of reports.
 
     Args:
         folder: Folder with `2026-W46.json` and its pages; one that does not exist holds nothing.
         project: Name of the project, to distinguish sites of one name.
         prefix: Address of `folder` relative to the index, ending in "/" unless empty.
+        hides: Small counts are hidden from readers, so pages for the operator are left out.
     """
-    names, problems = shared_names(folder)
+    names, problems = shared_names(folder, hides=hides)
     reports: dict[str, IndexedReport] = {}
     for name in (n for n in names if n.endswith(".json") and not OF_DAYS.match(n)):
         try:
@@ -231,13 +232,19 @@ def monday_of(stem: str) -> date:
     return monday
 
 
-def shared_names(folder: Path) -> tuple[list[str], list[VsdError]]:
+def shared_names(folder: Path, *, hides: bool) -> tuple[list[str], list[VsdError]]:
     """Return the files in a folder of reports without those for the operator, and a warning for each of these.
 
     A page says whom it is for, a JSON file from which count on it hides nothing. Where a week's page or JSON file is
     the operator's, so may be all files of its name: a PDF does not say.
+
+    Args:
+        folder: The folder.
+        hides: False where `mask_below` of vsd.toml is 0 or 1: whoever wrote it shows everything to readers.
     """
     names = files_in(folder)
+    if not hides:
+        return names, []
     operators = {name for name in names if kind_of(name) is not None and _is_operators(folder / name)}
     stems = {name.rpartition(".")[0] for name in operators}
     problems = [_for_operator(folder / name) for name in sorted(operators)]
