@@ -36,7 +36,7 @@ select
     floor_id,
     area_id,
     site_day,
-    max(n_tracks)::bigint as n_people
+    cast(max(n_tracks) as bigint) as n_people
 from seen
 group by floor_id, area_id, site_day
 order by site_day, floor_id, area_id
