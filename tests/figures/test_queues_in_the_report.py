@@ -95,17 +95,25 @@ def test_few_people_are_held_back_and_the_page_in_italian_says_so(tmp_path: Path
     assert by_hour["people_waiting"].isna().all(), "no row of an hour tells that somebody came then"
 
 
-def test_the_table_of_queues_has_the_hours_of_the_report_and_holds_back_the_same_ones(tmp_path: Path) -> None:
-    some = lambda day, hour: {w.QUEUE: 1} if day == 0 and hour == 10 else PAIRS if hour == 11 else {w.DOOR: 20}  # noqa: E731
-    found = figures_json(w.report(w.world(tmp_path, asking(), w.messages(some, days=(0, 1)))))["M39"]
+@pytest.mark.parametrize("end", ['served_in = "door"', ""])
+def test_the_table_of_queues_has_the_hours_of_the_report_and_holds_back_the_same_ones(tmp_path: Path, end: str) -> None:
+    """Of the hours with enough people one goes with that of two: the week less all others would be their time."""
+
+    def some(day: int, hour: int) -> dict[Any, int]:
+        return {w.QUEUE: 1} if day == 0 and hour == 10 else {9: {w.QUEUE: 30}, 11: PAIRS}.get(hour, {w.DOOR: 20})
+
+    report = w.report(w.world(tmp_path, asking().replace('served_in = "door"', end), w.messages(some, days=(0, 1))))
+    found = figures_json(report)["M39"]
     printed = {r.get("local_hour"): r["value"] for r in found["rows"] if r["column"] == "people_waiting"}
     week = vsd_analytics.open(tmp_path).week("2026-W46")
     hours, (whole,) = week.queue_hours.df(), week.queues.df()["people_waiting"].tolist()
     rows = zip(hours["local_hour"], hours["people_waiting"], strict=True)
     shown = {None: whole, **{hour: None if pd.isna(value) else value for hour, value in rows}}
     assert shown == pytest.approx(printed, abs=1e-6)
+    assert shown[None] > 0
     assert shown[10] is None
-    assert shown[11] == pytest.approx(4 / 9, rel=1e-3)
+    assert shown[11] is None
+    assert shown[9] == pytest.approx(6 / 9, rel=1e-3)
 
 
 def test_the_command_gives_no_small_count_of_people_who_wait(

@@ -22,7 +22,7 @@ from vsd_analytics.figures.people_present import (
     why_not_all,
 )
 from vsd_analytics.figures.periods import Period
-from vsd_analytics.figures.share.times import hidden_times
+from vsd_analytics.figures.share.times import hidden_hours_of_day, hidden_times
 from vsd_analytics.figures.values import unknown_count
 from vsd_analytics.figures.visits import NO_TRACK_IDS, cameras_without_ids, dwell_of, timeless
 from vsd_analytics.site.model import Area
@@ -147,7 +147,11 @@ def queues(period: Period) -> tuple[Answer, Answer]:
     made = [_queue(period, area, waits.of(is_used & (waits.area == k))) for k, area in enumerate(asked)]
     whys = [hidden.get(area.area_id) for area in asked]
     of_days = tuple(timeless(row, why, _TIMES) for (row, _), why in zip(made, whys, strict=True))
-    by_hour = tuple(timeless(row, why, _HOUR_TIMES) for (_, rows), why in zip(made, whys, strict=True) for row in rows)
+    by_hour = tuple(
+        timeless(row, why, _HOUR_TIMES)
+        for (week, rows), hidden_week in zip(made, whys, strict=True)
+        for row, why in zip(rows, _hidden_hours(period, week, rows, hidden_week), strict=True)
+    )
     notes = ((None, Reason("note.queues")), *((k, n) for k, row in enumerate(of_days) for n in _row_notes(row)))
     sums = (Sum("n_entered", _ENDS), Sum("n_entered", ("n_left", "n_not_left")))
     of_hours = (Sum("n_entered", ("queue_hours.n_entered",)), Sum("n_left", ("queue_hours.n_left",)))
@@ -155,6 +159,15 @@ def queues(period: Period) -> tuple[Answer, Answer]:
         Answer("queues", QUEUE_COLUMNS, of_days, period.holds_for, (*sums, *of_hours), notes),
         Answer("queue_hours", HOUR_COLUMNS, by_hour, period.holds_for, sums),
     )
+
+
+def _hidden_hours(period: Period, week: Row, hours: Sequence[Row], why: Reason | None) -> list[Reason | None]:
+    """Return why the times of hours of the day are hidden: as those of the week, or as they would be known by it."""
+    if why is not None or value_of(week, "people_waiting").value is None:
+        return [why] * len(hours)
+    times = {int(str(row["local_hour"])): value_of(row, "people_waiting").value or 0.0 for row in hours}
+    hidden = hidden_hours_of_day(period, str(week["area_id"]), times)
+    return [hidden.get(hour) for hour in times]
 
 
 def _queue(period: Period, area: Area, waits: _Waits) -> tuple[Row, tuple[Row, ...]]:

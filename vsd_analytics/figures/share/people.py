@@ -152,6 +152,34 @@ def people_by_day(period: Period) -> Mapping[str | None, Ints]:
     return found
 
 
+def people_by_hour_of_day(period: Period, area_id: str) -> Mapping[int, int]:
+    """Return how many people were in an area in each hour of the day, at least, on the day with most of them.
+
+    It is the larger of two lower bounds, each of one camera: different tracks in the hour (fact `area_tracks`), and the
+    mean number in view, rounded up, which needs no ids.
+
+    Args:
+        period: The days of a floor.
+        area_id: The area.
+    """
+    data = period.data
+    rows = data.warehouse.table(
+        "select calendar.local_hour, max(seen.n) as n "
+        "from (select hour, count(distinct track_id) as n from area_tracks "
+        "where area_id = $area and camera_id in (select unnest($ids)) group by hour, camera_id) as seen "
+        "inner join calendar on seen.hour * 4 = calendar.quarter "
+        "where calendar.is_open and calendar.local_date between $first and $last group by calendar.local_hour",
+        {"area": area_id, "ids": data.ids, "first": period.first, "last": period.last},
+    )
+    people = {int(h): int(n) for h, n in zip(rows["local_hour"].to_pylist(), rows["n"].to_pylist(), strict=True)}
+    at_once = np.ceil(np.round(np.nan_to_num(period.area(area_id).exposure_h).max(axis=0, initial=0.0), 6))
+    used = (data.hours.day >= period.first.toordinal()) & (data.hours.day <= period.last.toordinal())
+    for hour in np.unique(data.hours.hour[used]).tolist():
+        most = int(at_once[used & (data.hours.hour == hour)].max(initial=0.0))
+        people[hour] = max(people.get(hour, 0), most)
+    return people
+
+
 def _by_days(n: Mapping[date, int], days: list[date]) -> Ints:
     return np.array([n.get(day, 0) for day in days], dtype=np.int64)
 

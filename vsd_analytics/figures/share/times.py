@@ -14,7 +14,7 @@ import numpy as np
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.share.counts import GIVES_AWAY
-from vsd_analytics.figures.share.people import has_tracks
+from vsd_analytics.figures.share.people import has_tracks, people_by_hour_of_day
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.periods import Period
@@ -41,6 +41,27 @@ def hidden_times(period: Period) -> Mapping[str | None, Reason]:
     few = [k for k, n in n_people.items() if times_h[k] > 0 and (n < below or k in data.untimed)]
     others = [k for k in reversed(n_people) if k not in few and times_h[k] > 0] if few else []
     return dict.fromkeys(few, few_people) | dict.fromkeys(others[:1], GIVES_AWAY)
+
+
+def hidden_hours_of_day(period: Period, area_id: str, times: Mapping[int, float]) -> Mapping[int, Reason]:
+    """Return why the person-time of an area is held back in hours of the day whose week is given, by hour.
+
+    With the hours of few people goes the one with fewest of those in which enough were: else the week less all others
+    would be theirs.
+
+    Args:
+        period: The week of a floor.
+        area_id: An area whose time over the week is given.
+        times: Person-time of each hour of the day, or people waiting; 0 where nobody was.
+    """
+    below = period.data.mask.below
+    if not period.data.mask.is_on:
+        return {}
+    n_people = people_by_hour_of_day(period, area_id)
+    some = [hour for hour, time in times.items() if time > 0]
+    few = [hour for hour in some if n_people.get(hour, 0) < below]
+    others = sorted((n_people[hour], hour) for hour in some if hour not in few) if few else []
+    return dict.fromkeys(few, Reason("hidden.few_people", least=below)) | {h: GIVES_AWAY for _, h in others[:1]}
 
 
 def hours_without_times(period: Period, ends: Sequence[date] = ()) -> frozenset[int]:
