@@ -132,6 +132,16 @@ def test_the_command_gives_no_small_count_of_people_who_wait(
     assert found[()]["people_waiting"]["value"] is None
 
 
+def test_a_forecast_of_people_waiting_is_for_the_operator(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    w.world(tmp_path, asking(), w.messages(lambda day, hour: PAIRS, days=(0, 1)))
+    code, out, err = vsd(tmp_path, capsys, "queue", "--week", "2026-W46", "--forecast")
+    assert (code, out) == (2, "")
+    assert "error[E105]" in err
+    (fix,) = re.findall(r"fix: vsd (queue .*)", err)
+    code, out, _ = vsd(tmp_path, capsys, *fix.split(), "--week", "2026-W46", "--json")
+    assert "queue_forecast" in json.loads(out)["answers"]
+
+
 def test_a_week_in_which_one_of_two_cameras_was_silent_is_unknown_and_names_it(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

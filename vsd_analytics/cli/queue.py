@@ -51,7 +51,7 @@ def queue(
     is lost inside shows that the person waited at least that long (Aalen-Johansen). Little's law checks the mean stay
     without track ids: where the two disagree, the command says so.
 
-    With --forecast follow the people waiting in each hour of the next week, with a range that holds four of five such
+    With --forecast (for the operator: --exact) follow the people waiting in each hour of the next week, with a range that holds four of five such
     hours, from at least four recorded weeks. For queues with queue_limit, the hours that may exceed it are listed.
 
     Exit code 1: no number of people is known, or no waiting time of a queue that has an end.
@@ -59,7 +59,7 @@ def queue(
     \b
     Example:
       vsd queue --week last
-      vsd queue --week last --forecast
+      vsd queue --week last --forecast --exact
       vsd queue --range 2026-11-02..2026-11-15 --json
     """
     from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes, whole_week
@@ -68,6 +68,7 @@ def queue(
     from vsd_analytics.figures.queue_forecast import queue_forecast
     from vsd_analytics.figures.queues import queues
     from vsd_analytics.figures.share.answers import audience_answers
+    from vsd_analytics.figures.share.counts import mask_of
     from vsd_analytics.site.places import known_floor
 
     floor = known_floor(project.site, floor_id)
@@ -76,6 +77,13 @@ def queue(
             f"no area of floor {floor.floor_id!r} is a queue",
             why="queues are computed only for areas that are said to be one",
             fix='add queue = true to an [[area]] of vsd.toml, and served_in = "till-1" for its waiting times',
+        )
+    if has_forecast and mask_of(project.site).is_on:
+        raise UsageError(
+            "a forecast of people waiting is for the operator",
+            code="E105",
+            why="it is made of single hours of a place, and tells of single people",
+            fix="vsd queue --forecast --exact",
         )
     n_weeks = HISTORY_WEEKS + 1 if has_forecast else None
     with period_with_history(project, floor, week=week, days=days, n_weeks=n_weeks) as period:
