@@ -51,8 +51,9 @@ def queue(
     is lost inside shows that the person waited at least that long (Aalen-Johansen). Little's law checks the mean stay
     without track ids: where the two disagree, the command says so.
 
-    With --forecast (for the operator: --exact) follow the people waiting in each hour of the next week, with a range that holds four of five such
-    hours, from at least four recorded weeks. For queues with queue_limit, the hours that may exceed it are listed.
+    With --forecast, which needs --exact, follow the people waiting in each hour of the next week, with a range that
+    holds four of five such hours, from at least four recorded weeks. For queues with queue_limit, the hours that may
+    exceed it are listed.
 
     Exit code 1: no number of people is known, or no waiting time of a queue that has an end.
 

@@ -39,6 +39,7 @@ class SharedWeek:
         places: Violations by area (`REST`: the rest of the floor) and camera.
         hours: Violations by UTC start of the hour, in milliseconds, and camera.
         hidden_places, hidden_hours: What was not shown of them.
+        untimed_places, untimed_hours: Areas and hours whose person-time was not shown.
     """
 
     floor_id: str
@@ -50,6 +51,8 @@ class SharedWeek:
     hours: Parts
     hidden_places: frozenset[str]
     hidden_hours: frozenset[str]
+    untimed_places: frozenset[str] = frozenset()
+    untimed_hours: frozenset[str] = frozenset()
 
 
 def read(site: Site) -> Sequence[SharedWeek]:
@@ -64,6 +67,11 @@ def read(site: Site) -> Sequence[SharedWeek]:
     except FileNotFoundError:
         return ()
     return _read(path, stat.st_mtime_ns, stat.st_size)
+
+
+def versions(site: Site, floor_id: str, monday: date) -> Sequence[SharedWeek]:
+    """Return every version of a floor's week that was shared, in order."""
+    return [week for week in read(site) if (week.floor_id, week.monday) == (floor_id, monday)]
 
 
 def changed_days(site: Site, n: Mapping[date, float], *, floor_id: str | None) -> frozenset[date]:
@@ -119,6 +127,8 @@ def _as_dict(week: SharedWeek) -> dict[str, Any]:
         "hours": week.hours,
         "hidden_places": sorted(week.hidden_places),
         "hidden_hours": sorted(week.hidden_hours),
+        "untimed_places": sorted(week.untimed_places),
+        "untimed_hours": sorted(week.untimed_hours),
     }
 
 
@@ -136,6 +146,8 @@ def _week(line: bytes, number: int) -> SharedWeek:
             _parts(value["hours"]),
             frozenset(map(str, value["hidden_places"])),
             frozenset(map(str, value["hidden_hours"])),
+            frozenset(map(str, value.get("untimed_places", ()))),
+            frozenset(map(str, value.get("untimed_hours", ()))),
         )
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise InputError(

@@ -14,6 +14,7 @@ import numpy as np
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.share.counts import GIVES_AWAY
+from vsd_analytics.figures.share.earlier import REST, versions
 from vsd_analytics.figures.share.people import has_tracks, people_by_hour_of_day
 
 if TYPE_CHECKING:
@@ -24,7 +25,8 @@ def hidden_times(period: Period) -> Mapping[str | None, Reason]:
     """Return why the person-time of areas is held back, by area; None is the rest of the floor.
 
     Fewer than `mask_below` people made it, on the day with most of them (`people`). The other place is the rest of the
-    floor, or the last area with enough people.
+    floor, or the last area with enough people. What an earlier version of the week held back stays so: else the time of
+    few people would be the sum known then less what is known now.
 
     Args:
         period: The week of a floor.
@@ -40,7 +42,9 @@ def hidden_times(period: Period) -> Mapping[str | None, Reason]:
     times_h = {key: float(np.nansum(data.panel(period.area(key), period.days).exposure_h)) for key in n_people}
     few = [k for k, n in n_people.items() if times_h[k] > 0 and (n < below or k in data.untimed)]
     others = [k for k in reversed(n_people) if k not in few and times_h[k] > 0] if few else []
-    return dict.fromkeys(few, few_people) | dict.fromkeys(others[:1], GIVES_AWAY)
+    before = {name for week in versions(data.site, data.floor.floor_id, period.first) for name in week.untimed_places}
+    stays = [k for k in n_people if times_h[k] > 0 and (REST if k is None else k) in before]
+    return dict.fromkeys([*others[:1], *stays], GIVES_AWAY) | dict.fromkeys(few, few_people)
 
 
 def hidden_hours_of_day(period: Period, area_id: str, times: Mapping[int, float]) -> Mapping[int, Reason]:

@@ -103,13 +103,18 @@ def hidden_week(
         why = CHANGED if _is_any(place_changes) or _is_any(hour_changes) else GIVES_AWAY
     if why is not None:
         places, hours = (_all(places, _sums(by_place)), _all(hours, _sums(by_hour)))
+    stays = frozenset(int(start) for week in before for start in week.untimed_hours)
+    untimed = hours_without_times(period, ends) | {
+        int(i) for i in np.flatnonzero(period.is_inside) if int(data.hours.start_ms[i]) in stays
+    }
     if shared is not None:
         shared = replace(
             shared,
             hidden_places=frozenset(map(_place_name, places.small | places.others)),
             hidden_hours=frozenset(starts[i] for i in hours.small | hours.others),
+            untimed_hours=frozenset(str(int(data.hours.start_ms[i])) for i in untimed),
         )
-    return HiddenWeek(places, hours, why, hours_without_times(period, ends), period.why_few_people, shared)
+    return HiddenWeek(places, hours, why, untimed, period.why_few_people, shared)
 
 
 @dataclass(frozen=True, slots=True)

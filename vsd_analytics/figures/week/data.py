@@ -6,6 +6,7 @@ A study of other days in a row is made of the same parts: its "week" is these da
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import date, datetime, timedelta
 from functools import cached_property
 
@@ -172,8 +173,16 @@ class WeekData(FloorHours):
             DiskError: E304 to E306, it cannot be stored: then the report may not leave.
         """
         left = [week for monday, week in self._hidden.items() if monday in self._left]
-        weeks = [week for week in left if week.shared is not None and week.why_floor != CHANGED]
-        earlier.remember(self.site, [week.shared for week in weeks if week.shared is not None])
+        weeks = [week.shared for week in left if week.shared is not None and week.why_floor != CHANGED]
+        untimed = frozenset(earlier.REST if key is None else key for key in hidden_times(self.this))
+        is_this = (self.floor.floor_id, self.monday)
+        earlier.remember(
+            self.site,
+            [
+                replace(week, untimed_places=untimed) if (week.floor_id, week.monday) == is_this else week
+                for week in weeks
+            ],
+        )
 
     @cached_property
     def is_revealed_by_comparing(self) -> bool:
