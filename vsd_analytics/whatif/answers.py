@@ -87,7 +87,7 @@ IATA Airport Development Reference Manual, level of service."""
 IATA_LEVELS: Final = ("over_design", "optimum", "sub_optimum")
 
 
-def whatif_answers(found: LayoutEffects, site: Site, *, around: str) -> tuple[Answer, ...]:
+def whatif_answers(predicted: LayoutEffects, site: Site, *, around: str) -> tuple[Answer, ...]:
     """Return what edits of a layout do, as tables.
 
     `whatif`: each edit, whom it touches, and its sentence as a note. `whatif_places`: time too close recorded, and the
@@ -95,22 +95,27 @@ def whatif_answers(found: LayoutEffects, site: Site, *, around: str) -> tuple[An
     beside a fixture, ways of another width, people who stay at a fixture that is moved.
 
     Args:
-        found: The prediction.
+        predicted: The prediction.
         site: The site.
         around: What the floor around an edit is called.
     """
-    floor_id = found.edits.floor_id
+    floor_id = predicted.edits.floor_id
     holds = HoldsFor(
-        site.site_id, floor_id, found.first, found.last, settings=site.settings.settings_id(), inputs=found.inputs
+        site.site_id,
+        floor_id,
+        predicted.first,
+        predicted.last,
+        settings=site.settings.settings_id(),
+        inputs=predicted.inputs,
     )
-    numbered = list(enumerate(zip(found.edits.edits, found.effects, strict=True), start=1))
+    numbered = list(enumerate(zip(predicted.edits.edits, predicted.effects, strict=True), start=1))
     rows = [_edit(number, edit, effect) for number, (edit, effect) in numbered]
     notes = tuple((number - 1, _sentence(edit, effect, site)) for number, (edit, effect) in numbered)
     names = {a.area_id: a.name for a in site.areas} | {AROUND: around}
     names[floor_key(floor_id)] = next(f.name for f in site.floors if f.floor_id == floor_id)
     queues = {a.area_id for a in site.areas if a.is_queue}
     tables: dict[str, tuple[tuple[Column, ...], list[Row]]] = {
-        "whatif_places": (PLACES, [r for n, (_, e) in numbered for r in _places(n, e, found, names, queues)]),
+        "whatif_places": (PLACES, [r for n, (_, e) in numbered for r in _places(n, e, predicted, names, queues)]),
         "whatif_ways": (WAYS, [r for n, (_, e) in numbered for r in _ways(n, e)]),
         "whatif_doors": (DOORS, [_door(n, edit, e) for n, (edit, e) in numbered if isinstance(e, PredictedSeconds)]),
         "whatif_stays": (STAYS, [r for n, (edit, e) in numbered for r in _stays(n, edit, e)]),
@@ -175,25 +180,25 @@ def _outcome(effect: Effect) -> str:
 
 
 def _places(
-    number: int, effect: Effect, found: LayoutEffects, names: dict[str, str], queues: set[str]
+    number: int, effect: Effect, predicted: LayoutEffects, names: dict[str, str], queues: set[str]
 ) -> Iterator[Row]:
     if isinstance(effect, OpeningEffect):
-        key = floor_key(found.edits.floor_id)
-        if key in found.places:
-            place = PredictedPlace(key, found.places[key], effect.change, effect.refusal)
-            yield _place(number, place, found, names, queues, is_directed=True)
+        key = floor_key(predicted.edits.floor_id)
+        if key in predicted.places:
+            place = PredictedPlace(key, predicted.places[key], effect.change, effect.refusal)
+            yield _place(number, place, predicted, names, queues, is_directed=True)
     elif isinstance(effect, FixtureEffect):
         for place in effect.places:
-            yield _place(number, place, found, names, queues)
+            yield _place(number, place, predicted, names, queues)
 
 
 def _place(
-    number: int, place: PredictedPlace, found: LayoutEffects, names: dict[str, str], queues: set[str], *,
+    number: int, place: PredictedPlace, predicted: LayoutEffects, names: dict[str, str], queues: set[str], *,
     is_directed: bool = False,
 ) -> Row:  # fmt: skip
     time, change = place.recorded, place.change
     why = place.refusal or Reason("whatif.little_here")
-    rate = time.min_per_open_h(found.open_h)
+    rate = time.min_per_open_h(predicted.open_h)
     room = [m2 / time.peak_people if time.peak_people > 0 else None for m2 in place.free_m2 or (0.0, 0.0)]
     is_known = place.free_m2 is not None
     nobody = Reason("nobody.seen")

@@ -143,13 +143,13 @@ def fixture_effect(
         changes = _changes(records, shapes, here, is_close, models, is_near=is_near, within_m=within_m)
     else:
         changes = dict.fromkeys(here)
-    made = tuple(
+    predicted = tuple(
         PredictedPlace(key, time, changes[key], refusal, free_m2 if key == AROUND else None)
         for key, time in here.items()
     )
     ways = () if edit.new_polygon is None else free_ways(records, edit.new_polygon, others, widths_m=widths_m)
     n_touched, n_standing, n_no_way = (0, 0, 0) if main is None else (main.touched.size, main.n_standing, main.n_no_way)
-    return FixtureEffect(n_near, n_touched, n_standing, n_no_way, ways, made, stays, aside, refusal)
+    return FixtureEffect(n_near, n_touched, n_standing, n_no_way, ways, predicted, stays, aside, refusal)
 
 
 def box_around(edit: FixtureEdit, *, within_m: float) -> Box:
@@ -162,12 +162,12 @@ def box_around(edit: FixtureEdit, *, within_m: float) -> Box:
     return least_x - margin_m, least_y - margin_m, most_x + margin_m, most_y + margin_m
 
 
-def _why_no_range(found: Detours, around: PlaceTime, within_m: float) -> Reason | None:
+def _why_no_range(pushed: Detours, around: PlaceTime, within_m: float) -> Reason | None:
     if within_m < LEAST_DISTANCE_M:
         return Reason("whatif.short_distance", distance_m=within_m)
-    if found.n_no_way > MOST_WITHOUT_WAY * found.touched.size:
-        return Reason("whatif.no_way", n=found.n_no_way, of=int(found.touched.size))
-    if found.touched.size and around.total_close_s < MIN_CLOSE_S:
+    if pushed.n_no_way > MOST_WITHOUT_WAY * pushed.touched.size:
+        return Reason("whatif.no_way", n=pushed.n_no_way, of=int(pushed.touched.size))
+    if pushed.touched.size and around.total_close_s < MIN_CLOSE_S:
         return Reason("whatif.little_time", least=MIN_CLOSE_S, has=around.total_close_s)
     return None
 
@@ -179,31 +179,31 @@ def _models(
     """Yield where everybody is and who is too close, for each way in which people may pass."""
     assert edit.new_polygon is not None
     for clearance_m, approach_m in MODELS:
-        found = (
+        pushed = (
             main
             if (clearance_m, approach_m) == (CLEARANCE_M, APPROACH_M)
             else detours(records, edit.new_polygon, solid=taken, clearance_m=clearance_m, approach_m=approach_m)
         )
         for strength in {0.0, aside.strength}:
-            x_m, y_m = found.x_m, found.y_m
+            x_m, y_m = pushed.x_m, pushed.y_m
             if strength:
-                x_m, y_m = _pushed(records, found, strength, within_m)
+                x_m, y_m = _pushed(records, pushed, strength, within_m)
             counts = n_close_after(
-                before, records.frame, records.x_m, records.y_m, found.rows, x_m, y_m, within_m=within_m
+                before, records.frame, records.x_m, records.y_m, pushed.rows, x_m, y_m, within_m=within_m
             )
             yield x_m, y_m, counts > 0
 
 
-def _pushed(records: FloorRecords, found: Detours, strength: float, within_m: float) -> tuple[Floats, Floats]:
+def _pushed(records: FloorRecords, pushed: Detours, strength: float, within_m: float) -> tuple[Floats, Floats]:
     """Return places after those who were pushed step aside from strangers."""
-    rows, places = found.rows, (found.x_m[found.rows], found.y_m[found.rows])
-    others = found.x_m, found.y_m
+    rows, places = pushed.rows, (pushed.x_m[pushed.rows], pushed.y_m[pushed.rows])
+    others = pushed.x_m, pushed.y_m
     is_with = records.track[rows], records.company[rows], records.track, records.company
     reach_m = within_m + BEYOND_M
     pairs = near_strangers(
         FramePairs(records.frame), np.arange(rows.size), records.frame[rows], places, others, is_with, within_m=reach_m
     )
-    x_m, y_m = found.x_m.copy(), found.y_m.copy()
+    x_m, y_m = pushed.x_m.copy(), pushed.y_m.copy()
     x_m[rows], y_m[rows] = stepped_aside(pairs, places, others, strength=strength, reach_m=reach_m)
     return x_m, y_m
 

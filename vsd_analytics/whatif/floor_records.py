@@ -198,8 +198,8 @@ def _codes(column: pa.ChunkedArray) -> tuple[tuple[str, ...], Ints]:
 
 def _places(column: pa.ChunkedArray, known: tuple[str, ...]) -> Ints:
     """Return the number of each text of a column among known ones; -1 = none."""
-    found = pc.index_in(column.cast(pa.string()), value_set=pa.array(known, pa.string())).fill_null(-1)
-    return np.asarray(found.to_numpy(), np.int64)
+    positions = pc.index_in(column.cast(pa.string()), value_set=pa.array(known, pa.string())).fill_null(-1)
+    return np.asarray(positions.to_numpy(), np.int64)
 
 
 def _numbered(camera: Ints, site_day: Ints, name: Ints, *, n_names: int) -> Ints:

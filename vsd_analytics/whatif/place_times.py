@@ -66,15 +66,15 @@ def place_times(warehouse: Warehouse, floor_id: str, first: date, last: date) ->
         by_place[floor_key(floor_id)].append(row)
         if row["area_id"] is not None:
             by_place[row["area_id"]].append(row)
-    found = {}
+    times = {}
     for place, rows in by_place.items():
         close_s, at_once = defaultdict[str, float](float), defaultdict[float, float](float)
         for row in rows:
             close_s[str(row["camera_id"])] += row["close_s"] or 0.0
             at_once[row["hour_start_ms"]] += (row["exposure_s"] or 0.0) / HOUR_S
         exposure_s = HOUR_S * sum(at_once.values())
-        found[place] = PlaceTime(dict(close_s), exposure_s, max(at_once.values(), default=0.0))
-    return found
+        times[place] = PlaceTime(dict(close_s), exposure_s, max(at_once.values(), default=0.0))
+    return times
 
 
 def floor_key(floor_id: str) -> str:

@@ -150,32 +150,32 @@ def _box_of_line(line: tuple[Point, Point], margin_m: float) -> Box:
     return min(ax, bx) - margin_m, min(ay, by) - margin_m, max(ax, bx) + margin_m, max(ay, by) + margin_m
 
 
-def receipt(found: LayoutEffects, *, made: date, settings: str) -> LayoutPrediction:
+def receipt(predicted: LayoutEffects, *, made: date, settings: str) -> LayoutPrediction:
     """Return the receipt of a prediction.
 
     Args:
-        found: What was predicted.
+        predicted: What was predicted.
         made: Local day on which it is made.
         settings: Id of the settings in force.
     """
-    words = json.dumps(edit_words(found.edits), sort_keys=True, default=str)
-    refusals = {n: e.refusal.code for n, e in _numbered(found) if not isinstance(e, OneWayTraffic) and e.refusal}
-    refusals |= {n: "whatif.one_way" for n, e in _numbered(found) if isinstance(e, OneWayTraffic)}
+    words = json.dumps(edit_words(predicted.edits), sort_keys=True, default=str)
+    refusals = {n: e.refusal.code for n, e in _numbered(predicted) if not isinstance(e, OneWayTraffic) and e.refusal}
+    refusals |= {n: "whatif.one_way" for n, e in _numbered(predicted) if isinstance(e, OneWayTraffic)}
     return LayoutPrediction(
-        made, found.edits.text, hashlib.blake2b(words.encode(), digest_size=8).hexdigest(), found.inputs, settings,
-        found.first, found.last, found.edits.floor_id, tuple(_ranges(found)), refusals,
+        made, predicted.edits.text, hashlib.blake2b(words.encode(), digest_size=8).hexdigest(), predicted.inputs,
+        settings, predicted.first, predicted.last, predicted.edits.floor_id, tuple(_ranges(predicted)), refusals,
     )  # fmt: skip
 
 
-def _ranges(found: LayoutEffects) -> Iterator[PredictedRange]:
-    for number, effect in _numbered(found):
+def _ranges(predicted: LayoutEffects) -> Iterator[PredictedRange]:
+    for number, effect in _numbered(predicted):
         if isinstance(effect, FixtureEffect):
             for place in effect.places:
                 if place.change is not None:
                     yield PredictedRange(number, place.place_id, place.change.lo, place.change.hi)
         elif isinstance(effect, OpeningEffect) and effect.change is not None:
-            yield PredictedRange(number, floor_key(found.edits.floor_id), effect.change.lo, effect.change.hi)
+            yield PredictedRange(number, floor_key(predicted.edits.floor_id), effect.change.lo, effect.change.hi)
 
 
-def _numbered(found: LayoutEffects) -> Iterator[tuple[int, Effect]]:
-    return iter(enumerate(found.effects, start=1))
+def _numbered(predicted: LayoutEffects) -> Iterator[tuple[int, Effect]]:
+    return iter(enumerate(predicted.effects, start=1))

@@ -49,12 +49,12 @@ class LoggedPrediction:
     Attributes:
         number: Of the receipt, from 1.
         entry: Place of the entry in the log, from 1.
-        found: What became of its area.
+        figure: What became of its area.
     """
 
     number: int
     entry: int
-    found: BeforeAfterFigure
+    figure: BeforeAfterFigure
 
 
 def foreseen_entries(site: Site, predictions: Sequence[LayoutPrediction]) -> list[tuple[int, int]]:
@@ -112,18 +112,18 @@ def prediction_answers(
 
 
 def _scores(prediction: LayoutPrediction, logged: LoggedPrediction) -> list[Row]:
-    so_far = logged.found.running
+    so_far = logged.figure.running
     theta = None if so_far is None else so_far.value
     n_weeks = 0 if so_far is None else so_far.n_weeks
     is_due = theta is not None and n_weeks >= DUE_WEEKS
-    why = logged.found.reason or Reason("whatif.not_measured")
+    why = logged.figure.reason or Reason("whatif.not_measured")
     return [
         {
             "number": logged.number,
             "entry": logged.entry,
             "edit": ranged.edit,
             "area_id": ranged.place,
-            "name": logged.found.area_name,
+            "name": logged.figure.area_name,
             "predicted_lo": Value(ranged.lo),
             "predicted_hi": Value(ranged.hi),
             "measured_change": known(None if theta is None else theta - 1, why),
@@ -132,5 +132,5 @@ def _scores(prediction: LayoutPrediction, logged: LoggedPrediction) -> list[Row]
             "held": None if theta is None or not is_due else ranged.lo <= theta - 1 <= ranged.hi,
         }
         for ranged in prediction.ranges
-        if ranged.place == logged.found.area_id
+        if ranged.place == logged.figure.area_id
     ]
