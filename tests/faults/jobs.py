@@ -232,7 +232,8 @@ def _with_few_days(root: Path) -> None:
     """Make fresh facts, and the week files of two relations."""
     _with_facts(root)
     vsd(root, "report", "--exact", "--week", WEEK)
-    shutil.rmtree(root / PAGES)
+    for name in PAGES:
+        shutil.rmtree(root / name, ignore_errors=True)
     for folder in (root / "facts" / "weeks").iterdir():
         if folder.name not in ("footsteps", "exposure"):
             shutil.rmtree(folder)
@@ -243,7 +244,8 @@ def _with_superseded_days(root: Path, *commands: str) -> None:
     _with_facts(root)
     for command in commands:
         vsd(root, command, "--exact", "--week", WEEK)  # exact: what readers were given may not change with the day
-    shutil.rmtree(root / PAGES)
+    for name in PAGES:
+        shutil.rmtree(root / name, ignore_errors=True)
     for name in ("footsteps", "exposure", "planner_cells"):
         shutil.rmtree(root / "facts" / "weeks" / name, ignore_errors=True)
     text = CONFIG.replace("[[floor]]", f'closed = ["{CLOSED}"]\n[[floor]]', 1)

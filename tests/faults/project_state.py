@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 CAMERAS, TRACKS = ("cam-1", "cam-2"), tuple("12345")
 HIDDEN = {".lock", ".purge.lock", ".ballast"}
 """Locks and ballast, which stay."""
-PAGES = "reports"
+PAGES = ("reports", "operator")
 LOG = "log.jsonl"
 N_TOLD = 3
 SEVERAL = b"several"
@@ -90,7 +90,7 @@ def state(root: Path) -> State:
             for p in _files(root / "sealed", root / "purge.jsonl", root / "store" / "erasures.json")
         },
         _log(root),
-        {p.name: p.read_bytes() for p in _files(root / PAGES)},
+        {p.name: p.read_bytes() for p in _files(*(root / name for name in PAGES))},
         sorted(str(p.relative_to(root)) for p in litter),
     )
 
@@ -127,9 +127,8 @@ def glance(root: Path, truth: Truth, acked: Sequence[Any], *, are_facts_read: bo
     log = Counter(_log(root))
     wrong += [f"the change log holds a torn or foreign line: {line[:60]}" for line in log.keys() - truth.log]
     wrong += ["the change log holds an entry twice"] * (max(log.values(), default=0) > 1)
-    wrong += [
-        f"{p.name} is cut off" for p in _files(root / PAGES) if not p.read_bytes().endswith((b"</html>\n", b"}\n"))
-    ]
+    pages = _files(*(root / name for name in PAGES))
+    wrong += [f"{p.name} is cut off" for p in pages if not p.read_bytes().endswith((b"</html>\n", b"}\n"))]
     for kind, name, value in acked:
         if kind == "rows":
             is_there = set(engine_tracks(root, name, value)) <= held[name]

@@ -105,7 +105,8 @@ def after_cut(
     """Return how many fact files are torn, and what is wrong: as the disk is, and after the next build."""
     if not (root / "vsd.toml").exists():
         return 0, ["the project is gone"]
-    shutil.rmtree(root / PAGES, ignore_errors=True)  # they are written anew, below
+    for name in PAGES:
+        shutil.rmtree(root / name, ignore_errors=True)  # they are written anew, below
     wrong = glance(root, truth, acked, are_facts_read=False)
     torn = sum(is_torn(path) for path in (root / "facts").rglob("*.parquet"))
     if like is not None:

@@ -38,7 +38,7 @@ POINTS = [
     ("report", "kill -9", "write", "/facts/weeks"),  # superseded files stayed for good
     ("report", "kill -9", "unlink", "/facts/weeks"),
     ("report", "ENOSPC that stays", "create", "/facts/weeks"),
-    ("planner", "kill -9", "rename", "/reports"),  # a temporary file stayed for good
+    ("planner", "kill -9", "rename", "/operator"),  # a temporary file stayed for good
     ("purge by camera", "kill -9", "rename", "/store/observations"),  # a glob showed records twice
 ]
 
