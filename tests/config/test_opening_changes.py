@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from datetime import date, timedelta
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -89,6 +90,16 @@ def test_what_is_written_holds_from_its_day_on_and_is_taken_back_without_a_trace
         assert (root / "vsd.toml").read_bytes() == text
 
 
+@pytest.mark.parametrize("last", ["", "\n", "\n\n\n", "\r\n", "  # no line end", "\n# one\r\n# of two kinds\n"])
+def test_other_lines_stay_as_they_are_however_the_file_ends(tmp_path: Path, last: str) -> None:
+    text = (TOML.format(more="").rstrip("\n") + last).encode()
+    (tmp_path / "vsd.toml").write_bytes(text)
+    assert change_opening(load_site(tmp_path), every_day("08:00", "12:00"), first=TODAY, today=TODAY) is not None
+    assert (tmp_path / "vsd.toml").read_bytes().startswith(text)
+    take_opening_back(load_site(tmp_path), TODAY, today=TODAY)
+    assert (tmp_path / "vsd.toml").read_bytes() == text + (b"" if last.endswith("\n") else b"\n")
+
+
 @given(weeks, weeks, st.integers(0, 13))
 @settings(max_examples=25, deadline=None)
 def test_the_calendar_has_each_day_open_as_its_hours_say(one: Opening, two: Opening, first: int) -> None:
@@ -168,8 +179,13 @@ def test_the_command_writes_lists_and_takes_back(tmp_path: Path, capsys: pytest.
     code, text = vsd()
     assert code == 0
     assert "sun 10:00-13:00 15:00-18:00  (Anna)" in text
-    assert vsd("mon 08:00-20:00")[0] == 2
-    assert vsd("--from", "2026-11-23")[0] == 2
+    for words in (("mon 08:00-20:00",), ("--from", "2026-11-30"), ("--take-back", "2026-11-23", "--by", "Anna")):
+        code, text = vsd(*words)
+        assert code == 2
+        (fix,) = re.findall(r"fix: vsd opening (.*)", text)
+        assert vsd(*shlex.split(fix))[0] == 0, "what it proposes works"
+    vsd("--take-back", "2026-11-18")
+    assert vsd("mon-sat 08:00-20:00, sun 10:00-13:00 15:00-18:00", "--from", "2026-11-23", "--by", "Anna")[0] == 0
     assert vsd("mon 08:10-20:00", "--from", "2026-11-24")[0] == 2
     assert vsd("--take-back", "2026-11-23") == (0, "taken back\n")
     assert vsd("--take-back", "2026-11-23") == (0, "no opening hours begin on that day\n")

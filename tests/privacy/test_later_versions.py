@@ -26,8 +26,8 @@ def one_person_at_nine() -> list[dict[str, Any]]:
     return stream
 
 
-def shared(site: Site, capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    arguments = ["-C", str(site.root), "--now", "2026-11-20T12:00:00Z", "report", "--week", "2026-W46", "--json"]
+def shared(site: Site, capsys: pytest.CaptureFixture[str], *, now: str = "2026-11-20T12:00:00Z") -> dict[str, Any]:
+    arguments = ["-C", str(site.root), "--now", now, "report", "--week", "2026-W46", "--json"]
     assert run(cli, arguments) == 0
     report: dict[str, Any] = json.loads(capsys.readouterr().out)
     return report["reports"][0] if "reports" in report else report
@@ -75,3 +75,24 @@ def test_areas_stay_without_a_time_when_many_people_of_them_arrive_late(
     assert hidden() == first
     (tmp_path / "shop" / "shared.jsonl").unlink()
     assert hidden() == set(), "without memory they would leave"
+
+
+def test_an_area_that_waits_for_the_end_of_its_week_has_its_time_then(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A page of the running week holds back areas whose people are still few; the week's own page loses nothing."""
+
+    def few_at_first(day: int, hour: int) -> dict[Any, int]:
+        return {w.QUEUE: 30, w.DOOR: 1 if day < 3 else 30}
+
+    def hidden(now: str) -> set[str | None]:
+        rows = shared(site, capsys, now=now)["answers"]["areas"]["rows"]
+        return {row["area_id"] for row in rows if row["close_time_share"]["value"] is None}
+
+    site = w.world(tmp_path / "shop", w.toml(), w.messages(few_at_first))
+    end = "2026-11-20T12:00:00Z"
+    without = hidden(end)
+    (tmp_path / "shop" / "shared.jsonl").unlink()
+    assert "door" in hidden("2026-11-13T07:00:00Z")
+    assert hidden(end) == without
+    assert "queue" not in without

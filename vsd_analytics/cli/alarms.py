@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from datetime import date, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -193,7 +192,7 @@ def _write_page(project: Project, answers: Answers, out: str | None, *, is_opene
     week = WeekRef.of(holds.first, zone=site.timezone)
     if (holds.first, holds.last) != (week.monday, week.sunday) or week.monday.weekday():
         week = WeekRef.of_days(holds.first, holds.last, zone=site.timezone)
-    folder = Path(out) if out is not None else project.pages(is_operators=True)
+    folder = project.pages(out, is_operators=True)
     [path] = write(folder, {f"{week.iso}-alarms.html": alarm_html(page).encode()})
     click.echo(page.headline)
     click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")

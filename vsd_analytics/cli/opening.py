@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from datetime import date
 from typing import Any
 
@@ -50,7 +51,9 @@ def opening(
     today = project.clock().astimezone(site.zone).date()
     if gone_text is not None:
         if hours is not None or first_text is not None or by is not None:
-            raise UsageError("--take-back takes a day and nothing else", fix="vsd opening --take-back 2026-12-01")
+            raise UsageError(
+                "--take-back takes a day and nothing else", fix=f"vsd opening --take-back {shlex.quote(gone_text)}"
+            )
         gone = take_opening_back(site, day(gone_text), today=today)
         if as_json:
             emit_json({"from": gone_text, "is_taken_back": gone is not None})
@@ -59,7 +62,7 @@ def opening(
         return
     if hours is not None:
         if first_text is None:
-            raise UsageError("from which day on?", fix=f"vsd opening HOURS --from {today}")
+            raise UsageError("from which day on?", fix=f"vsd opening {shlex.quote(hours)} --from {today}")
         week, _ = parse_opening(parse_opening_words(hours))
         changed = change_opening(site, week, first=day(first_text), today=today, by=by)
         if as_json:
@@ -68,7 +71,10 @@ def opening(
             click.echo(f"from {first_text}: {_line(in_words(week))}{'' if changed else '  (as before)'}")
         return
     if first_text is not None or by is not None:
-        raise UsageError("--from and --by go with opening hours", fix='vsd opening "mon-sat 08:00-20:00" --from DATE')
+        since = shlex.quote(first_text or f"{today}")
+        raise UsageError(
+            "--from and --by go with opening hours", fix=f'vsd opening "mon-sat 08:00-20:00" --from {since}'
+        )
     rows: list[dict[str, Any]] = [
         {"from": None, "hours": None if site.opening is None else in_words(site.opening), "by": None},
         *({"from": f"{c.first}", "hours": in_words(c.opening), "by": c.by} for c in site.opening_changes),

@@ -89,7 +89,7 @@ def planner(
             on_plan=on_plan,
             on_hours=on_hours,
         )
-    folder = Path(out) if out not in (None, "-") else project.pages()
+    folder = project.pages(None if out == "-" else out)
     printed = []
     for data in made:
         page = render_planner(data)

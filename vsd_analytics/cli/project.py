@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from vsd_analytics.cli.output import plain, render_error
+from vsd_analytics.errors import UsageError
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
@@ -66,13 +67,26 @@ class Project:
         site = load_site(self.root, environ=os.environ)
         return site.with_settings(mask_below=0) if self.is_exact else site
 
-    def pages(self, *, is_operators: bool = False) -> Path:
+    def pages(self, out: str | None = None, *, is_operators: bool = False) -> Path:
         """Return where pages and files go: `reports/`, which may be shared, or `operator/`, which may not.
 
         Args:
+            out: Folder asked for; None = that of the project.
             is_operators: They show small counts whatever the command was given; with `--exact` all do.
+
+        Raises:
+            UsageError: E101, pages for the operator were to go to `reports/`, from where readers get them.
         """
-        return self.root / ("operator" if is_operators or self.is_exact else "reports")
+        reports, are_operators = self.root / "reports", is_operators or self.is_exact
+        if out is None:
+            return self.root / "operator" if are_operators else reports
+        if are_operators and Path(out).resolve() == reports.resolve():
+            raise UsageError(
+                "pages for the operator do not go to reports/",
+                why="small counts are not hidden in them, and what is there may be shared",
+                fix="leave --out away, or name another folder",
+            )
+        return Path(out)
 
     def say(self, text: str) -> None:
         """Print a message for the user on standard error, unless `--quiet`."""

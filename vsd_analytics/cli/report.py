@@ -116,7 +116,7 @@ def report(
     if out == "-":
         print_one(every, kinds)
         return _exit_code(reports, strict=strict)
-    folder = Path(out) if out is not None else project.pages()
+    folder = project.pages(out)
     paths: list[Path] = []
     failed: list[VsdError] = []
     for files in every:

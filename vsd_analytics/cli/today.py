@@ -174,7 +174,7 @@ def _write(project: Project, card: Today, out: str | None, options: MailOptions 
     page = make_today_page(card, site, is_made_up=is_made_up)
     click.echo(filled("today_mail.txt.j2", page).partition("\n-- \n")[0])
     floor = "" if len(site.floors) == 1 else f"-{card.floor_id}"
-    folder = Path(out) if out is not None else project.pages(is_operators=True)
+    folder = project.pages(out, is_operators=True)
     paths = write(folder, {f"today{floor}.html": today_html(page).encode()})
     if options is not None:
         date = project.now.astimezone(site.zone) if options.is_sent else None

@@ -48,9 +48,10 @@ def change_opening(
     if site.hours.on(first) == opening:
         return None
     if any(c.first == first for c in site.opening_changes):
-        raise UsageError(f"opening hours change on {first} already", fix="take that change back first")
+        fix = f"vsd opening --take-back {first}, then change them"
+        raise UsageError(f"opening hours change on {first} already", fix=fix)
     change = OpeningChange(first, opening, by)
-    _rewrite(site, lambda text: text.rstrip("\r\n") + "\n\n" + _block(change), lambda tables: [*tables, _table(change)])
+    _rewrite(site, lambda text: _appended(text, change), lambda tables: [*tables, _table(change)])
     return change
 
 
@@ -78,7 +79,7 @@ def take_opening_back(site: Site, first: date, *, today: date) -> OpeningChange 
     gone = _table(change)
     _rewrite(
         site,
-        lambda text: text.replace("\n" + _block(change), "", 1),
+        lambda text: text.replace(_block(change, end=_end_of_lines(text)), "", 1),
         lambda tables: [table for table in tables if table != gone],
     )
     return change
@@ -99,12 +100,23 @@ def _table(change: OpeningChange) -> dict[str, Any]:
     return {"from": change.first.isoformat(), "hours": hours} | ({} if change.by is None else {"by": change.by})
 
 
-def _block(change: OpeningChange) -> str:
+def _appended(text: str, change: OpeningChange) -> str:
+    """Return the text with a change below it, in its own kind of line ends."""
+    end = _end_of_lines(text)
+    return text + ("" if not text or text.endswith("\n") else end) + _block(change, end=end)
+
+
+def _end_of_lines(text: str) -> str:
+    return "\r\n" if "\r\n" in text else "\n"
+
+
+def _block(change: OpeningChange, *, end: str) -> str:
+    """Return a change as it is written, an empty line before it."""
     table = _table(change)
     hours = ", ".join(f"{day} = {json.dumps(spans)}" for day, spans in table["hours"].items())
     lines = ["[[opening]]", f'from = "{table["from"]}"', f"hours = {{ {hours} }}" if hours else "hours = {}"]
     by = [] if change.by is None else [f"by = {json.dumps(change.by, ensure_ascii=False)}"]
-    return "\n".join([*lines, *by]) + "\n"
+    return "".join(f"{line}{end}" for line in ("", *lines, *by))
 
 
 def _rewrite(
@@ -117,22 +129,18 @@ def _rewrite(
     with exclusive(site.root / LOCK):
         sweep_temporaries(path.parent, file_name=path.name)
         text = path.read_bytes().decode("utf-8")
-        has_returns = "\r\n" in text
-        plain = text.removeprefix("\ufeff").replace("\r\n", "\n")
-        new, before = edited(plain), tomllib.loads(plain)
+        new, before = edited(text), tomllib.loads(text.removeprefix("\ufeff"))
         tables = wanted(before.pop("opening", []))
         try:
-            after: Mapping[str, Any] = tomllib.loads(new)
+            after: Mapping[str, Any] = tomllib.loads(new.removeprefix("\ufeff"))
         except tomllib.TOMLDecodeError:
             after = {}
-        if new == plain or after != before | ({"opening": tables} if tables else {}):
+        if new == text or after != before | ({"opening": tables} if tables else {}):
             raise ConfigError(
                 f"the opening hours cannot be written into {FILE}",
                 why="the file writes [[opening]] in another way than this program",
                 where=Where(FILE),
                 fix="edit the [[opening]] of that day there",
             )
-        site_of(TomlText(FILE, new), folder=site.root)
-        start = "\ufeff" if text.startswith("\ufeff") else ""
-        written = start + (new.replace("\n", "\r\n") if has_returns else new)
-        publish(path, written.encode(), is_private=not path.stat().st_mode & 0o077)
+        site_of(TomlText(FILE, new.removeprefix("\ufeff").replace("\r\n", "\n")), folder=site.root)
+        publish(path, new.encode(), is_private=not path.stat().st_mode & 0o077)

@@ -25,8 +25,8 @@ def hidden_times(period: Period) -> Mapping[str | None, Reason]:
     """Return why the person-time of areas is held back, by area; None is the rest of the floor.
 
     Fewer than `mask_below` people made it, on the day with most of them (`people`). The other place is the rest of the
-    floor, or the last area with enough people. What an earlier version of the week held back stays so: else the time of
-    few people would be the sum known then less what is known now.
+    floor, or the last area with enough people. What an earlier version of the same days held back stays so: else the
+    time of few people would be the sum known then less what is known now.
 
     Args:
         period: The week of a floor.
@@ -42,7 +42,8 @@ def hidden_times(period: Period) -> Mapping[str | None, Reason]:
     times_h = {key: float(np.nansum(data.panel(period.area(key), period.days).exposure_h)) for key in n_people}
     few = [k for k, n in n_people.items() if times_h[k] > 0 and (n < below or k in data.untimed)]
     others = [k for k in reversed(n_people) if k not in few and times_h[k] > 0] if few else []
-    before = {name for week in versions(data.site, data.floor.floor_id, period.first) for name in week.untimed_places}
+    of_same_days = (w for w in versions(data.site, data.floor.floor_id, period.first) if w.through == period.last)
+    before = {name for week in of_same_days for name in week.untimed_places}
     stays = [k for k in n_people if times_h[k] > 0 and (REST if k is None else k) in before]
     return dict.fromkeys([*others[:1], *stays], GIVES_AWAY) | dict.fromkeys(few, few_people)
 
