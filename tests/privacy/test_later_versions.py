@@ -83,16 +83,17 @@ def test_an_area_that_waits_for_the_end_of_its_week_has_its_time_then(
     """A page of the running week holds back areas whose people are still few; the week's own page loses nothing."""
 
     def few_at_first(day: int, hour: int) -> dict[Any, int]:
-        return {w.QUEUE: 30, w.DOOR: 1 if day < 3 else 30}
+        many = {w.QUEUE: 30, w.DOOR: 30} if day > 3 else {w.QUEUE: 30}
+        return many | ({w.DOOR: 1} if day < 3 and hour == ALONE_H else {})
 
     def hidden(now: str) -> set[str | None]:
         rows = shared(site, capsys, now=now)["answers"]["areas"]["rows"]
         return {row["area_id"] for row in rows if row["close_time_share"]["value"] is None}
 
-    site = w.world(tmp_path / "shop", w.toml(), w.messages(few_at_first))
+    site = w.world(tmp_path / "shop", w.toml(), w.messages(few_at_first, is_alone=False))
     end = "2026-11-20T12:00:00Z"
     without = hidden(end)
     (tmp_path / "shop" / "shared.jsonl").unlink()
     assert "door" in hidden("2026-11-13T07:00:00Z")
+    assert "door" not in without
     assert hidden(end) == without
-    assert "queue" not in without
