@@ -12,9 +12,10 @@ import pytest
 from warehouse.small_projects import DAY, HOUR, T0, Pair, Person, beats, make_site, open_days, put
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.neighbours import LEVELS, level_of, others_met, room_around, three_or_more
+from vsd_analytics.figures.neighbours import others_met, room_around, three_or_more
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.room_levels import LEVELS, level_of
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import Warehouse
 

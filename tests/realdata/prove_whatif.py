@@ -33,6 +33,7 @@ from vsd_analytics.whatif.closeness import n_close
 from vsd_analytics.whatif.doors import predicted_seconds
 from vsd_analytics.whatif.fixture_edits import AROUND, fixture_effect
 from vsd_analytics.whatif.floor_records import ALONE, FloorRecords, floor_records, records_of
+from vsd_analytics.whatif.frame_pairs import FramePairs
 from vsd_analytics.whatif.ranges import MIN_CLOSE_S, Z, spread
 from vsd_analytics.whatif.retiming import SHIFTS_S, Meetings, shifted, step_aside
 
@@ -143,7 +144,7 @@ def another_time(records: FloorRecords, block_s: float, within_m: float) -> str:
         for shift_s in SHIFTS_S:
             layer = shifted(records, checked, shift_s)
             meets = Meetings(records, layer, within_m=within_m)
-            recorded = n_close(records.frame, records.x_m, records.y_m, within_m=within_m)[layer.rows] > 0
+            recorded = n_close(records.frames, records.x_m, records.y_m, within_m=within_m)[layer.rows] > 0
             for strength, out in ((aside.strength, after), (0.0, without)):
                 out.append(weight_s[layer.rows] * (meets.is_close(strength) | company_s[layer.rows]))
             before.append(weight_s[layer.rows] * recorded)
@@ -167,7 +168,7 @@ def companions(records: FloorRecords, within_m: float) -> np.ndarray:
     """Return which records are too close to a companion: those stay together at any time."""
     own = records.company != ALONE
     frame = np.where(own, records.frame * 1_000_003 + records.company % 1_000_003, -1 - np.arange(own.size))
-    return n_close(frame, records.x_m, records.y_m, within_m=within_m) > 0
+    return n_close(FramePairs(frame), records.x_m, records.y_m, within_m=within_m) > 0
 
 
 def fixtures(records: FloorRecords, seed: int = 3) -> None:

@@ -47,7 +47,7 @@ def test_people_shifted_in_time_come_as_close_as_they_did(realdata: Callable[[st
     for within_m, most in ((1.0, 0.05), (2.0, 0.03)):
         learned = halves(records)
         aside = step_aside(records, learned, within_m=within_m)
-        recorded = n_close(records.frame, records.x_m, records.y_m, within_m=within_m) > 0
+        recorded = n_close(records.frames, records.x_m, records.y_m, within_m=within_m) > 0
         with_company = companions(records, within_m)
         after, before = 0, 0
         for shift_s in SHIFTS_S:

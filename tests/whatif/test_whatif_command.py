@@ -188,12 +188,76 @@ def test_time_too_close_is_that_of_the_weekly_figures(project: Path) -> None:
     with open_warehouse(site, *days, relations=RELATIONS) as warehouse:
         records = records_of(warehouse, "ground", *days, (-99, -99, 99, 99))
         found = place_times(warehouse, "ground", *days)[floor_key("ground")]
-    is_close = n_close(records.frame, records.x_m, records.y_m, within_m=2.0) > 0
+    is_close = n_close(records.frames, records.x_m, records.y_m, within_m=2.0) > 0
     mine = recorded_place(records, np.ones(is_close.size, np.bool_), is_close)
     assert mine.total_close_s == pytest.approx(found.total_close_s, rel=1e-3)
     assert mine.exposure_s == pytest.approx(found.exposure_s, rel=1e-3)
     couples = np.unique(records.track[records.company != ALONE]).size
     assert couples > 200
+
+
+_LOCATED = """
+select located.camera_id, site_days.site_day, located.track_id, located.ts_ms, located.x_mm, located.y_mm,
+    located.weight_ms, located.is_owned, calendar.local_date
+from located
+inner join calendar on located.ts_ms // 900000 = calendar.quarter
+inner join site_days on located.ts_ms // 900000 = site_days.quarter
+where calendar.is_open and located.x_mm between 5000 and 12500 and located.y_mm between 1000 and 4000
+order by located.ts_ms, located.x_mm, located.y_mm
+"""
+
+
+@pytest.mark.parametrize("accelerated", ["0", "1"])
+def test_records_of_a_part_are_those_that_the_query_of_located_has(
+    project: Path, accelerated: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VSD_ACCELERATED", accelerated)
+    days = date(2026, 11, 2), date(2026, 11, 3)
+    with open_warehouse(load_site(project), *days, relations=RELATIONS) as warehouse:
+        found = records_of(warehouse, "ground", *days, (5.0, 1.0, 12.5, 4.0))
+        rows = warehouse.rows(_LOCATED)
+    order = np.lexsort((found.y_m, found.x_m, found.t_s))
+    assert len(rows) > 1000
+    for name, column, factor in (("t_s", "ts_ms", 1000), ("x_m", "x_mm", 1000), ("weight_s", "weight_ms", 1000)):
+        assert getattr(found, name)[order].tolist() == [row[column] / factor for row in rows]
+    assert found.is_owned[order].tolist() == [row["is_owned"] for row in rows]
+    assert found.day[order].tolist() == [row["local_date"].toordinal() for row in rows]
+    ids = [(row["camera_id"], row["site_day"], row["track_id"]) for row in rows]
+    assert len(set(zip(found.track[order].tolist(), ids, strict=True))) == len(set(ids)) == np.unique(found.track).size
+    frames = [(row["camera_id"], row["ts_ms"]) for row in rows]
+    assert len(set(zip(found.frame[order].tolist(), frames, strict=True))) == len(set(frames))
+    assert np.unique(found.frame).size == len(set(frames))
+
+
+def test_an_edit_has_one_answer_alone_and_beside_others(
+    project: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """The records of all edits of a file are loaded together."""
+    one = '[[fixture]]\nid = "post"\npolygon = [[9, 3], [9.2, 3], [9.2, 3.2]]\n'
+    other = '[[fixture]]\nid = "far"\npolygon = [[1, 1], [1.2, 1], [1.2, 1.2]]\n'
+    answers = []
+    for name, text in (("one", one), ("both", one + other)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+        _, out, _ = vsd(project, capsys, "whatif", str(tmp_path / name), "--range", DAYS, "--no-receipt", "--json")
+        tables = json.loads(out)["answers"]
+        answers.append([row for t in ("whatif", "whatif_places") for row in tables[t]["rows"] if row["number"] == 1])
+    assert answers[0] == answers[1]
+
+
+def test_who_stays_at_the_old_place_is_known_also_where_the_new_one_is_far_away(
+    project: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "vsd.toml").write_text(TOML, encoding="utf-8")
+    (tmp_path / "edit.toml").write_text(
+        '[[fixture]]\nid = "stand"\npolygon = [[1, 5.5], [2, 5.5], [2, 6.2], [1, 6.2]]\n', encoding="utf-8"
+    )
+    people = [{"id": "stays", "x_m": 15.5, "y_m": 5.0}, {"id": "beside", "x_m": 15.5, "y_m": 4.2}]
+    rows = [{**frame, "persons": people} for frame, _ in zip(frames(), range(60), strict=False)]
+    (tmp_path / "frames.jsonl").write_text("\n".join(map(json.dumps, rows)), encoding="utf-8")
+    ingest(load_site(tmp_path), [tmp_path / "frames.jsonl"], IngestOptions(), now=FIRST + timedelta(days=30))
+    _, out, _ = vsd(tmp_path, capsys, "whatif", str(tmp_path / "edit.toml"), "--no-receipt", "--json")
+    [row] = json.loads(out)["answers"]["whatif_stays"]["rows"]
+    assert (row["n_stays"]["value"], row["close_share"]["value"]) == (2, 1)
 
 
 def test_purged_days_and_people_without_track_ids_are_refused(

@@ -11,9 +11,10 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.answer import Answer, Column, Reason, Row, Value
-from vsd_analytics.figures.neighbours import LEVELS, RoomLevel, density_edges, level_of
+from vsd_analytics.figures.neighbours import RoomLevel
 from vsd_analytics.figures.people_present import Presence, unknown_hours_notes
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.room_levels import LEVELS, density_edges, level_of
 from vsd_analytics.figures.share.times import hidden_times
 from vsd_analytics.figures.visits import timeless
 from vsd_analytics.settings import FLOOR_CELL_M

@@ -22,17 +22,13 @@ from vsd_analytics.figures.episodes import SEED
 from vsd_analytics.figures.groups import PURGED
 from vsd_analytics.figures.panels import Array, Place
 from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.room_levels import LEVELS, ROOM_M2, density_edges, level_of
 from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.groups import ShareEstimate, share_by_days
 from vsd_analytics.stats.others_met import CountQuantiles, count_quantiles
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 THREE: Final = 3
-SQUARE_FOOT_M2: Final = 0.3048**2
-ROOM_M2: Final = tuple(feet * SQUARE_FOOT_M2 for feet in (35, 25, 15, 10, 5))
-"""Least floor for each person of levels of service A to E of walkways; below the last is F. Source: Fruin, Pedestrian
-Planning and Design (1971), in square feet."""
-LEVELS: Final = "ABCDEF"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,17 +86,6 @@ def room_around(period: Period) -> tuple[RoomLevel, ...]:
         )
         for k, level in enumerate(LEVELS)
     )
-
-
-def density_edges() -> tuple[tuple[float, float | None], ...]:
-    """Return the densities in people per m² above which each of `LEVELS` begins, and up to which it goes."""
-    limits = [1 / room for room in ROOM_M2]
-    return tuple(zip([0.0, *limits], [*limits, None], strict=True))
-
-
-def level_of(density: float) -> int:
-    """Return the place in `LEVELS` of a density in people per m²; a limit belongs to the roomier level."""
-    return sum(density * room > 1 for room in ROOM_M2)
 
 
 def _share(period: Period, hours: Array) -> RateEstimate:

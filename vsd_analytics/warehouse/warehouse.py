@@ -22,7 +22,7 @@ from vsd_analytics.store import removal
 from vsd_analytics.store.duck import connect
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import superseded
-from vsd_analytics.warehouse.build import build
+from vsd_analytics.warehouse.build import build, record_rows
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.day_files import AROUND_H, DayFiles
 from vsd_analytics.warehouse.dimensions import calendar, register_site, site_days
@@ -260,6 +260,15 @@ class Warehouse:
         """Return a query's rows as dictionaries."""
         found: list[dict[str, Any]] = self.table(query, values).to_pylist()
         return found
+
+    def person_records(self) -> Iterator[pa.Table]:
+        """Yield the rows of `located`, a batch of hours at a time, in order of hours: no batch is held.
+
+        Ids are texts, or dictionaries that have other names, too; the rows of a batch come in any order. Purged hours
+        have none.
+        """
+        first, last = self._hours
+        return record_rows(self.site, "located", first_hour=first, last_hour=last)
 
     def _retry_carefully(self, relation: str, work: Callable[[], T]) -> T:
         """Return the result of `work`; when DuckDB fails internally, try once more with careful settings.

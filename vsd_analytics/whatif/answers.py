@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, Value
-from vsd_analytics.figures.neighbours import LEVELS, ROOM_M2
+from vsd_analytics.figures.room_levels import LEVELS, ROOM_M2
 from vsd_analytics.figures.values import known
 from vsd_analytics.site.layout import DoorEdit, Edit, FixtureEdit, OpeningEdit
 from vsd_analytics.site.model import Site

@@ -2,82 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Final
-
 import numpy as np
 
-from vsd_analytics.whatif.floor_records import ALONE, Bools, Floats, Ints
-
-_PAIRS_AT_ONCE: Final = 4_000_000
-
-
-class FramePairs:
-    """Finds the pairs of records that one frame holds.
-
-    Args:
-        frame: Frame of each record, shape (n_records,).
-    """
-
-    def __init__(self, frame: Ints) -> None:
-        self._order = np.argsort(frame, kind="stable")
-        self._sorted = frame[self._order]
-
-    def of(self, rows: Ints, frame: Ints) -> Iterator[tuple[Ints, Ints]]:
-        """Yield, in blocks, a position in `rows` and a record of that frame, for all records of the frame of each.
-
-        Args:
-            rows: Positions to yield, shape (n,).
-            frame: The frame in which to look for each, shape (n,).
-        """
-        begin, end = (np.searchsorted(self._sorted, frame, side) for side in ("left", "right"))
-        n = end - begin
-        total = np.cumsum(n)
-        first = 0
-        while first < rows.size:
-            done = total[first - 1] if first else 0
-            last = max(int(np.searchsorted(total, done + _PAIRS_AT_ONCE, "right")), first + 1)
-            counts = n[first:last]
-            offset = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-            yield np.repeat(rows[first:last], counts), self._order[np.repeat(begin[first:last], counts) + offset]
-            first = last
+from vsd_analytics.whatif.arrays import Bools, Floats, Ints
+from vsd_analytics.whatif.floor_records import ALONE, FloorRecords
+from vsd_analytics.whatif.frame_pairs import FramePairs
 
 
-def n_close(frame: Ints, x_m: Floats, y_m: Floats, *, within_m: float) -> Ints:
+def n_close(frames: FramePairs, x_m: Floats, y_m: Floats, *, within_m: float) -> Ints:
     """Return for each record how many others of its frame are closer than `within_m`, shape (n_records,)."""
-    everyone = np.arange(frame.size)
-    counts = np.zeros(frame.size, np.int64)
-    for one, other in FramePairs(frame).of(everyone, frame):
-        is_close = (one != other) & (_distance2(x_m, y_m, one, x_m, y_m, other) < within_m**2)
-        counts += np.bincount(one[is_close], minlength=frame.size)
+    x_m, y_m = x_m[frames.order], y_m[frames.order]
+    ordered = np.zeros(x_m.size, np.int64)
+    for one, other in frames.each():
+        is_close = _distance2(x_m, y_m, one, x_m, y_m, other) < within_m**2
+        ordered[one[is_close]] += 1  # in one round each record is on either side at most once
+        ordered[other[is_close]] += 1
+    counts = np.empty_like(ordered)
+    counts[frames.order] = ordered
     return counts
 
 
+def n_close_recorded(records: FloorRecords, *, within_m: float) -> Ints:
+    """Return `n_close` of records where they are, a day at a time."""
+    counts = [
+        n_close(FramePairs(records.frame[day]), records.x_m[day], records.y_m[day], within_m=within_m)
+        for day in records.days()
+    ]
+    return np.concatenate(counts)
+
+
 def n_close_after(
-    before: Ints, frame: Ints, x_m: Floats, y_m: Floats, moved: Ints, new_x_m: Floats, new_y_m: Floats, *,
-    within_m: float,
+    before: Ints, frames: FramePairs, places: tuple[Floats, Floats], moved: Ints,
+    new_places: tuple[Floats, Floats], *, within_m: float,
 ) -> Ints:  # fmt: skip
     """Return `n_close` after some records moved; only pairs with one of them are compared.
 
     Args:
         before: `n_close` as recorded.
-        frame: Frame of all records.
-        x_m: Where they are, with `y_m`.
-        y_m: Likewise.
+        frames: The records' frames.
+        places: x and y of all records, as recorded.
         moved: Rows that move, shape (n_moved,).
-        new_x_m: Where all records are then, with `new_y_m`, shape (n_records,).
-        new_y_m: Likewise.
+        new_places: x and y of all records then.
         within_m: The distance.
     """
     counts = before.copy()
-    is_moved = np.zeros(frame.size, np.bool_)
+    is_moved = np.zeros(counts.size, np.bool_)
     is_moved[moved] = True
-    for one, other in FramePairs(frame).of(moved, frame[moved]):
-        for x, y, sign in ((x_m, y_m, -1), (new_x_m, new_y_m, 1)):
+    for one, other in frames.of(moved, frames.frame[moved]):
+        for (x, y), sign in ((places, -1), (new_places, 1)):
             is_close = (one != other) & (_distance2(x, y, one, x, y, other) < within_m**2)
             a, b = one[is_close], other[is_close]
-            counts += sign * np.bincount(a, minlength=frame.size)
-            counts += sign * np.bincount(b[~is_moved[b]], minlength=frame.size)
+            counts += sign * np.bincount(a, minlength=counts.size)
+            counts += sign * np.bincount(b[~is_moved[b]], minlength=counts.size)
     return counts
 
 
@@ -105,8 +81,20 @@ def near_strangers(
     return tuple(np.concatenate(column) for column in zip(*pairs, strict=True)) if pairs else (none, none)  # type: ignore[return-value]
 
 
+def nearest_strangers(
+    pairs: tuple[Ints, Ints], places: tuple[Floats, Floats], others: tuple[Floats, Floats]
+) -> tuple[Ints, Ints]:
+    """Return of the pairs of `near_strangers` the nearest one of each who has any."""
+    apart2 = _distance2(*places, pairs[0], *others, pairs[1])
+    order = np.lexsort((apart2, pairs[0]))
+    one, other = pairs[0][order], pairs[1][order]
+    is_nearest = np.ones(one.size, np.bool_)
+    is_nearest[1:] = one[1:] != one[:-1]
+    return one[is_nearest], other[is_nearest]
+
+
 def stepped_aside(
-    pairs: tuple[Ints, Ints], places: tuple[Floats, Floats], others: tuple[Floats, Floats], *, strength: float,
+    nearest: tuple[Ints, Ints], places: tuple[Floats, Floats], others: tuple[Floats, Floats], *, strength: float,
     reach_m: float,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Return where people are after each stepped back from the nearest stranger, by strength (reach - distance).
@@ -115,20 +103,16 @@ def stepped_aside(
     people who did meet stepped aside.
 
     Args:
-        pairs: Of `near_strangers`.
+        nearest: Of `nearest_strangers`.
         places: As there.
         others: As there.
         strength: Share of the lacking distance, 0 to 1.
         reach_m: Distance from which nobody steps back.
     """
     x_m, y_m = places[0].copy(), places[1].copy()
-    apart = np.sqrt(_distance2(*places, pairs[0], *others, pairs[1]))
-    order = np.lexsort((apart, pairs[0]))
-    one, other, apart = pairs[0][order], pairs[1][order], apart[order]
-    is_nearest = np.ones(one.size, np.bool_)
-    is_nearest[1:] = one[1:] != one[:-1]
-    is_nearest &= apart < reach_m
-    one, other, apart = one[is_nearest], other[is_nearest], apart[is_nearest]
+    apart = np.sqrt(_distance2(*places, nearest[0], *others, nearest[1]))
+    is_near = apart < reach_m
+    one, other, apart = nearest[0][is_near], nearest[1][is_near], apart[is_near]
     step = strength * (reach_m - apart) / np.maximum(apart, 0.05)
     x_m[one] += step * (places[0][one] - others[0][other])
     y_m[one] += step * (places[1][one] - others[1][other])

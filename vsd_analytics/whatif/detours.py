@@ -13,7 +13,8 @@ import numpy as np
 import shapely
 
 from vsd_analytics.site.model import Point
-from vsd_analytics.whatif.floor_records import ALONE, Bools, Floats, FloorRecords, Ints
+from vsd_analytics.whatif.arrays import Bools, Floats, Ints
+from vsd_analytics.whatif.floor_records import ALONE, FloorRecords
 
 CLEARANCE_M: Final = 0.3
 """Distance of a walker's middle from a fixture: half the width of a body and a little air."""
@@ -63,10 +64,12 @@ def detours(
     """
     hull = shapely.convex_hull(shapely.Polygon(polygon))
     is_blocked = blocked(records, hull.buffer(clearance_m))
-    x_m, y_m = records.x_m.copy(), records.y_m.copy()
     if not is_blocked.any():
-        return Detours(np.zeros(0, np.int64), 0, 0, np.zeros(0, np.int64), x_m, y_m)
-    near = np.asarray(shapely.contains_xy(_prepared(hull.buffer(clearance_m + approach_m)), x_m, y_m))
+        return Detours(np.zeros(0, np.int64), 0, 0, np.zeros(0, np.int64), records.x_m, records.y_m)
+    everybody, own = records, _of_people(records.track, is_blocked)
+    records, is_blocked = records.part(own), is_blocked[own]
+    x_m, y_m = records.x_m.copy(), records.y_m.copy()
+    near = inside_of(hull.buffer(clearance_m + approach_m), x_m, y_m)
     rows, walk = _passes(records, is_blocked, near | is_blocked)
     n_passes = int(walk[-1]) + 1
     first, last = _ends(walk, is_blocked[rows])
@@ -100,16 +103,17 @@ def detours(
     x_m[rows[goes]], y_m[rows[goes]] = new[goes].T
     track = records.track[rows[first]]
     shifted = rows[goes & (np.hypot(x_m[rows] - records.x_m[rows], y_m[rows] - records.y_m[rows]) > 0)]
-    return Detours(
-        np.unique(track), np.unique(track[is_standing]).size, np.unique(track[~has_way]).size, shifted, x_m, y_m
-    )  # fmt: skip
+    all_x_m, all_y_m = everybody.x_m.copy(), everybody.y_m.copy()
+    all_x_m[own], all_y_m[own] = x_m, y_m
+    n_standing, n_no_way = np.unique(track[is_standing]).size, np.unique(track[~has_way]).size
+    return Detours(np.unique(track), n_standing, n_no_way, own[shifted], all_x_m, all_y_m)
 
 
 def blocked(records: FloorRecords, shape: shapely.Geometry) -> Bools:
     """Return which records are the ends of a step that a shape blocks, or lie in it, shape (n_records,)."""
     left, low, right, high = shape.bounds
     x, y = records.x_m, records.y_m
-    is_blocked = np.asarray(shapely.contains_xy(_prepared(shape), x, y))
+    is_blocked = inside_of(shape, x, y)
     joined = records.joins_next
     meets = [np.minimum(v[1:], v[:-1]) <= most for v, most in ((x, right), (y, high))]
     meets += [np.maximum(v[1:], v[:-1]) >= least for v, least in ((x, left), (y, low))]
@@ -118,6 +122,14 @@ def blocked(records: FloorRecords, shape: shapely.Geometry) -> Bools:
     crossed = steps[shapely.intersects(shape, shapely.linestrings(ends))] if steps.size else steps
     is_blocked[crossed], is_blocked[crossed + 1] = True, True
     return is_blocked
+
+
+def _of_people(track: Ints, chosen: Bools) -> Ints:
+    """Return the rows of all records of the people of some, given the people of records in order."""
+    person = np.cumsum(np.diff(track, prepend=track[:1]) != 0)
+    is_theirs = np.zeros(int(person[-1]) + 1, np.bool_)
+    is_theirs[person[chosen]] = True
+    return np.flatnonzero(is_theirs[person])
 
 
 def _passes(records: FloorRecords, is_blocked: Bools, is_near: Bools) -> tuple[Ints, Ints]:
@@ -154,8 +166,8 @@ def _hits(moved: Floats, x_m: Floats, y_m: Floats, walk: Ints, n_passes: int, so
     """Return which stretches would go through another fixture where they did not before."""
     hits = np.zeros(n_passes, np.bool_)
     if solid is not None:
-        tight = _prepared(solid.buffer(_TIGHT_M))
-        enters = shapely.contains_xy(tight, *moved.T) & ~shapely.contains_xy(tight, x_m, y_m)
+        tight = solid.buffer(_TIGHT_M)
+        enters = inside_of(tight, *moved.T) & ~inside_of(tight, x_m, y_m)
         hits[walk[enters]] = True
     return hits
 
@@ -163,7 +175,7 @@ def _hits(moved: Floats, x_m: Floats, y_m: Floats, walk: Ints, n_passes: int, so
 def _outside(x_m: Floats, y_m: Floats, shape: shapely.Geometry) -> Floats:
     """Return the nearest places outside a shape of those who stand in it; all others stay where they are."""
     places = np.column_stack([x_m, y_m])
-    inside = np.asarray(shapely.contains_xy(shape, x_m, y_m))
+    inside = inside_of(shape, x_m, y_m)
     points = shapely.points(places[inside])
     edge = shape.exterior
     places[inside] = shapely.get_coordinates(
@@ -172,6 +184,13 @@ def _outside(x_m: Floats, y_m: Floats, shape: shapely.Geometry) -> Floats:
     return places
 
 
-def _prepared(shape: shapely.Geometry) -> shapely.Geometry:
+def inside_of(shape: shapely.Geometry, x_m: Floats, y_m: Floats) -> Bools:
+    """Return which places lie in a shape; an empty one is the whole floor."""
+    if shape.is_empty:
+        return np.ones(x_m.size, np.bool_)
+    left, low, right, high = shape.bounds
+    inside: Bools = (x_m >= left) & (x_m <= right) & (y_m >= low) & (y_m <= high)
+    rows = np.flatnonzero(inside)
     shapely.prepare(shape)
-    return shape
+    inside[rows] = shapely.contains_xy(shape, x_m[rows], y_m[rows])
+    return inside

@@ -15,8 +15,9 @@ import numpy as np
 from vsd_analytics.answer import Reason
 from vsd_analytics.site.layout import DoorEdit
 from vsd_analytics.site.model import Point
+from vsd_analytics.whatif.arrays import Bools, Ints
 from vsd_analytics.whatif.closeness import n_close
-from vsd_analytics.whatif.floor_records import Bools, FloorRecords, Ints
+from vsd_analytics.whatif.floor_records import FloorRecords
 
 ONE_WAY_SHARE: Final = 0.95
 """Share of passages in one direction from which a way is one-way."""
@@ -104,7 +105,7 @@ def door_traffic(records: FloorRecords, door: DoorEdit, *, within_m: float) -> D
     people = np.unique(records.track[rows])
     counts = _on_side(records, door, people, sign if door.kind == "exit" else -sign)
     crowd, close = (
-        n_close(records.frame, records.x_m, records.y_m, within_m=d) > 0 for d in (QUEUE_M, within_m)
+        n_close(records.frames, records.x_m, records.y_m, within_m=d) > 0 for d in (QUEUE_M, within_m)
     )  # fmt: skip
     weight = records.weight_s * records.is_owned * counts
     total = max(float(weight.sum()), 1e-9)

@@ -11,10 +11,18 @@ import shapely
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.site.layout import FixtureEdit
-from vsd_analytics.site.model import Fixture
-from vsd_analytics.whatif.closeness import FramePairs, n_close, n_close_after, near_strangers, stepped_aside
-from vsd_analytics.whatif.detours import APPROACH_M, CLEARANCE_M, Detours, detours
-from vsd_analytics.whatif.floor_records import Bools, Box, Floats, FloorRecords, Ints
+from vsd_analytics.site.model import Fixture, Point
+from vsd_analytics.whatif.arrays import Bools, Floats, Ints, n_different
+from vsd_analytics.whatif.closeness import (
+    n_close,
+    n_close_after,
+    n_close_recorded,
+    near_strangers,
+    nearest_strangers,
+    stepped_aside,
+)
+from vsd_analytics.whatif.detours import APPROACH_M, CLEARANCE_M, Detours, detours, inside_of
+from vsd_analytics.whatif.floor_records import Box, FloorRecords
 from vsd_analytics.whatif.free_ways import FreeWay, free_ways
 from vsd_analytics.whatif.place_times import PlaceTime, recorded_place
 from vsd_analytics.whatif.ranges import MIN_CLOSE_S, NO_CHANGE, PredictedChange, predicted_change, spread
@@ -31,7 +39,9 @@ MODELS: Final = ((CLEARANCE_M, APPROACH_M), (0.2, 1.5), (0.5, 3.5))
 MOST_WITHOUT_WAY: Final = 0.05
 """Share of the people touched who may be without a way around; they are replayed as recorded."""
 Model: TypeAlias = tuple[Floats, Floats, Bools]
-"""Where everybody is, x and y, and who is too close."""
+"""Where those who may be concerned are, x and y, and who of them is too close."""
+Move: TypeAlias = tuple[Ints, Floats, Floats]
+"""Rows of those who walk elsewhere, and their x and y."""
 STAY_M: Final = 1.5
 STAY_S: Final = 10.0
 STAY_M_PER_S: Final = 0.4
@@ -104,62 +114,100 @@ class FixtureEffect:
 
 def fixture_effect(
     records: FloorRecords, edit: FixtureEdit, others: tuple[Fixture, ...], areas: Mapping[str, shapely.Polygon],
-    places: Mapping[str, PlaceTime], *, within_m: float, widths_m: tuple[float, ...],
+    places: Mapping[str, PlaceTime], *, within_m: float, widths_m: tuple[float, ...], stays: Stays | None = None,
 ) -> FixtureEffect:  # fmt: skip
     """Return what a fixture edit does to the people recorded around it.
 
     Args:
-        records: People of `box_around`.
+        records: People of the first of `boxes_around`.
         edit: The edit.
         others: The other fixtures of the floor.
         areas: Areas, by id, and the floor, by its key (`place_times.floor_key`; an empty polygon = everywhere).
         places: What was recorded there, by the same keys.
         within_m: The distance that counts.
         widths_m: Clear widths that a way should have.
+        stays: People at its old place (`people_who_stay`); None where it is added.
     """
-    before = n_close(records.frame, records.x_m, records.y_m, within_m=within_m)
+    before = n_close_recorded(records, within_m=within_m)
     is_close = before > 0
     place = shapely.Polygon(edit.new_polygon or edit.old_polygon)
     around = shapely.convex_hull(place).buffer(AROUND_M)
-    inside = _inside(around, records.x_m, records.y_m)
-    stays = None if edit.old_polygon is None else _stays(records, edit, is_close)
+    rows = records.passing(around.bounds)  # no way leads farther aside than this, and no way beside the fixture is
+    near = records.part(rows)
+    inside = inside_of(around, near.x_m, near.y_m)
     taken = shapely.union_all([shapely.Polygon(f.polygon) for f in others]) if others else None
     free_m2 = _free_m2(around, taken, edit)
-    here = {AROUND: recorded_place(records, inside, is_close)}
+    here = {AROUND: recorded_place(near, inside, is_close[rows])}
     here |= {key: places[key] for key, shape in areas.items() if key in places and _meets(shape, around)}
     shapes = {AROUND: around, **areas}
-    n_near = _n_people(records, inside)
     refusal: Reason | None = Reason("whatif.removed")
     models: list[Model] = []
-    main, aside = None, None
+    main, aside, met_rows = None, None, rows[:0]
     if edit.new_polygon is not None:
-        main = detours(records, edit.new_polygon, solid=taken)
+        pushed = (
+            detours(near, edit.new_polygon, solid=taken, clearance_m=clearance_m, approach_m=approach_m)
+            for clearance_m, approach_m in MODELS
+        )
+        main = next(pushed)
         refusal = _why_no_range(main, here[AROUND], within_m)
         if refusal is None and main.touched.size:
             aside = step_aside(records, halves(records), within_m=within_m)
-            models = list(_models(records, edit, taken, main, before, aside, within_m))
-    is_near = bool(_inside(place.buffer(NOBODY_M), records.x_m, records.y_m).any())
+            moves = [(rows[d.rows], d.x_m[d.rows], d.y_m[d.rows]) for d in (main, *pushed)]
+            met_rows = _of_frames(records, np.concatenate([moved for moved, _, _ in moves]))
+            moves = [(np.searchsorted(met_rows, moved), x_m, y_m) for moved, x_m, y_m in moves]
+            models = list(_models(records.part(met_rows), moves, before[met_rows], aside, within_m))
     if refusal is None:
-        changes = _changes(records, shapes, here, is_close, models, is_near=is_near, within_m=within_m)
+        is_near = bool(inside_of(place.buffer(NOBODY_M), near.x_m, near.y_m).any())
+        changes = _changes(records, is_close, met_rows, shapes, here, models, is_near=is_near, within_m=within_m)
     else:
         changes = dict.fromkeys(here)
     predicted = tuple(
         PredictedPlace(key, time, changes[key], refusal, free_m2 if key == AROUND else None)
         for key, time in here.items()
     )
-    ways = () if edit.new_polygon is None else free_ways(records, edit.new_polygon, others, widths_m=widths_m)
+    ways = () if edit.new_polygon is None else free_ways(near, edit.new_polygon, others, widths_m=widths_m)
     n_touched, n_standing, n_no_way = (0, 0, 0) if main is None else (main.touched.size, main.n_standing, main.n_no_way)
+    n_near = n_different(near.track[inside])
     return FixtureEffect(n_near, n_touched, n_standing, n_no_way, ways, predicted, stays, aside, refusal)
 
 
-def box_around(edit: FixtureEdit, *, within_m: float) -> Box:
-    """Return the part of the floor whose people an edit needs: those it may move, and those these may come close to."""
-    polygons = [shapely.Polygon(p) for p in (edit.old_polygon, edit.new_polygon) if p is not None]
-    least_x, least_y, most_x, most_y = (
-        shapely.union_all(polygons).bounds if edit.new_polygon is None else (shapely.Polygon(edit.new_polygon).bounds)
-    )
-    margin_m = AROUND_M + 2 * within_m
+def boxes_around(edit: FixtureEdit, *, within_m: float) -> Iterator[Box]:
+    """Yield the parts of the floor whose people an edit needs.
+
+    Around the place it is about: those whom it may move, and those to whom these may come close. Around its old place:
+    those who stay there, and who is close to them.
+    """
+    yield _box(edit.new_polygon or edit.old_polygon or (), AROUND_M + 2 * within_m)
+    if edit.old_polygon is not None:
+        yield _box(edit.old_polygon, STAY_M + within_m)
+
+
+def _box(polygon: tuple[Point, ...], margin_m: float) -> Box:
+    least_x, least_y, most_x, most_y = shapely.Polygon(polygon).bounds
     return least_x - margin_m, least_y - margin_m, most_x + margin_m, most_y + margin_m
+
+
+def people_who_stay(records: FloorRecords, edit: FixtureEdit, *, within_m: float) -> Stays:
+    """Return who stays at the old place of a fixture.
+
+    Args:
+        records: People of the second of `boxes_around`.
+        edit: The edit.
+        within_m: The distance that counts.
+    """
+    near = inside_of(shapely.Polygon(edit.old_polygon).buffer(STAY_M), records.x_m, records.y_m)
+    slow = np.zeros(near.size, np.bool_)
+    way_m = np.hypot(np.diff(records.x_m), np.diff(records.y_m))
+    slow[1:] = records.joins_next & (way_m < STAY_M_PER_S * np.maximum(np.diff(records.t_s), 1e-9))
+    rows = np.flatnonzero(near & slow & records.is_owned)
+    people, person = np.unique(records.track[rows], return_inverse=True)
+    of_person = np.bincount(person.ravel(), weights=records.weight_s[rows], minlength=people.size)
+    rows = rows[(of_person >= STAY_S)[person.ravel()]]
+    n = int((of_person >= STAY_S).sum())
+    moved = None if edit.follow_share is None else round(edit.follow_share * n)
+    is_close = n_close(records.frames, records.x_m, records.y_m, within_m=within_m)[rows] > 0
+    weight_s = records.weight_s[rows]
+    return Stays(n, float(weight_s.sum()), float((weight_s * is_close).sum()), moved)
 
 
 def _why_no_range(pushed: Detours, around: PlaceTime, within_m: float) -> Reason | None:
@@ -172,45 +220,42 @@ def _why_no_range(pushed: Detours, around: PlaceTime, within_m: float) -> Reason
     return None
 
 
-def _models(
-    records: FloorRecords, edit: FixtureEdit, taken: shapely.Geometry | None, main: Detours, before: Ints,
-    aside: StepAside, within_m: float,
-) -> Iterator[Model]:  # fmt: skip
+def _of_frames(records: FloorRecords, rows: Ints) -> Ints:
+    """Return the rows of all records of the frames of some."""
+    is_met = np.zeros(int(records.frame.max()) + 1, np.bool_)
+    is_met[records.frame[rows]] = True
+    return np.flatnonzero(is_met[records.frame])
+
+
+def _models(met: FloorRecords, moves: list[Move], before: Ints, aside: StepAside, within_m: float) -> Iterator[Model]:
     """Yield where everybody is and who is too close, for each way in which people may pass."""
-    assert edit.new_polygon is not None
-    for clearance_m, approach_m in MODELS:
-        pushed = (
-            main
-            if (clearance_m, approach_m) == (CLEARANCE_M, APPROACH_M)
-            else detours(records, edit.new_polygon, solid=taken, clearance_m=clearance_m, approach_m=approach_m)
-        )
+    for rows, *moved in moves:
         for strength in {0.0, aside.strength}:
-            x_m, y_m = pushed.x_m, pushed.y_m
+            x_m, y_m = met.x_m.copy(), met.y_m.copy()
+            x_m[rows], y_m[rows] = moved
             if strength:
-                x_m, y_m = _pushed(records, pushed, strength, within_m)
-            counts = n_close_after(
-                before, records.frame, records.x_m, records.y_m, pushed.rows, x_m, y_m, within_m=within_m
-            )
+                x_m[rows], y_m[rows] = _stepped_aside(met, rows, (x_m, y_m), strength, within_m)
+            counts = n_close_after(before, met.frames, (met.x_m, met.y_m), rows, (x_m, y_m), within_m=within_m)
             yield x_m, y_m, counts > 0
 
 
-def _pushed(records: FloorRecords, pushed: Detours, strength: float, within_m: float) -> tuple[Floats, Floats]:
-    """Return places after those who were pushed step aside from strangers."""
-    rows, places = pushed.rows, (pushed.x_m[pushed.rows], pushed.y_m[pushed.rows])
-    others = pushed.x_m, pushed.y_m
-    is_with = records.track[rows], records.company[rows], records.track, records.company
+def _stepped_aside(
+    met: FloorRecords, rows: Ints, everybody: tuple[Floats, Floats], strength: float, within_m: float
+) -> tuple[Floats, Floats]:
+    """Return the places of those who were pushed after they step aside from strangers."""
+    places = everybody[0][rows], everybody[1][rows]
+    is_with = met.track[rows], met.company[rows], met.track, met.company
     reach_m = within_m + BEYOND_M
     pairs = near_strangers(
-        FramePairs(records.frame), np.arange(rows.size), records.frame[rows], places, others, is_with, within_m=reach_m
+        met.frames, np.arange(rows.size), met.frame[rows], places, everybody, is_with, within_m=reach_m
     )
-    x_m, y_m = pushed.x_m.copy(), pushed.y_m.copy()
-    x_m[rows], y_m[rows] = stepped_aside(pairs, places, others, strength=strength, reach_m=reach_m)
-    return x_m, y_m
+    nearest = nearest_strangers(pairs, places, everybody)
+    return stepped_aside(nearest, places, everybody, strength=strength, reach_m=reach_m)
 
 
 def _changes(
-    records: FloorRecords, shapes: Mapping[str, shapely.Polygon], here: Mapping[str, PlaceTime], is_close: Bools,
-    models: list[Model], *, is_near: bool, within_m: float,
+    records: FloorRecords, is_close: Bools, met_rows: Ints, shapes: Mapping[str, shapely.Polygon],
+    here: Mapping[str, PlaceTime], models: list[Model], *, is_near: bool, within_m: float,
 ) -> dict[str, PredictedChange | None]:  # fmt: skip
     """Return the range of the change of time too close in each place.
 
@@ -219,23 +264,25 @@ def _changes(
     """
     if not is_near:
         return dict.fromkeys(here, PredictedChange(0.0, -NO_CHANGE, NO_CHANGE))
-    weight_s = records.weight_s * records.is_owned
-    days, day = np.unique(records.day, return_inverse=True)
-    day = day.ravel()
+    days, day = records.day_numbers
+    rows = np.flatnonzero(is_close & records.is_owned)
+    x_m, y_m, close_s, close_day = records.x_m[rows], records.y_m[rows], records.weight_s[rows], day[rows]
+    met, met_close, met_day = records.part(met_rows), is_close[met_rows], day[met_rows]
+    met_s = met.weight_s * met.is_owned
     changes: dict[str, PredictedChange | None] = {}
     for key, time in here.items():
         shape = shapes[key]
-        close_s = weight_s * is_close * _inside(shape, records.x_m, records.y_m)
-        near_s, total_s = float(close_s.sum()), time.total_close_s
+        own_s = close_s * inside_of(shape, x_m, y_m)
+        near_s, total_s = float(own_s.sum()), time.total_close_s
         if min(near_s, total_s) < MIN_CLOSE_S:
             changes[key] = None
             continue
-        of_day = np.bincount(day, weights=close_s, minlength=days.size)
+        of_day = np.bincount(close_day, weights=own_s, minlength=days.size)
+        was_s = met_s * met_close * inside_of(shape, met.x_m, met.y_m)
         more_s: list[Floats] = [np.zeros(days.size)]
         for x, y, close in models:
-            rows = np.flatnonzero((x != records.x_m) | (close != is_close))
-            more = weight_s[rows] * close[rows] * _inside(shape, x[rows], y[rows]) - close_s[rows]
-            more_s.append(np.bincount(day[rows], weights=more, minlength=days.size).astype(np.float64))
+            more = met_s * close * inside_of(shape, x, y) - was_s
+            more_s.append(np.bincount(met_day, weights=more, minlength=days.size).astype(np.float64))
         ratio = np.divide(more_s[-1], of_day, out=np.full(days.size, np.nan), where=of_day > 0)
         sd = spread(close_s=near_s, within_m=within_m, by_day=ratio) * min(near_s / total_s, 1.0)
         changes[key] = predicted_change([float(s.sum()) / total_s for s in more_s[1:] or more_s], sd)
@@ -252,31 +299,3 @@ def _free_m2(shape: shapely.Polygon, taken: shapely.Geometry | None, edit: Fixtu
         full = [*([] if taken is None else [taken]), *([] if polygon is None else [shapely.Polygon(polygon)])]
         areas.append(float(shape.difference(shapely.union_all(full)).area if full else shape.area))
     return areas[0], areas[1]
-
-
-def _stays(records: FloorRecords, edit: FixtureEdit, is_close: Bools) -> Stays:
-    """Return who stays at the old place of a fixture."""
-    near = _inside(shapely.Polygon(edit.old_polygon).buffer(STAY_M), records.x_m, records.y_m)
-    slow = np.zeros(near.size, np.bool_)
-    way_m = np.hypot(np.diff(records.x_m), np.diff(records.y_m))
-    slow[1:] = records.joins_next & (way_m < STAY_M_PER_S * np.maximum(np.diff(records.t_s), 1e-9))
-    at = near & slow & records.is_owned
-    people, person = np.unique(records.track, return_inverse=True)
-    of_person = np.bincount(person.ravel(), weights=records.weight_s * at, minlength=people.size)
-    stays = at & (of_person >= STAY_S)[person.ravel()]
-    n = int((of_person >= STAY_S).sum())
-    moved = None if edit.follow_share is None else round(edit.follow_share * n)
-    weight_s = records.weight_s * stays
-    return Stays(n, float(weight_s.sum()), float((weight_s * is_close).sum()), moved)
-
-
-def _n_people(records: FloorRecords, inside: Bools) -> int:
-    return int(np.unique(records.track[inside]).size)
-
-
-def _inside(shape: shapely.Geometry, x_m: Floats, y_m: Floats) -> Bools:
-    """Return which places lie in a shape; an empty one is the whole floor."""
-    if shape.is_empty:
-        return np.ones(x_m.size, np.bool_)
-    shapely.prepare(shape)
-    return np.asarray(shapely.contains_xy(shape, x_m, y_m))

@@ -11,10 +11,12 @@ import numpy as np
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.site.layout import OpeningEdit, Spans
+from vsd_analytics.whatif.arrays import Bools, Floats, Ints
 from vsd_analytics.whatif.closeness import n_close
-from vsd_analytics.whatif.floor_records import ALONE, Bools, Floats, FloorRecords, Ints
+from vsd_analytics.whatif.floor_records import ALONE, FloorRecords
+from vsd_analytics.whatif.frame_pairs import FramePairs
 from vsd_analytics.whatif.ranges import MIN_CLOSE_S, PredictedChange, predicted_change, spread
-from vsd_analytics.whatif.retiming import Meetings, ShiftedPeople, StepAside, halves, shifted, step_aside
+from vsd_analytics.whatif.retiming import Meetings, StepAside, halves, shifted, step_aside
 
 STRANGERS_SD: Final = 0.15
 """Standard deviation of the time too close to strangers, shifted over recorded, of halves of real hours left out."""
@@ -62,13 +64,9 @@ def opening_effect(
         zone: Of opening hours.
         within_m: The distance.
     """
-    people, person = np.unique(records.track, return_inverse=True)
-    person = person.ravel()
-    first = (
-        np.flatnonzero(np.r_[True, records.track[1:] != records.track[:-1]]) if people.size else np.zeros(0, np.int64)
-    )
-    weekday, minute = local_minutes(records, zone)
-    moves = _moves(edit, weekday[first], minute[first])
+    first = np.flatnonzero(np.r_[True, records.track[1:] != records.track[:-1]][: records.track.size])
+    n_records = np.diff(first, append=records.track.size)
+    moves = _moves(edit, *local_minutes(records.t_s[first], zone))
     n_closed = int(moves.closed.sum())
     longer = opening is not None and any(
         not _is_within(span, old) for new, old in zip(edit.opening, opening, strict=True) for span in new
@@ -76,30 +74,25 @@ def opening_effect(
     refusal = _refusal(edit, moves, n_closed, is_longer=longer)
     if refusal is not None or not n_closed:
         change = PredictedChange(0.0, 0.0, 0.0) if refusal is None else None
-        return OpeningEffect(people.size, n_closed, change, None, refusal)
+        return OpeningEffect(first.size, n_closed, change, None, refusal)
     assert edit.follow_share is not None
     aside = step_aside(records, halves(records), within_m=within_m)
     party = np.where(records.company[first] == ALONE, -2 - first, records.company[first])
     comes = moves.closed & _evenly(party, records.t_s[first], moves.closed, edit.follow_share)
     change, refusal = _change(
-        records,
-        moves.closed[person],
-        comes[person],
-        moves.shift_s[person],
-        aside,
-        _hours_left(edit, opening, records.day),
-        within_m,
-    )
-    return OpeningEffect(people.size, n_closed, change, aside, refusal)
+        records, np.repeat(moves.closed, n_records), np.repeat(np.where(comes, moves.shift_s, np.nan), n_records),
+        aside.strength, _hours_left(edit, opening, records.day_numbers[0]), within_m,
+    )  # fmt: skip
+    return OpeningEffect(first.size, n_closed, change, aside, refusal)
 
 
-def local_minutes(records: FloorRecords, zone: ZoneInfo) -> tuple[Ints, Ints]:
-    """Return weekday (0 = Monday) and minute after local midnight of each record."""
-    quarters, at = np.unique(records.t_s // 900, return_inverse=True)
+def local_minutes(t_s: Floats, zone: ZoneInfo) -> tuple[Ints, Ints]:
+    """Return weekday (0 = Monday) and minute after local midnight of instants."""
+    quarters, at = np.unique(t_s // 900, return_inverse=True)
     local = [datetime.fromtimestamp(900 * q, zone) for q in quarters.tolist()]
     weekday = np.array([when.weekday() for when in local], np.int64)[at.ravel()]
     start = np.array([60 * when.hour + when.minute for when in local], np.int64)[at.ravel()]
-    return weekday, start + (records.t_s % 900 // 60).astype(np.int64)
+    return weekday, start + (t_s % 900 // 60).astype(np.int64)
 
 
 def _moves(edit: OpeningEdit, weekday: Ints, minute: Ints) -> _ClosedPeople:
@@ -134,10 +127,10 @@ def _is_within(span: tuple[int, int], spans: Spans) -> bool:
     return any(begin <= span[0] and span[1] <= end for begin, end in spans)
 
 
-def _hours_left(edit: OpeningEdit, opening: tuple[Spans, ...] | None, day: Ints) -> float:
+def _hours_left(edit: OpeningEdit, opening: tuple[Spans, ...] | None, days: Ints) -> float:
     """Return the open hours after the edit over those before, of the days with records."""
     before = (((0, 24 * 60),),) * 7 if opening is None else opening
-    weekdays = [date.fromordinal(n).weekday() for n in np.unique(day).tolist()]
+    weekdays = [date.fromordinal(n).weekday() for n in days.tolist()]
     minutes = [sum(end - begin for d in weekdays for begin, end in week[d]) for week in (edit.opening, before)]
     return minutes[0] / minutes[1]
 
@@ -157,39 +150,42 @@ def _evenly(party: Ints, t_s: Floats, chosen: Bools, share: float) -> Bools:
 
 
 def _change(
-    records: FloorRecords, closed: Bools, comes: Bools, shift_s: Floats, aside: StepAside, hours_left: float,
-    within_m: float,
-) -> tuple[PredictedChange | None, Reason | None]:  # fmt: skip
-    """Return the change of the time too close per open hour, of people who stay and who come at another time."""
-    weight_s = records.weight_s * records.is_owned
-    recorded = n_close(records.frame, records.x_m, records.y_m, within_m=within_m) > 0
-    before_s = float(weight_s[recorded].sum())
-    if before_s < MIN_CLOSE_S:
-        return None, Reason("whatif.little_time", least=MIN_CLOSE_S, has=before_s)
-    layer = shifted(records, comes, np.where(comes, shift_s, 0.0))
-    stay = np.flatnonzero(~closed)
-    open_records = replace(records, frame=np.where(closed, -1 - np.arange(closed.size), records.frame))
-    meetings = Meetings(open_records, layer, within_m=within_m)
-    after_s, days = [], []
-    for strength in {0.0, aside.strength}:
-        x_m, y_m = meetings.places(strength)
-        frame = np.r_[records.frame[stay], layer.frame]
-        both_x, both_y = np.r_[records.x_m[stay], x_m], np.r_[records.y_m[stay], y_m]
-        weights = np.r_[weight_s[stay], weight_s[layer.rows]] * (n_close(frame, both_x, both_y, within_m=within_m) > 0)
-        after_s.append(float(weights.sum()))
-        days.append(_by_day(np.r_[records.day[stay], records.day[layer.rows]], weights, records.day))
-    by_day = days[-1] / np.maximum(_by_day(records.day, weight_s * recorded, records.day), 1e-9) / hours_left
-    changes = [s / before_s / hours_left - 1 for s in after_s]
-    met_share = _met_share(after_s[0], meetings, layer)
-    sd = spread(close_s=before_s, within_m=within_m, by_day=by_day, extra_sd=STRANGERS_SD * met_share)
+    records: FloorRecords, closed: Bools, shift_s: Floats, strength: float, hours_left: float, within_m: float
+) -> tuple[PredictedChange | None, Reason | None]:
+    """Return the change of the time too close per open hour, of people who stay and who come at another time.
+
+    Args:
+        records: Everybody.
+        closed: Which are of people of hours that close, shape (n_records,).
+        shift_s: By how much people come at another time; NaN for those who do not.
+        strength: With which they step aside; it is tried without, too.
+        hours_left: Open hours after the edit over those before.
+        within_m: The distance.
+    """
+    days, number = records.day_numbers
+    before_s, after_s, met_s = np.zeros(days.size), np.zeros((2, days.size)), 0.0
+    for day in records.days():
+        part = records.part(np.arange(day.start, day.stop))
+        weight_s = part.weight_s * part.is_owned
+        recorded = n_close(part.frames, part.x_m, part.y_m, within_m=within_m) > 0
+        before_s += np.bincount(number[day], weights=weight_s * recorded, minlength=days.size)
+        layer = shifted(part, np.isfinite(shift_s[day]), shift_s[day])
+        stay = np.flatnonzero(~closed[day])
+        open_records = replace(part, frame=np.where(closed[day], -1 - np.arange(part.frame.size), part.frame))
+        meetings = Meetings(open_records, layer, within_m=within_m)
+        met_s += meetings.close_s(0.0)
+        rows, frames = np.r_[stay, layer.rows], FramePairs(np.r_[part.frame[stay], layer.frame])
+        for model, step in enumerate((0.0, strength)):
+            places = (
+                np.r_[own[stay], new] for own, new in zip((part.x_m, part.y_m), meetings.places(step), strict=True)
+            )
+            close_s = weight_s[rows] * (n_close(frames, *places, within_m=within_m) > 0)
+            after_s[model] += np.bincount(number[day][rows], weights=close_s, minlength=days.size)
+    total_s = float(before_s.sum())
+    if total_s < MIN_CLOSE_S:
+        return None, Reason("whatif.little_time", least=MIN_CLOSE_S, has=total_s)
+    by_day = after_s[1] / np.maximum(before_s, 1e-9) / hours_left
+    changes = (after_s.sum(axis=1) / total_s / hours_left - 1).tolist()
+    met_share = min(met_s / max(float(after_s[0].sum()), 1e-9), 1.0)  # of meetings that nobody has recorded
+    sd = spread(close_s=total_s, within_m=within_m, by_day=by_day, extra_sd=STRANGERS_SD * met_share)
     return predicted_change(changes, sd), None
-
-
-def _met_share(after_s: float, meetings: Meetings, layer: ShiftedPeople) -> float:
-    """Return the share of the predicted time too close that comes of meetings nobody has recorded."""
-    return min(meetings.close_s(0.0) / max(after_s, 1e-9), 1.0) if layer.rows.size else 0.0
-
-
-def _by_day(day: Ints, weights: Floats, every: Ints) -> Floats:
-    days = np.unique(every)
-    return np.bincount(np.searchsorted(days, day), weights=weights, minlength=days.size).astype(np.float64)

@@ -11,7 +11,8 @@ from typing import Final
 import numpy as np
 
 from vsd_analytics.warehouse.warehouse import Warehouse
-from vsd_analytics.whatif.floor_records import Bools, FloorRecords
+from vsd_analytics.whatif.arrays import Bools
+from vsd_analytics.whatif.floor_records import FloorRecords
 
 HOUR_S: Final = 3600.0
 _AREAS: Final = """

@@ -16,11 +16,11 @@ from vsd_analytics.config.layout_edits import edit_words
 from vsd_analytics.config.predictions import LayoutPrediction, PredictedRange
 from vsd_analytics.errors import UsageError
 from vsd_analytics.site.layout import DoorEdit, Edit, FixtureEdit, LayoutEdits, OneWayEdit
-from vsd_analytics.site.model import Point
+from vsd_analytics.site.model import Point, Site
 from vsd_analytics.site.places import fixtures_at
 from vsd_analytics.warehouse.warehouse import Warehouse
 from vsd_analytics.whatif.doors import REACH_M, PredictedSeconds, passages, predicted_seconds
-from vsd_analytics.whatif.fixture_edits import FixtureEffect, box_around, fixture_effect
+from vsd_analytics.whatif.fixture_edits import FixtureEffect, boxes_around, fixture_effect, people_who_stay
 from vsd_analytics.whatif.floor_records import Box, FloorRecords, records_of
 from vsd_analytics.whatif.opening_edits import OpeningEffect, opening_effect
 from vsd_analytics.whatif.place_times import PlaceTime, floor_key, open_hours, place_times
@@ -85,40 +85,59 @@ def layout_effects(warehouse: Warehouse, edits: LayoutEdits, first: date, last: 
     floor_id = edits.floor_id
     places = place_times(warehouse, floor_id, first, last)
     open_h = open_hours(warehouse, floor_id, first, last)
-    effects = tuple(_effect(warehouse, edit, floor_id, (first, last), places) for edit in edits.edits)
+    within_m = float(warehouse.site.settings.distance_m)
+    boxes = [list(_boxes(edit, within_m)) for edit in edits.edits]
+    every = np.array([box for of_edit in boxes for box in of_edit])
+    whole = (*every[:, :2].min(axis=0).tolist(), *every[:, 2:].max(axis=0).tolist())
+    records = records_of(warehouse, floor_id, first, last, whole)
+    effects = tuple(
+        _effect(warehouse.site, edit, floor_id, (first, last), places, [_people(records, box) for box in of_edit])
+        for edit, of_edit in zip(edits.edits, boxes, strict=True)
+    )
     return LayoutEffects(edits, effects, first, last, places, open_h, warehouse.inputs_digest)
 
 
+def _boxes(edit: Edit, within_m: float) -> Iterator[Box]:
+    """Yield the parts of the floor whose people an edit needs."""
+    match edit:
+        case FixtureEdit():
+            yield from boxes_around(edit, within_m=within_m)
+        case DoorEdit():
+            yield _box_of_line(edit.line, REACH_M + within_m)
+        case OneWayEdit():
+            yield _box_of_line(edit.line, REACH_M)
+        case _:
+            yield _WHOLE_FLOOR
+
+
 def _effect(
-    warehouse: Warehouse, edit: Edit, floor_id: str, days: tuple[date, date], places: dict[str, PlaceTime]
-) -> Effect:
-    site = warehouse.site
+    site: Site, edit: Edit, floor_id: str, days: tuple[date, date], places: dict[str, PlaceTime],
+    people: list[FloorRecords],
+) -> Effect:  # fmt: skip
     within_m = float(site.settings.distance_m)
+    records = people[0]
     if isinstance(edit, FixtureEdit):
         others = tuple(f for f in fixtures_at(site, floor_id, days[1]) if f.fixture_id != edit.fixture_id)
         areas = {
             a.area_id: shapely.Polygon(a.polygon) for a in site.areas if a.floor_id == floor_id and a.is_there(*days)
         }
-        records = _records(warehouse, floor_id, days, box_around(edit, within_m=within_m))
         return fixture_effect(
             records, edit, others, areas | {floor_key(floor_id): shapely.Polygon()}, places, within_m=within_m,
             widths_m=site.settings.free_way_m,
+            stays=None if edit.old_polygon is None else people_who_stay(people[-1], edit, within_m=within_m),
         )  # fmt: skip
     if isinstance(edit, DoorEdit):
-        records = _records(warehouse, floor_id, days, _box_of_line(edit.line, REACH_M + within_m))
         return predicted_seconds(records, edit, within_m=within_m)
     if isinstance(edit, OneWayEdit):
-        records = _records(warehouse, floor_id, days, _box_of_line(edit.line, REACH_M))
         direction, rows = passages(records, edit.line)
-        people, against = (np.unique(records.track[r]).size for r in (rows, rows[direction < 0]))
-        return OneWayTraffic(people, against)
+        n_people, n_against = (np.unique(records.track[r]).size for r in (rows, rows[direction < 0]))
+        return OneWayTraffic(n_people, n_against)
     opening = site.hours.on(days[0])
     if opening != site.hours.on(days[1]):
         raise UsageError(
             "the opening hours change within these days", why="a prediction needs one week of hours to change",
             fix="--range with days before or after it",
         )  # fmt: skip
-    records = _records(warehouse, floor_id, days, _WHOLE_FLOOR)
     return opening_effect(records, edit, opening, zone=site.zone, within_m=within_m)
 
 
@@ -134,9 +153,9 @@ def _check_purged(warehouse: Warehouse, first: date, last: date) -> None:
         )  # fmt: skip
 
 
-def _records(warehouse: Warehouse, floor_id: str, days: tuple[date, date], box: Box) -> FloorRecords:
-    """Return the records of a part of a floor; refuse those of an engine without track ids."""
-    records = records_of(warehouse, floor_id, *days, box)
+def _people(every: FloorRecords, box: Box) -> FloorRecords:
+    """Return the records of a part of the floor; refuse those of an engine without track ids."""
+    records = every.within(box)
     if 2 * int((records.track < 0).sum()) > records.track.size:
         raise UsageError(
             "most records near an edit have no track id", why="without it nobody's path is known",

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.whatif.floor_records import Floats
+from vsd_analytics.whatif.arrays import Floats
 
 REPLAY_SD: Final = 0.04
 """Standard deviation of replayed over recorded time too close, six places, as a share."""

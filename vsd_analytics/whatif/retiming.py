@@ -12,8 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from vsd_analytics.whatif.closeness import FramePairs, is_close_to_any, near_strangers, stepped_aside
-from vsd_analytics.whatif.floor_records import Bools, Floats, FloorRecords, Ints
+from vsd_analytics.whatif.arrays import Bools, Floats, Ints
+from vsd_analytics.whatif.closeness import is_close_to_any, near_strangers, nearest_strangers, stepped_aside
+from vsd_analytics.whatif.floor_records import FloorRecords
 
 SHIFTS_S: Final = (-40.0, -20.0, 20.0, 40.0)
 STRENGTHS: Final = tuple(k / 20 for k in range(13))
@@ -71,15 +72,12 @@ def shifted(records: FloorRecords, chosen: Bools, shift_s: Floats | float) -> Sh
     """
     rows = np.flatnonzero(chosen)
     moved = np.full(rows.size, -1)
-    later = records.t_s + shift_s
-    for camera in range(len(records.camera_ids)):
-        own = np.flatnonzero(records.camera == camera)
-        t_s, first = np.unique(records.t_s[own], return_index=True)
-        frames = records.frame[own][first]
+    later = records.t_s[rows] + (shift_s[rows] if isinstance(shift_s, np.ndarray) else shift_s)
+    for camera, (t_s, frames) in enumerate(records.frames_of_cameras):
         here = np.flatnonzero(records.camera[rows] == camera)
         if not here.size or not t_s.size:
             continue
-        wanted = later[rows[here]]
+        wanted = later[here]
         right = (
             np.clip(np.searchsorted(t_s, wanted), 1, max(t_s.size - 1, 1)) if t_s.size > 1 else np.zeros(here.size, int)
         )
@@ -107,7 +105,9 @@ def step_aside(records: FloorRecords, chosen: Bools, *, within_m: float) -> Step
         within_m: The distance that counts.
     """
     every = -(-int(chosen.sum()) // MOST_RECORDS) or 1
-    chosen = chosen & (records.t_s // BLOCK_S // 2 % every == 0)
+    rows = np.flatnonzero(chosen)
+    rows = rows[records.t_s[rows] // BLOCK_S // 2 % every == 0]
+    records, chosen = _beside(records, rows)
     layers = [Meetings(records, shifted(records, chosen, shift_s), within_m=within_m) for shift_s in SHIFTS_S]
     recorded = sum(layer.recorded_s for layer in layers)
     if recorded < MIN_CLOSE_S * len(SHIFTS_S):
@@ -115,6 +115,21 @@ def step_aside(records: FloorRecords, chosen: Bools, *, within_m: float) -> Step
     ratios = [sum(layer.close_s(strength) for layer in layers) / recorded for strength in STRENGTHS]
     best = int(np.argmin(np.abs(np.log(np.maximum(ratios, 1e-9)))))
     return StepAside(STRENGTHS[best], ratios[best], ratios[0], recorded / len(SHIFTS_S))
+
+
+def _beside(records: FloorRecords, rows: Ints) -> tuple[FloorRecords, Bools]:
+    """Return the records of the time of some and of that to which these are shifted, and which of them are the some."""
+    if not rows.size:
+        return records.part(rows), np.zeros(0, np.bool_)
+    reach_s = max(SHIFTS_S) - min(SHIFTS_S)
+    span = ((records.t_s - records.t_s.min()) / reach_s).astype(np.int64)
+    is_here = np.zeros(int(span.max()) + 3, np.bool_)
+    for beside in (0, 1, 2):
+        is_here[span[rows] + beside] = True
+    near = np.flatnonzero(is_here[span + 1])
+    chosen = np.zeros(near.size, np.bool_)
+    chosen[np.searchsorted(near, rows)] = True
+    return records.part(near), chosen
 
 
 class Meetings:
@@ -133,11 +148,12 @@ class Meetings:
         rows = layer.rows
         is_with = records.track[rows], records.company[rows], records.track, records.company
         self._weight_s = (records.weight_s * records.is_owned)[rows]
-        frames, everyone = FramePairs(records.frame), np.arange(rows.size)
+        frames, everyone = records.frames, np.arange(rows.size)
         reach_m = within_m + STRENGTHS[-1] * (within_m + BEYOND_M)
         self._pairs = near_strangers(
             frames, everyone, layer.frame, self._places, self._others, is_with, within_m=reach_m
         )  # fmt: skip
+        self._nearest = nearest_strangers(self._pairs, self._places, self._others)
         met = near_strangers(
             frames, everyone, records.frame[rows], self._places, self._others, is_with, within_m=within_m
         )  # fmt: skip
@@ -147,7 +163,7 @@ class Meetings:
     def places(self, strength: float) -> tuple[Floats, Floats]:
         """Return x and y of the shifted people after they step aside."""
         reach_m = self._within_m + BEYOND_M
-        return stepped_aside(self._pairs, self._places, self._others, strength=strength, reach_m=reach_m)
+        return stepped_aside(self._nearest, self._places, self._others, strength=strength, reach_m=reach_m)
 
     def is_close(self, strength: float) -> Bools:
         """Return which of them are too close to strangers after they step aside."""
