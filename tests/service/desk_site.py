@@ -16,6 +16,7 @@ from vsd_analytics.service.access import RateLimit
 from vsd_analytics.service.answers import ReportAnswers
 from vsd_analytics.service.app import make_app
 from vsd_analytics.service.desk import Desk
+from vsd_analytics.service.index_files import IndexFiles
 from vsd_analytics.site.model import Site
 from vsd_analytics.site.questions import AskedQuestion
 
@@ -60,7 +61,7 @@ def desk_site(root: Path, *, more: str = "") -> Site:
 def desk_app(root: Path, *, has_desk: bool = True, present: Callable[[], datetime] = lambda: NOW) -> Any:
     """Return the service of a project."""
     answers = ReportAnswers(root)
-    desk = Desk(answers, token=DESK_TOKEN, present=present) if has_desk else None
+    desk = Desk(answers, token=DESK_TOKEN, index=IndexFiles(root / "reports"), present=present) if has_desk else None
     return make_app(answers, token=READ_TOKEN, limit=RateLimit(per_min=1e6, burst=10**6), title="Shop", desk=desk)
 
 

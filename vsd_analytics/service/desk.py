@@ -22,16 +22,19 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from vsd_analytics.errors import DiskError
+from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.service.answers import NotFoundError, ReportAnswers
 from vsd_analytics.service.desk_jobs import FIELD_MAX_CHARS, JOBS, FormMistakeError, Writing
 from vsd_analytics.service.desk_page import desk_policy, render_desk, render_problem, render_sign_in
 from vsd_analytics.service.desk_sessions import SESSION_S, DeskSession, DeskSessions
+from vsd_analytics.service.index_files import IndexFiles
 from vsd_analytics.service.now_page import now_policy
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import speaking
 
 DESK: Final = "/desk"
 SIGN_IN: Final = f"{DESK}/sign-in"
+INDEX_FOLDER: Final = f"{DESK}/sites"
 BODY_MAX_BYTES: Final = 16_384
 FIELDS_MAX: Final = 20
 HEADERS: Final = {
@@ -42,7 +45,7 @@ HEADERS: Final = {
     "X-Frame-Options": "DENY",
 }
 _REQUEST_ID: Final = re.compile(r"[A-Za-z0-9_-]{16,64}")
-_AFTER: Final = re.compile(r"/desk(/[A-Za-z0-9_-]+)*")
+_AFTER: Final = re.compile(r"/desk(/[A-Za-z0-9_-]+(\.(html|pdf|json))?)*")
 
 Handler = Callable[[Request], Awaitable[Response]]
 
@@ -53,6 +56,7 @@ class Desk:
     Args:
         answers: The pages.
         token: Its token, which is not that of readers.
+        index: The index of all sites, which is shown where it was written.
         present: Returns the present.
     """
 
@@ -61,9 +65,10 @@ class Desk:
         answers: ReportAnswers,
         *,
         token: str,
+        index: IndexFiles,
         present: Callable[[], datetime] = lambda: datetime.now(tz=UTC),
     ) -> None:
-        self._answers, self._present = answers, present
+        self._answers, self._index, self._present = answers, index, present
         self._sessions = DeskSessions(token)
         self._writing = threading.Lock()
         self._known = answers.site_now()
@@ -77,6 +82,7 @@ class Desk:
             Route(SIGN_IN, self._signed_in, methods=["POST"]),
             Route(f"{DESK}/sign-out", self._signed_out, methods=["POST"]),
             Route(f"{DESK}/now/{{floor_id}}", self._now),
+            Route(f"{INDEX_FOLDER}/{{name:path}}", self._index_file),
             Route(f"{DESK}/weeks/{{week}}/floors/{{floor_id}}/{{kind}}", self._page),
             Route(f"{DESK}/{{job}}", self._written, methods=["POST"]),
         ]
@@ -95,9 +101,14 @@ class Desk:
         if made is None:
             raise NotFoundError(f"there is no {request.path_params['kind']!r} of a week")
         body = await run_in_threadpool(made, request.path_params["week"], request.path_params["floor_id"])
-        policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; " \
-            "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"  # fmt: skip
-        return Response(body, media_type="text/html", headers={**HEADERS, "Content-Security-Policy": policy})
+        return _file(body, "text/html")
+
+    async def _index_file(self, request: Request) -> Response:
+        if self._session(request) is None:
+            return _moved(f"{SIGN_IN}?after={request.url.path}")
+        site = await run_in_threadpool(self._answers.site_now)
+        hides = Mask(int(site.settings.mask_below)).is_on
+        return _file(*await run_in_threadpool(self._index.read, request.path_params["name"], hides=hides))
 
     async def _now(self, request: Request) -> Response:
         if self._session(request) is None:
@@ -189,6 +200,7 @@ class Desk:
                 said=said,
                 mistake=mistake,
                 filled=filled,
+                has_index=self._index.is_there,
             )
         return _html(status, page)
 
@@ -247,6 +259,12 @@ def _is_from_here(request: Request) -> bool:
 
 def _moved(address: str) -> Response:
     return Response(status_code=HTTPStatus.SEE_OTHER, headers={**HEADERS, "Location": address})
+
+
+def _file(body: bytes, media_type: str) -> Response:
+    policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'; " \
+        "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"  # fmt: skip
+    return Response(body, media_type=media_type, headers={**HEADERS, "Content-Security-Policy": policy})
 
 
 def _html(status: int, page: str) -> Response:

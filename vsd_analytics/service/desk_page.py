@@ -205,6 +205,7 @@ def render_desk(
     said: str = "",
     mistake: tuple[str, str] | None = None,
     filled: Mapping[str, str] = EMPTY,
+    has_index: bool = False,
 ) -> str:
     """Return the page of the desk.
 
@@ -217,6 +218,7 @@ def render_desk(
         said: What was done.
         mistake: Name of a field that cannot be taken, and why.
         filled: What was filled in, and under `job` which form.
+        has_index: There is an index of all sites and weeks.
     """
     history = desk_history(site)
     names = {a.area_id: a.name for a in site.areas}
@@ -244,7 +246,7 @@ def render_desk(
             text_max=TEXT_MAX_CHARS,
             lines=tuple(lines[:LINES_MAX]),
             is_more=len(lines) > LINES_MAX,
-            pages=_pages(site),
+            pages=_pages(site, has_index=has_index),
             version=VERSION,
         ),
     )
@@ -358,8 +360,8 @@ def _line(line: HistoryLine, names: Mapping[str, str]) -> DeskLine:
     )
 
 
-def _pages(site: Site) -> tuple[tuple[str, str], ...]:
-    """Return address and name of the last page, the last planner and the live page of each floor."""
+def _pages(site: Site, *, has_index: bool) -> tuple[tuple[str, str], ...]:
+    """Return address and name of the last page, the last planner and the live page of each floor, and of the index."""
     several = len(site.floors) > 1
     found = []
     for floor in site.floors:
@@ -368,7 +370,7 @@ def _pages(site: Site) -> tuple[tuple[str, str], ...]:
             found.append((f"/desk/weeks/last/floors/{floor.floor_id}/{kind}", name))
         name = say("desk.pages.now_floor" if several else "desk.pages.now", floor=floor.name)
         found.append((f"/desk/now/{floor.floor_id}", name))
-    return tuple(found)
+    return (*found, *([("/desk/sites/index.html", say("desk.pages.sites"))] if has_index else []))
 
 
 def _key(kind: str) -> str:
