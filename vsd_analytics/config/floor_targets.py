@@ -8,24 +8,19 @@ before it: a program that dies in between leaves a line that does not hold, and 
 from __future__ import annotations
 
 import json
-import re
-import tomllib
 from dataclasses import dataclass
 from datetime import datetime
-from pathlib import Path
 from typing import Any, Final
 
+from vsd_analytics.config.config_edits import Tables, rewrite, with_key
 from vsd_analytics.config.log_records import NAME_MAX_CHARS, is_name
 from vsd_analytics.config.project import FILE as CONFIG
-from vsd_analytics.config.project import site_of
-from vsd_analytics.config.toml_lines import TomlText
 from vsd_analytics.config.values import parse_instant
 from vsd_analytics.errors import ConfigError, InputError, UsageError, Where
 from vsd_analytics.site.model import Site
 from vsd_analytics.site.places import known_floor
 
 FILE: Final = "targets.jsonl"
-LOCK: Final = Path("status") / "config.lock"
 KEY: Final = "target_per_open_h"
 RANGE: Final = (0.01, 1e6)
 """Violations per open hour."""
@@ -78,69 +73,41 @@ def set_target(
         ConfigError: E103, the floor has no table [[floor]] of its own in vsd.toml to write into.
         DiskError: E304 to E306, the disk refused; vsd.toml is as before.
     """
-    from vsd_analytics.store.durable import exclusive, publish, sweep_temporaries
+    from vsd_analytics.store.durable import publish
 
     known_floor(site, floor_id)
     if value is not None and not RANGE[0] <= value <= RANGE[1]:
         raise UsageError(f"a target of {value:g} violations per open hour is out of range", fix="vsd target 120")
     if by is not None and not is_name(by):
         raise UsageError(f"--by must be 1 to {NAME_MAX_CHARS} printable characters", fix='--by "Anna"')
-    path, journal = (site.root / CONFIG).resolve(), (site.root / FILE).resolve()
-    with exclusive(site.root / LOCK):
-        sweep_temporaries(path.parent, file_name=path.name)
-        text = path.read_bytes().decode("utf-8")
-        number, before = _stored(text, floor_id)
-        if before == value:
+    changes: list[TargetChange] = []
+
+    def edit(text: str, tables: Tables) -> str | None:
+        number, floor = _table_of(tables, floor_id)
+        earlier = floor.pop(KEY, None)
+        if earlier == value:
             return None
-        new = _edited(text, number, value)
-        _must_differ_in_target_alone(text, new, number=number, value=value)
-        site_of(TomlText(CONFIG, new.removeprefix("\ufeff").replace("\r\n", "\n")), folder=site.root)
-        change = TargetChange(at, floor_id, before, value, by)
-        earlier = journal.read_bytes() if journal.exists() else b""
-        publish(journal, earlier + json.dumps(_line(change), ensure_ascii=False).encode() + b"\n", is_private=True)
-        publish(path, new.encode(), is_private=not path.stat().st_mode & 0o077)
-    return change
+        if value is not None:
+            floor[KEY] = value
+        changes.append(TargetChange(at, floor_id, earlier, value, by))
+        return with_key(text, "floor", number, KEY, value)
+
+    def note() -> None:
+        journal = (site.root / FILE).resolve()
+        lines = journal.read_bytes() if journal.exists() else b""
+        added = json.dumps(_line(changes[0]), ensure_ascii=False).encode() + b"\n"
+        publish(journal, lines + added, is_private=True)
+
+    is_changed = rewrite(site, edit, refusal=lambda: _no_table(floor_id), before=note)
+    return changes[0] if is_changed else None
 
 
-def _stored(text: str, floor_id: str) -> tuple[int, float | None]:
-    """Return the number of a floor's table in the file as it is now, and its target."""
-    for number, table in enumerate(tomllib.loads(text.removeprefix("\ufeff")).get("floor", [])):
+def _table_of(tables: Tables, floor_id: str) -> tuple[int, dict[str, Any]]:
+    """Return number and values of the table of a floor."""
+    for number, table in enumerate(tables.get("floor", [])):
         if table.get("id") == floor_id:
-            return number, table.get(KEY)
+            return number, table
     raise _no_table(floor_id)
-
-
-def _edited(text: str, number: int, value: float | None) -> str:
-    """Return the text with the target in the line of its key, or in a new line below the head of the table."""
-    known = TomlText(CONFIG, text.removeprefix("\ufeff").replace("\r\n", "\n"))
-    lines, end = text.split("\n"), "\r" if "\r\n" in text else ""
-    table = known.where(("floor", number)).line
-    at = known.where(("floor", number, KEY)).line
-    if table is None or at is None or not re.match(r"\s*\[\[\s*floor\s*\]\]", known.lines[table - 1]):
-        raise _no_table(f"number {number + 1}")
-    is_there = re.match(rf'\s*["\']?{KEY}["\']?\s*=', known.lines[at - 1]) is not None
-    new = None if value is None else f"{KEY} = {value!r}".removesuffix(".0")
-    if is_there:
-        comment = re.search(r"\s*#.*$", known.lines[at - 1])
-        lines[at - 1 : at] = [] if new is None else [f"{new}{comment[0] if comment else ''}{end}"]
-    elif new is not None:
-        lines[table:table] = [f"{new}{end}"]
-    return "\n".join(lines)
-
-
-def _must_differ_in_target_alone(text: str, new: str, *, number: int, value: float | None) -> None:
-    """Refuse what would change anything else: then the file is written in a way this program does not edit."""
-    wanted: dict[str, Any] = tomllib.loads(text.removeprefix("\ufeff"))
-    floor = wanted["floor"][number]
-    floor.pop(KEY, None)
-    if value is not None:
-        floor[KEY] = value
-    try:
-        is_so = tomllib.loads(new.removeprefix("\ufeff")) == wanted
-    except tomllib.TOMLDecodeError:
-        is_so = False
-    if not is_so:
-        raise _no_table(f"number {number + 1}")
 
 
 def _no_table(floor: str) -> ConfigError:

@@ -6,20 +6,18 @@ of the owner's file, written under the lock of that file, and taken back by dele
 
 from __future__ import annotations
 
-import json
-import tomllib
-from collections.abc import Callable, Mapping
 from datetime import date, timedelta
-from typing import Any
+from typing import Any, Final
 
-from vsd_analytics.config.floor_targets import LOCK
+from vsd_analytics.config.config_edits import Tables, drop_table, rewrite, with_table, without_table
 from vsd_analytics.config.log_records import NAME_MAX_CHARS, is_name
 from vsd_analytics.config.opening import WEEKDAYS, show_clock
-from vsd_analytics.config.project import FILE, site_of
-from vsd_analytics.config.toml_lines import TomlText
+from vsd_analytics.config.project import FILE
 from vsd_analytics.errors import ConfigError, UsageError, Where
 from vsd_analytics.site.calendar import Opening, OpeningChange
 from vsd_analytics.site.model import Site
+
+KEY: Final = "opening"
 
 
 def change_opening(
@@ -51,7 +49,13 @@ def change_opening(
         fix = f"vsd opening --take-back {first}, then change them"
         raise UsageError(f"opening hours change on {first} already", fix=fix)
     change = OpeningChange(first, opening, by)
-    _rewrite(site, lambda text: _appended(text, change), lambda tables: [*tables, _table(change)])
+    new = _table(change)
+
+    def with_change(text: str, tables: Tables) -> str:
+        tables.setdefault(KEY, []).append(new)
+        return with_table(text, KEY, new)
+
+    rewrite(site, with_change, refusal=_other_way)
     return change
 
 
@@ -77,11 +81,12 @@ def take_opening_back(site: Site, first: date, *, today: date) -> OpeningChange 
             f"the opening hours from {first} cannot be taken back", why=why, fix="change them from a later day"
         )
     gone = _table(change)
-    _rewrite(
-        site,
-        lambda text: text.replace(_block(change, end=_end_of_lines(text)), "", 1),
-        lambda tables: [table for table in tables if table != gone],
-    )
+
+    def without_change(text: str, tables: Tables) -> str:
+        drop_table(tables, KEY, gone)
+        return without_table(text, KEY, gone)
+
+    rewrite(site, without_change, refusal=_other_way)
     return change
 
 
@@ -100,47 +105,10 @@ def _table(change: OpeningChange) -> dict[str, Any]:
     return {"from": change.first.isoformat(), "hours": hours} | ({} if change.by is None else {"by": change.by})
 
 
-def _appended(text: str, change: OpeningChange) -> str:
-    """Return the text with a change below it, in its own kind of line ends."""
-    end = _end_of_lines(text)
-    return text + ("" if not text or text.endswith("\n") else end) + _block(change, end=end)
-
-
-def _end_of_lines(text: str) -> str:
-    return "\r\n" if "\r\n" in text else "\n"
-
-
-def _block(change: OpeningChange, *, end: str) -> str:
-    """Return a change as it is written, an empty line before it."""
-    table = _table(change)
-    hours = ", ".join(f"{day} = {json.dumps(spans)}" for day, spans in table["hours"].items())
-    lines = ["[[opening]]", f'from = "{table["from"]}"', f"hours = {{ {hours} }}" if hours else "hours = {}"]
-    by = [] if change.by is None else [f"by = {json.dumps(change.by, ensure_ascii=False)}"]
-    return "".join(f"{line}{end}" for line in ("", *lines, *by))
-
-
-def _rewrite(
-    site: Site, edited: Callable[[str], str], wanted: Callable[[list[dict[str, Any]]], list[dict[str, Any]]]
-) -> None:
-    """Replace the file by one that says the same but for `[[opening]]`, or refuse."""
-    from vsd_analytics.store.durable import exclusive, publish, sweep_temporaries
-
-    path = (site.root / FILE).resolve()
-    with exclusive(site.root / LOCK):
-        sweep_temporaries(path.parent, file_name=path.name)
-        text = path.read_bytes().decode("utf-8")
-        new, before = edited(text), tomllib.loads(text.removeprefix("\ufeff"))
-        tables = wanted(before.pop("opening", []))
-        try:
-            after: Mapping[str, Any] = tomllib.loads(new.removeprefix("\ufeff"))
-        except tomllib.TOMLDecodeError:
-            after = {}
-        if new == text or after != before | ({"opening": tables} if tables else {}):
-            raise ConfigError(
-                f"the opening hours cannot be written into {FILE}",
-                why="the file writes [[opening]] in another way than this program",
-                where=Where(FILE),
-                fix="edit the [[opening]] of that day there",
-            )
-        site_of(TomlText(FILE, new.removeprefix("\ufeff").replace("\r\n", "\n")), folder=site.root)
-        publish(path, new.encode(), is_private=not path.stat().st_mode & 0o077)
+def _other_way() -> ConfigError:
+    return ConfigError(
+        f"the opening hours cannot be written into {FILE}",
+        why="the file writes [[opening]] in another way than this program",
+        where=Where(FILE),
+        fix="edit the [[opening]] of that day there",
+    )
