@@ -26,6 +26,7 @@ COMMANDS = (
         "report",
         "target",
         "opening",
+        "mark",
         "inbox",
         "planner",
         "site",
