@@ -146,4 +146,21 @@ def do_jobs(page: Any, address: str, check: Callable[[str], None] = lambda _: No
         keyboard.reach("Stay below, violations per open hour")
         keyboard.type("120")
         assert keyboard.press("Save the target").startswith("The target is saved.")
+    with keyboard.job("change the opening hours"):
+        keyboard.press("Change the opening hours", is_link=False)
+        keyboard.reach("Sunday")
+        keyboard.type("11:00-18:00")
+        assert keyboard.press("Save the hours").startswith("The opening hours are saved.")
+    with keyboard.job("mark an area"):
+        keyboard.press("Areas and fixtures")
+        keyboard.reach("Name")
+        keyboard.type("Promotion")
+        keyboard.reach("Corners, in metres")
+        keyboard.type("8,6 9,6 9,7 8,7")
+        assert keyboard.press("Save the place").startswith("The place is saved.")
+    check("mark an area")
+    page.goto(f"{address}/desk")
+    with keyboard.job("compare sites"):
+        keyboard.press("All sites and weeks")
+    check("compare sites")
     return keyboard.taken

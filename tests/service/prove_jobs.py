@@ -20,6 +20,8 @@ from playwright.sync_api import sync_playwright
 from service.desk_site import desk_app
 from service.keyboard_jobs import do_jobs
 
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.report.pages.pdf import find_chromium
 from vsd_analytics.service.http_server import HttpServer
 
@@ -34,6 +36,7 @@ def main(project: Path) -> None:
         for _ in range(ROUNDS):
             with tempfile.TemporaryDirectory() as folder:
                 root = shutil.copytree(project, Path(folder) / "shop")
+                run(cli, ["-C", str(root), "site", "build"])
                 server = HttpServer(desk_app(root), host="127.0.0.1", port=0)
                 server.start()
                 context = chromium.new_context(permissions=["clipboard-read", "clipboard-write"])

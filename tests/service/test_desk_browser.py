@@ -18,8 +18,11 @@ pytest.importorskip("httpx", reason="the extra test is not installed")
 from service.desk_site import DESK_TOKEN, desk_app, desk_site
 from service.keyboard_jobs import do_jobs
 
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config.change_log import read_answers, read_log
 from vsd_analytics.config.project import load_site
+from vsd_analytics.service.desk_places import WIDTHS_PX
 from vsd_analytics.service.http_server import HttpServer
 
 pytestmark = pytest.mark.browser
@@ -33,6 +36,9 @@ PRESSES = {
     "log a change": 1,
     "take it back": 1,
     "set a target": 1,
+    "change the opening hours": 2,
+    "mark an area": 2,
+    "compare sites": 1,
     "see it now": 1,
     "open the planner": 1,
     "share a view, from the planner": 1,
@@ -55,6 +61,7 @@ def desk(tmp_path: Path) -> Iterator[tuple[str, Path]]:
 def demo_desk(demo_project: Path, tmp_path: Path) -> Iterator[tuple[str, Path]]:
     root = tmp_path / "vsd-demo"
     shutil.copytree(demo_project, root)
+    assert run(cli, ["-C", str(root), "site", "build", "--make"]) in (0, 1)
     server = HttpServer(desk_app(root), host="127.0.0.1", port=0)
     server.start()
     yield f"http://127.0.0.1:{server.port}", root
@@ -91,6 +98,50 @@ def test_the_jobs_are_done_by_keyboard_in_as_many_presses_as_the_docs_say(
     assert DESK_TOKEN not in "".join(seen)
     assert [u for u in seen if not u.startswith((address, "data:", "blob:"))] == []
     assert errors == []
+
+
+def test_the_jobs_are_done_with_fingers(tab: Open, desk: tuple[str, Path]) -> None:
+    address, root = desk
+    page = tab(
+        f"{address}/desk", has_touch=True, is_mobile=True, viewport={"width": 390, "height": 844}, bypass_csp=False
+    )
+    page.get_by_label("Your name").fill("Anna")
+    page.get_by_label("Token of the desk").fill(DESK_TOKEN)
+    page.get_by_role("button", name="Sign in").tap()
+
+    def tapped(name: str) -> str:
+        with page.expect_navigation():
+            page.locator("button", has_text=name).first.tap()
+        return str(page.get_by_role("status").text_content())
+
+    page.locator(".pick:has([value=tried])").tap()
+    assert tapped("Save the answer").startswith("Saved.")
+    page.get_by_label("What was changed").fill("Mat moved")
+    assert tapped("Log the change") == "The change is in the log."
+    assert tapped(": Mat moved") == "Taken back."
+    page.get_by_label("Stay below").fill("120")
+    assert tapped("Save the target").startswith("The target is saved.")
+    with page.expect_navigation():
+        page.get_by_role("link", name="Areas and fixtures").tap()
+    page.get_by_label("Name").fill("Display")
+    for x, y in ((20, 20), (60, 20), (60, 90)):
+        with page.expect_navigation():
+            page.locator(".plan-narrow").tap(position={"x": x, "y": y})
+    assert tapped("Save the place").startswith("The place is saved.")
+    site = load_site(root)
+    assert [(a.kind, a.by) for a in read_answers(site)] == [("tried", "Anna")]
+    assert [a.name for a in site.areas] == ["Door & <i>mat</i>", "Display"]
+    assert site.floors[0].target_per_open_h == 120
+
+
+@pytest.mark.parametrize("size", [1280, 390])
+def test_the_plan_is_as_wide_as_its_clicks_are_read(tab: Open, desk: tuple[str, Path], size: int) -> None:
+    page = tab(f"{desk[0]}/desk", viewport={"width": size, "height": 900}, bypass_csp=False)
+    sign_in(page)
+    page.goto(f"{desk[0]}/desk/places/ground")
+    shown = [name for name in WIDTHS_PX if page.locator(f".plan-{name}").is_visible()]
+    assert shown == ["wide" if size == 1280 else "narrow"]
+    assert page.locator(f".plan-{shown[0]}").bounding_box()["width"] == WIDTHS_PX[shown[0]]
 
 
 def test_the_table_of_the_docs_has_these_presses() -> None:
@@ -137,6 +188,13 @@ def test_every_page_is_accessible_fits_and_has_room_for_fingers(
     page.locator(".undo button").last.click()
     page.wait_for_selector("[role=status]")
     check(page, axe, "written")
+    page.goto(f"{address}/desk/places/ground")
+    check(page, axe, "places")
+    page.locator("form[action='/desk/mark'] [name=name]").fill(HOSTILE[:80])
+    page.locator("form[action='/desk/mark'] [name=corners]").fill("0,0 1,1 1,0 0,1")
+    page.get_by_role("button", name="Save the place").click()
+    page.wait_for_selector("[role=alert]")
+    check(page, axe, "corners")
     page.goto(f"{address}/desk/weeks/last/floors/attic/page")
     check(page, axe, "problem")
 
@@ -149,7 +207,7 @@ def check(page: Any, axe: Open, what: str) -> None:
             assert axe(page) == [], (what, width)
     small = page.evaluate(
         "least => [...document.querySelectorAll('button, select, input:not([type=hidden], [type=radio]), .pick')]"
-        ".filter(e => e.getBoundingClientRect().height < least).map(e => e.outerHTML)",
+        ".filter(e => e.checkVisibility() && e.getBoundingClientRect().height < least).map(e => e.outerHTML)",
         FINGER_PX,
     )
     assert small == [], what

@@ -1,4 +1,4 @@
-"""What lies below or over the cells of a map: a floor with its plan, fixtures and areas, or a camera's picture."""
+"""What lies over the cells of a map: the ink of a floor, or a camera's picture."""
 
 from __future__ import annotations
 
@@ -11,41 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.errors import UsageError
-from vsd_analytics.figures.week.floor_maps import map_fixtures
-from vsd_analytics.figures.week.model_map import Extent, FloorMap, MapArea, MapImage
+from vsd_analytics.figures.week.model_map import FloorMap, MapImage
 from vsd_analytics.geometry import camera_views
-from vsd_analytics.geometry.embedded_pictures import has_paper, picture_image, plan_image
+from vsd_analytics.geometry.embedded_pictures import picture_image
 from vsd_analytics.geometry.homography import to_image
 from vsd_analytics.report.draw.cell_map import floor_ink
 from vsd_analytics.site.model import Calibration, Camera, Floor, Site
 
 INK_PX: Final = 2000
 """Width of a plan that is drawn over an array."""
-
-
-def floor_view(site: Site, floor: Floor, *, until: date, extent: Extent) -> FloorMap:
-    """Return a floor as it was at the end of a day, ready to draw.
-
-    Args:
-        site: The site.
-        floor: The floor.
-        until: The day; fixtures are those at its end.
-        extent: Left, bottom, right, top in floor metres, where there is no plan.
-    """
-    bounds = camera_views.plan_bounds(floor)
-    image = None
-    if floor.plan is not None and bounds is not None:
-        image = MapImage(data_uri=plan_image(floor.plan)[0], extent=bounds, is_opaque=has_paper(floor.plan))
-    fixtures = [f for f in site.fixtures if f.floor_id == floor.floor_id and f.is_there(_end_of(until, site))]
-    areas = [a for a in site.areas if a.floor_id == floor.floor_id]
-    return FloorMap(
-        kind="floor" if image is None else "plan",
-        title=floor.name,
-        extent=bounds or extent,
-        image=image,
-        fixtures=map_fixtures(fixtures),
-        areas=tuple(MapArea(area_id=a.area_id, name=a.name, ring=a.polygon) for a in areas),
-    )
 
 
 def ink(shown: FloorMap) -> NDArray[np.uint8]:

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.api.floor_view import PictureView, floor_view, ink, picture_view
+from vsd_analytics.api.floor_view import PictureView, ink, picture_view
 from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import Grid
 from vsd_analytics.figures.maps import CellMap
 from vsd_analytics.figures.week.model_map import FloorMap
+from vsd_analytics.report.draw.bare_floor import bare_floor
 from vsd_analytics.report.draw.cell_map import LOW, MapCell, cell_map, doubling_steps
 from vsd_analytics.report.draw.svg import RAMP_LIGHT
 from vsd_analytics.site.model import Floor, Site
@@ -164,7 +165,7 @@ class Heatmap:
 
     def _floor(self) -> FloorMap:
         left, right, bottom, top = self.extent_m
-        return floor_view(self.site, self.floor, until=self.until, extent=(left, bottom, right, top))
+        return bare_floor(self.site, self.floor, until=self.until, extent=(left, bottom, right, top))
 
     def _plot_plan(self, ax: Axes) -> None:
         shown = self._floor()

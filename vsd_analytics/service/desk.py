@@ -24,8 +24,9 @@ from starlette.routing import Route
 from vsd_analytics.errors import DiskError
 from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.service.answers import NotFoundError, ReportAnswers
-from vsd_analytics.service.desk_jobs import FIELD_MAX_CHARS, JOBS, FormMistakeError, Writing
+from vsd_analytics.service.desk_jobs import FIELD_MAX_CHARS, JOBS, PLACE_JOBS, FormMistakeError, Writing
 from vsd_analytics.service.desk_page import desk_policy, render_desk, render_problem, render_sign_in
+from vsd_analytics.service.desk_places import render_places
 from vsd_analytics.service.desk_sessions import SESSION_S, DeskSession, DeskSessions
 from vsd_analytics.service.index_files import IndexFiles
 from vsd_analytics.service.now_page import now_policy
@@ -84,6 +85,8 @@ class Desk:
             Route(f"{DESK}/now/{{floor_id}}", self._now),
             Route(f"{INDEX_FOLDER}/{{name:path}}", self._index_file),
             Route(f"{DESK}/weeks/{{week}}/floors/{{floor_id}}/{{kind}}", self._page),
+            Route(f"{DESK}/places/{{floor_id}}", self._places_page),
+            Route(f"{DESK}/draw", self._drawn, methods=["POST"]),
             Route(f"{DESK}/{{job}}", self._written, methods=["POST"]),
         ]
 
@@ -116,6 +119,22 @@ class Desk:
         show = partial(self._answers.floor_now, folder=f"{DESK}/now")
         body = await run_in_threadpool(show, request.path_params["floor_id"])
         return Response(body, media_type="text/html", headers={**HEADERS, "Content-Security-Policy": now_policy()})
+
+    async def _places_page(self, request: Request) -> Response:
+        if (session := self._session(request)) is None:
+            return _moved(f"{SIGN_IN}?after={request.url.path}")
+        said, session.said = session.said, ""
+        filled = {"floor": request.path_params["floor_id"]}
+        return await run_in_threadpool(self._places, session, said=said, filled=filled)
+
+    async def _drawn(self, request: Request) -> Response:
+        """Show a place as far as it was drawn; nothing is written."""
+        fields, session = await _fields(request), self._session(request)
+        if session is None:
+            return _moved(SIGN_IN)
+        if fields is None or not _is_from_here(request) or not session.is_own_form(fields["form"]):
+            return await run_in_threadpool(self._refused)
+        return await run_in_threadpool(self._places, session, filled={**fields, "job": "draw"})
 
     async def _sign_in_page(self, request: Request) -> Response:
         after = request.query_params.get("after", "")
@@ -162,23 +181,26 @@ class Desk:
 
     def _do(self, job: str, fields: dict[str, str], session: DeskSession) -> Response:
         with self._writing:
-            if fields["request"] in session.done:
-                return _moved(DESK)
             site = self._answers.site_now()
+            after, show = DESK, self._desk
+            if job in PLACE_JOBS and (floor_id := fields.get("floor")) in {f.floor_id for f in site.floors}:
+                after, show = f"{DESK}/places/{floor_id}", self._places
+            if fields["request"] in session.done:
+                return _moved(after)
             with speaking(site.language):
                 try:
                     now = self._present().astimezone(site.zone).replace(microsecond=0)
                     session.said = JOBS[job](Writing(site, fields, session.writer, now))
                 except FormMistakeError as mistake:
                     words = (mistake.name, mistake.words)
-                    return self._desk(session, mistake=words, filled={**fields, "job": job}, status=422)
+                    return show(session, mistake=words, filled={**fields, "job": job}, status=422)
                 except DiskError as error:
                     detail = say("desk.problem.disk_why", code=error.code)
                     page = render_problem(site, problem=say("desk.problem.disk"), detail=detail)
                     return _html(HTTPStatus.SERVICE_UNAVAILABLE, page)
             session.remember_done(fields["request"])
             self._answers.look_again()
-            return _moved(DESK)
+            return _moved(after)
 
     def _desk(
         self,
@@ -201,6 +223,33 @@ class Desk:
                 mistake=mistake,
                 filled=filled,
                 has_index=self._index.is_there,
+            )
+        return _html(status, page)
+
+    def _places(
+        self,
+        session: DeskSession,
+        *,
+        said: str = "",
+        mistake: tuple[str, str] | None = None,
+        filled: dict[str, str],
+        status: int = 200,
+    ) -> Response:
+        site = self._answers.site_now()
+        floor = next((f for f in site.floors if f.floor_id == filled.get("floor")), None)
+        if floor is None:
+            raise NotFoundError("there is no such floor")
+        with speaking(site.language):
+            page = render_places(
+                site,
+                floor,
+                writer=session.writer,
+                form_token=session.form_token,
+                request_id=secrets.token_urlsafe(18),
+                now=self._present(),
+                said=said,
+                mistake=mistake,
+                filled=filled,
             )
         return _html(status, page)
 

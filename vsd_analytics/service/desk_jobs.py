@@ -11,12 +11,14 @@ from typing import Final
 from vsd_analytics.config.asked_questions import read_asked
 from vsd_analytics.config.change_log import add_answer, add_entry, remove_entry
 from vsd_analytics.config.floor_targets import RANGE, read_target_changes, set_target
-from vsd_analytics.config.log_records import ANSWERS, TEXT_MAX_CHARS
+from vsd_analytics.config.log_records import ANSWERS, NAME_MAX_CHARS, TEXT_MAX_CHARS, is_name
 from vsd_analytics.config.opening import WEEKDAYS, OpeningError, parse_spans
 from vsd_analytics.config.opening_changes import change_opening, take_opening_back
+from vsd_analytics.config.place_changes import KINDS, PlaceChange, end_place, mark_place, standing, take_place_back
 from vsd_analytics.config.values import parse_instant
 from vsd_analytics.errors import CONTROL, ConfigError, UsageError
 from vsd_analytics.service.desk_history import desk_history
+from vsd_analytics.service.plan_picture import corners_of
 from vsd_analytics.site.model import Site
 from vsd_analytics.site.questions import AnswerKind
 from vsd_analytics.wording.catalogue import say
@@ -79,6 +81,12 @@ class Writing:
         if abs(at - self.now) > FAR:
             raise FormMistakeError(name, say("desk.mistake.time"))
         return at
+
+    @property
+    def monday(self) -> date:
+        """Return the first day of the running week."""
+        today = self.now.date()
+        return today - timedelta(days=today.weekday())
 
     def area(self, name: str) -> str | None:
         """Return the id of an area; None for the whole site."""
@@ -168,6 +176,62 @@ def take_hours_back(form: Writing) -> str:
     return say("desk.done.undone" if gone else "desk.done.undone_before")
 
 
+def mark(form: Writing) -> str:
+    """Mark an area or a fixture; return what the page says then."""
+    kind = next((kind for kind in KINDS if kind == form.fields.get("kind")), None)
+    name, first = form.text("name", is_needed=False), _day(form, "from")
+    if kind is None or form.fields.get("floor") not in {f.floor_id for f in form.site.floors}:
+        raise FormMistakeError("kind", say("desk.mistake.kind"))
+    if not is_name(name):
+        raise FormMistakeError("name", say("desk.mistake.name", n=NAME_MAX_CHARS))
+    try:
+        corners = corners_of(form.fields.get("corners", ""))
+    except ValueError:
+        raise FormMistakeError("corners", say("desk.mistake.corners")) from None
+    if first < form.monday:
+        raise FormMistakeError("from", say("desk.mistake.place_from"))
+    try:
+        mark_place(
+            form.site, kind=kind, name=name, floor_id=form.fields["floor"], polygon=corners, first=first, at=form.now,
+            by=form.writer,
+        )  # fmt: skip
+    except UsageError:
+        raise FormMistakeError("corners", say("desk.mistake.corners")) from None
+    except ConfigError:
+        raise FormMistakeError("corners", say("desk.mistake.place_file")) from None
+    return say("desk.done.marked")
+
+
+def end(form: Writing) -> str:
+    """Say that an area or a fixture is not there any more; return what the page says then."""
+    day = _day(form, "until")
+    if day < form.monday:
+        raise FormMistakeError("until", say("desk.mistake.place_from"))
+    try:
+        change = end_place(form.site, form.fields.get("place", ""), day, at=form.now, by=form.writer)
+    except UsageError:
+        raise FormMistakeError("place", say("desk.mistake.place")) from None
+    except ConfigError:
+        raise FormMistakeError("until", say("desk.mistake.place_file")) from None
+    return say("desk.done.ended" if change is not None else "desk.done.ended_before")
+
+
+def take_mark_back(form: Writing) -> str:
+    """Take back that a place was marked or ended; return what the page says then."""
+    changes = {place_line(change): change for change in standing(form.site)}
+    change = changes.get(form.fields.get("line", ""))
+    try:
+        is_done = change is not None and take_place_back(form.site, change, at=form.now, by=form.writer)
+    except (UsageError, ConfigError):
+        return say("desk.mistake.place_file")
+    return say("desk.done.undone" if is_done else "desk.done.undone_before")
+
+
+def place_line(change: PlaceChange) -> str:
+    """Return what names a change in a form."""
+    return f"{change.place_id} {change.action}"
+
+
 def _spans(text: str) -> list[str]:
     """Return the spans of a field such as "8:00 – 13:00, 15:00-19:00"; an empty one is a closed day."""
     joined = re.sub(r"\s*[-\u2013]\s*", "-", text.strip())
@@ -202,5 +266,10 @@ JOBS: Final[dict[str, Callable[[Writing], str]]] = {
     "undo-target": take_target_back,
     "hours": change_hours,
     "undo-hours": take_hours_back,
+    "mark": mark,
+    "end": end,
+    "undo-mark": take_mark_back,
 }
 """By the last part of the address that a form is sent to."""
+PLACE_JOBS: Final = frozenset({"mark", "end", "undo-mark"})
+"""Those of the page of a floor's areas and fixtures."""

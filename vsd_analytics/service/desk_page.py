@@ -361,7 +361,7 @@ def _line(line: HistoryLine, names: Mapping[str, str]) -> DeskLine:
 
 
 def _pages(site: Site, *, has_index: bool) -> tuple[tuple[str, str], ...]:
-    """Return address and name of the last page, the last planner and the live page of each floor, and of the index."""
+    """Return address and name of the pages of each floor, and of the index."""
     several = len(site.floors) > 1
     found = []
     for floor in site.floors:
@@ -370,6 +370,8 @@ def _pages(site: Site, *, has_index: bool) -> tuple[tuple[str, str], ...]:
             found.append((f"/desk/weeks/last/floors/{floor.floor_id}/{kind}", name))
         name = say("desk.pages.now_floor" if several else "desk.pages.now", floor=floor.name)
         found.append((f"/desk/now/{floor.floor_id}", name))
+        name = say("desk.pages.places_floor" if several else "desk.pages.places", floor=floor.name)
+        found.append((f"/desk/places/{floor.floor_id}", name))
     return (*found, *([("/desk/sites/index.html", say("desk.pages.sites"))] if has_index else []))
 
 
