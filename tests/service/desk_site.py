@@ -61,7 +61,11 @@ def desk_site(root: Path, *, more: str = "") -> Site:
 def desk_app(root: Path, *, has_desk: bool = True, present: Callable[[], datetime] = lambda: NOW) -> Any:
     """Return the service of a project."""
     answers = ReportAnswers(root)
-    desk = Desk(answers, token=DESK_TOKEN, index=IndexFiles(root / "reports"), present=present) if has_desk else None
+    desk = (
+        Desk(answers, token=DESK_TOKEN, index=IndexFiles(root / "reports", project=root), present=present)
+        if has_desk
+        else None
+    )
     return make_app(answers, token=READ_TOKEN, limit=RateLimit(per_min=1e6, burst=10**6), title="Shop", desk=desk)
 
 

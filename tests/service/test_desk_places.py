@@ -15,7 +15,7 @@ pytest.importorskip("httpx", reason="the extra test is not installed")
 
 from service.desk_site import NOW, DeskBrowser, desk_app, desk_site
 
-from vsd_analytics.config.place_changes import PLACES, standing
+from vsd_analytics.config.place_edits import PLACES, standing
 from vsd_analytics.config.project import load_site
 from vsd_analytics.service.desk_places import WIDTHS_PX
 from vsd_analytics.service.plan_picture import PlanPicture, corners_of, corners_text

@@ -54,7 +54,7 @@ def mark(
       vsd mark --take-back promotion
       vsd mark
     """
-    from vsd_analytics.config.place_changes import can_take_back, end_place, mark_place, standing, take_place_back
+    from vsd_analytics.config.place_edits import can_take_back, end_place, mark_place, standing, take_place_back
 
     site, at = project.site, project.clock().astimezone(project.site.zone)
     jobs = [kind is not None, ended is not None, taken_back is not None]
@@ -104,7 +104,7 @@ def _print(changes: tuple[Any, ...], *, as_json: bool, nothing: str = "nothing w
 
 
 def _kind(text: str) -> Any:
-    from vsd_analytics.config.place_changes import KINDS
+    from vsd_analytics.config.place_edits import KINDS
 
     if text not in KINDS:
         raise UsageError(f"{text!r} is no kind of place", why=f"it is one of {', '.join(KINDS)}", fix=EXAMPLE)

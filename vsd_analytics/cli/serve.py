@@ -63,7 +63,7 @@ def serve(project: Project, host: str, port: int, per_minute: float, has_desk: b
     if index is not None and not has_desk:
         raise UsageError("--index is for the desk", fix="add --desk, or leave out --index")
     if has_desk:
-        files = IndexFiles(index if index is not None else project.root / "reports")
+        files = IndexFiles(index if index is not None else project.root / "reports", project=project.root)
         if index is not None and not files.is_there:
             raise UsageError(
                 f"{index} has no index of reports",

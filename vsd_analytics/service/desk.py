@@ -22,7 +22,6 @@ from starlette.responses import Response
 from starlette.routing import Route
 
 from vsd_analytics.errors import DiskError
-from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.service.answers import NotFoundError, ReportAnswers
 from vsd_analytics.service.desk_jobs import FIELD_MAX_CHARS, JOBS, PLACE_JOBS, FormMistakeError, Writing
 from vsd_analytics.service.desk_page import desk_policy, render_desk, render_problem, render_sign_in
@@ -109,9 +108,7 @@ class Desk:
     async def _index_file(self, request: Request) -> Response:
         if self._session(request) is None:
             return _moved(f"{SIGN_IN}?after={request.url.path}")
-        site = await run_in_threadpool(self._answers.site_now)
-        hides = Mask(int(site.settings.mask_below)).is_on
-        return _file(*await run_in_threadpool(self._index.read, request.path_params["name"], hides=hides))
+        return _file(*await run_in_threadpool(self._index.read, request.path_params["name"]))
 
     async def _now(self, request: Request) -> Response:
         if self._session(request) is None:

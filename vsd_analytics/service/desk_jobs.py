@@ -14,7 +14,7 @@ from vsd_analytics.config.floor_targets import RANGE, read_target_changes, set_t
 from vsd_analytics.config.log_records import ANSWERS, NAME_MAX_CHARS, TEXT_MAX_CHARS, is_name
 from vsd_analytics.config.opening import WEEKDAYS, OpeningError, parse_spans
 from vsd_analytics.config.opening_changes import change_opening, take_opening_back
-from vsd_analytics.config.place_changes import KINDS, PlaceChange, end_place, mark_place, standing, take_place_back
+from vsd_analytics.config.place_edits import KINDS, PlaceEdit, end_place, mark_place, standing, take_place_back
 from vsd_analytics.config.values import parse_instant
 from vsd_analytics.errors import CONTROL, ConfigError, UsageError
 from vsd_analytics.service.desk_history import desk_history
@@ -227,7 +227,7 @@ def take_mark_back(form: Writing) -> str:
     return say("desk.done.undone" if is_done else "desk.done.undone_before")
 
 
-def place_line(change: PlaceChange) -> str:
+def place_line(change: PlaceEdit) -> str:
     """Return what names a change in a form."""
     return f"{change.place_id} {change.action}"
 

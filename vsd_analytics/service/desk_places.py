@@ -10,7 +10,7 @@ from typing import Final
 from markupsafe import Markup
 
 from vsd_analytics.config.log_records import NAME_MAX_CHARS
-from vsd_analytics.config.place_changes import KINDS, PlaceChange, can_take_back, standing
+from vsd_analytics.config.place_edits import KINDS, PlaceEdit, can_take_back, standing
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
 from vsd_analytics.service.desk_jobs import place_line
 from vsd_analytics.service.plan_picture import PlanPicture, corners_of, corners_text
@@ -191,7 +191,7 @@ def _lines(site: Site, floor: Floor, *, now: datetime) -> tuple[PlaceLine, ...]:
     return tuple(_line(c, can_undo=c in can_undo) for c in reversed(standing(site)) if c.place_id in own)
 
 
-def _line(change: PlaceChange, *, can_undo: bool) -> PlaceLine:
+def _line(change: PlaceEdit, *, can_undo: bool) -> PlaceLine:
     key = "desk.places.since" if change.action == "marked" else "desk.places.until"
     return PlaceLine(
         line=place_line(change) if can_undo else "",

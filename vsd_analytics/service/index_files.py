@@ -10,7 +10,7 @@ from typing import Final
 from urllib.parse import unquote
 
 from vsd_analytics.service.answers import NotFoundError
-from vsd_analytics.site_index.collect_reports import MARK
+from vsd_analytics.site_index.collect_reports import MARK, hides_counts
 from vsd_analytics.site_index.read_reports import shared_names
 
 INDEX: Final = "index.html"
@@ -27,22 +27,22 @@ class IndexFiles:
 
     Args:
         folder: Where `vsd site build` wrote the index.
+        project: The project whose desk shows it: whether it hides small counts from readers.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, *, project: Path) -> None:
+        self.folder, self._project = folder, project
 
     @property
     def is_there(self) -> bool:
         """Tell whether the folder has an index that this program wrote."""
         return self._page() is not None
 
-    def read(self, name: str, *, hides: bool) -> tuple[bytes, str]:
+    def read(self, name: str) -> tuple[bytes, str]:
         """Return a file and its media type.
 
         Args:
             name: Address relative to the index, such as `index.html` or `harbour/2026-W46.html`.
-            hides: Small counts are hidden from readers.
 
         Raises:
             NotFoundError: There is no index, or it does not link to this file, or the file is gone.
@@ -53,7 +53,7 @@ class IndexFiles:
         linked = set() if page is None else {unquote(unescape(link)) for link in _LINK.findall(page.decode())}
         path = self.folder / name
         is_listed = name in linked and ".." not in PurePosixPath(name).parts and path.suffix in MEDIA_TYPES
-        if not is_listed or path.name not in shared_names(path.parent, hides=hides)[0]:
+        if not is_listed or path.name not in shared_names(path.parent, hides=hides_counts(self._project))[0]:
             raise NotFoundError(f"the index has no page {name!r}")
         return path.read_bytes(), MEDIA_TYPES[path.suffix]
 

@@ -67,7 +67,7 @@ def sources_of(folders: Sequence[Path]) -> tuple[ReportSource, ...]:
                 why=f"{sources[name].folder} is, too, and pages are published under the name of the folder",
                 fix="rename one of the two folders",
             )
-        sources[name] = ReportSource(folder, name, _hides(folder))
+        sources[name] = ReportSource(folder, name, hides_counts(folder))
     return tuple(sources.values())
 
 
@@ -144,7 +144,7 @@ def _gathered(source: ReportSource, out: Path) -> FoundReports:
     )
 
 
-def _hides(folder: Path) -> bool:
+def hides_counts(folder: Path) -> bool:
     """Tell whether a project hides small counts; one without a readable vsd.toml does."""
     try:
         return Mask(int(load_site(folder).settings.mask_below)).is_on

@@ -28,7 +28,7 @@ Action = Literal["marked", "ended", "unmarked", "reopened"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlaceChange:
+class PlaceEdit:
     """Something that was done to an area or a fixture.
 
     Attributes:
@@ -53,14 +53,14 @@ class PlaceChange:
     table: dict[str, Any] | None = None
 
 
-def _as_line(change: PlaceChange) -> dict[str, Any]:
-    fields = {name: getattr(change, name) for name in PlaceChange.__slots__}
+def _as_line(change: PlaceEdit) -> dict[str, Any]:
+    fields = {name: getattr(change, name) for name in PlaceEdit.__slots__}
     dates = {"at": change.at.isoformat(), "day": change.day.isoformat()}
     return {name: value for name, value in (fields | dates).items() if value is not None}
 
 
 PLACES: Final = AppendOnlyFile(
-    "places.jsonl", PlaceChange, _as_line, "a change of a place", "areas and fixtures themselves are in vsd.toml"
+    "places.jsonl", PlaceEdit, _as_line, "a change of a place", "areas and fixtures themselves are in vsd.toml"
 )
 
 
@@ -74,7 +74,7 @@ def mark_place(
     first: date,
     at: datetime,
     by: str | None = None,
-) -> PlaceChange:
+) -> PlaceEdit:
     """Write an area or a fixture into `vsd.toml`, durably. Its id is made of its name.
 
     Args:
@@ -103,7 +103,7 @@ def mark_place(
     table |= {"floor": floor_id} if len(site.floors) > 1 else {}
     table |= {} if kind == "area" else {"kind": kind}
     table |= {"polygon": [list(corner) for corner in polygon], "from": first.isoformat()}
-    change = PlaceChange(
+    change = PlaceEdit(
         at=at, action="marked", key=key, place_id=place_id, day=first, name=name, by=by, table=table
     )  # fmt: skip
 
@@ -115,7 +115,7 @@ def mark_place(
     return change
 
 
-def end_place(site: Site, place_id: str, day: date, *, at: datetime, by: str | None = None) -> PlaceChange | None:
+def end_place(site: Site, place_id: str, day: date, *, at: datetime, by: str | None = None) -> PlaceEdit | None:
     """Write the first day on which an area or a fixture is not there any more. Returns None where it has one.
 
     Args:
@@ -133,7 +133,7 @@ def end_place(site: Site, place_id: str, day: date, *, at: datetime, by: str | N
     _check_day(day, at)
     if by is not None:
         _check_name(by, "--by must be")
-    changes: list[PlaceChange] = []
+    changes: list[PlaceEdit] = []
 
     def with_end(text: str, tables: Tables) -> str | None:
         key, number, table = _table_of(tables, place_id)
@@ -141,7 +141,7 @@ def end_place(site: Site, place_id: str, day: date, *, at: datetime, by: str | N
             return None
         table["to"] = day.isoformat()
         changes.append(
-            PlaceChange(at=at, action="ended", key=key, place_id=place_id, day=day, name=str(table.get("name")), by=by)
+            PlaceEdit(at=at, action="ended", key=key, place_id=place_id, day=day, name=str(table.get("name")), by=by)
         )
         return with_key(text, key, number, "to", day.isoformat())
 
@@ -149,7 +149,7 @@ def end_place(site: Site, place_id: str, day: date, *, at: datetime, by: str | N
     return changes[0] if changes else None
 
 
-def take_place_back(site: Site, change: PlaceChange, *, at: datetime, by: str | None = None) -> bool:
+def take_place_back(site: Site, change: PlaceEdit, *, at: datetime, by: str | None = None) -> bool:
     """Take back that a place was marked or ended. Returns False where it is so already.
 
     Raises:
@@ -166,7 +166,7 @@ def take_place_back(site: Site, change: PlaceChange, *, at: datetime, by: str | 
             )
         return False
     action: Action = "unmarked" if change.action == "marked" else "reopened"
-    undone = PlaceChange(
+    undone = PlaceEdit(
         at=at, action=action, key=change.key, place_id=change.place_id, day=change.day, name=change.name, by=by
     )  # fmt: skip
 
@@ -181,7 +181,7 @@ def take_place_back(site: Site, change: PlaceChange, *, at: datetime, by: str | 
     return rewrite(site, without, refusal=lambda: _other_way(change.name), before=lambda: _note(site, undone))
 
 
-def standing(site: Site) -> tuple[PlaceChange, ...]:
+def standing(site: Site) -> tuple[PlaceEdit, ...]:
     """Return the marks and ends that `vsd.toml` still says, in the order they were made.
 
     No id is used twice, so a mark holds as long as its id is there: also where a program died before it wrote
@@ -197,7 +197,7 @@ def standing(site: Site) -> tuple[PlaceChange, ...]:
     )
 
 
-def can_take_back(site: Site, *, today: date) -> tuple[PlaceChange, ...]:
+def can_take_back(site: Site, *, today: date) -> tuple[PlaceEdit, ...]:
     """Return the changes of which no whole week has figures yet, without marks of places that were ended since."""
     changes = standing(site)
     ended = {c.place_id for c in changes if c.action == "ended"}
@@ -207,7 +207,7 @@ def can_take_back(site: Site, *, today: date) -> tuple[PlaceChange, ...]:
     )  # fmt: skip
 
 
-def _note(site: Site, change: PlaceChange) -> None:
+def _note(site: Site, change: PlaceEdit) -> None:
     PLACES.add(site, change)
 
 

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config import place_changes
-from vsd_analytics.config.place_changes import (
+from vsd_analytics.config import place_edits
+from vsd_analytics.config.place_edits import (
     KINDS,
     PLACES,
     can_take_back,
@@ -62,7 +62,7 @@ def project(root: Path, more: str = "", *, end: str = "\n") -> Site:
     return load_site(root)
 
 
-def mark(root: Path, name: str = "Display", kind: place_changes.PlaceKind = "shelf", day: date = TODAY) -> str:
+def mark(root: Path, name: str = "Display", kind: place_edits.PlaceKind = "shelf", day: date = TODAY) -> str:
     made = mark_place(
         load_site(root), kind=kind, name=name, floor_id="hall", polygon=SQUARE, first=day, at=NOW, by="Anna"
     )
@@ -72,7 +72,7 @@ def mark(root: Path, name: str = "Display", kind: place_changes.PlaceKind = "she
 @settings(max_examples=60, deadline=None)
 @given(names, names, st.sampled_from(KINDS), st.sampled_from(KINDS), st.integers(0, 9), st.sampled_from(["\n", "\r\n"]))
 def test_what_is_marked_is_there_from_its_day_on_and_is_taken_back_without_a_trace(
-    one: str, two: str, kind: place_changes.PlaceKind, other: place_changes.PlaceKind, later: int, end: str
+    one: str, two: str, kind: place_edits.PlaceKind, other: place_edits.PlaceKind, later: int, end: str
 ) -> None:
     with TemporaryDirectory() as folder:
         root = Path(folder)
