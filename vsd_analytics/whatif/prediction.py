@@ -69,7 +69,14 @@ class LayoutEffects:
     inputs: str
 
 
-def layout_effects(warehouse: Warehouse, edits: LayoutEdits, first: date, last: date) -> LayoutEffects:
+def everybody(warehouse: Warehouse, floor_id: str, first: date, last: date) -> FloorRecords:
+    """Return all people of a floor, for several calls of `layout_effects`: to read them takes most of its time."""
+    return records_of(warehouse, floor_id, first, last, _WHOLE_FLOOR)
+
+
+def layout_effects(
+    warehouse: Warehouse, edits: LayoutEdits, first: date, last: date, *, people: FloorRecords | None = None
+) -> LayoutEffects:
     """Return what edits of a floor do to the people recorded there.
 
     Args:
@@ -77,6 +84,7 @@ def layout_effects(warehouse: Warehouse, edits: LayoutEdits, first: date, last: 
         edits: The edits.
         first: First local day.
         last: Last local day, inclusive.
+        people: `everybody` of these days; None = those around the edits are read.
 
     Raises:
         UsageError: E101, records of the days were purged, or most of them near an edit have no track id.
@@ -89,7 +97,7 @@ def layout_effects(warehouse: Warehouse, edits: LayoutEdits, first: date, last: 
     boxes = [list(_boxes(edit, within_m)) for edit in edits.edits]
     every = np.array([box for of_edit in boxes for box in of_edit])
     whole = (*every[:, :2].min(axis=0).tolist(), *every[:, 2:].max(axis=0).tolist())
-    records = records_of(warehouse, floor_id, first, last, whole)
+    records = records_of(warehouse, floor_id, first, last, whole) if people is None else people
     effects = tuple(
         _effect(warehouse.site, edit, floor_id, (first, last), places, [_people(records, box) for box in of_edit])
         for edit, of_edit in zip(edits.edits, boxes, strict=True)
