@@ -24,6 +24,7 @@ LAYOUTS: Final[dict[str, Layout]] = {
         TableLayout(
             ("number", "name", "close_min_per_open_h", "predicted_lo", "predicted_hi", "direction")
         ),
+        TableLayout(("number", "name", "n_stays_leave", "n_stays_come"), only="n_stays_leave"),
         TableLayout(("number", "name", "close_time_share", "peak_people")),
         TableLayout(("number", "name", "room_m2", "new_room_m2", "room_level", "new_room_level"), only="room_level"),
         TableLayout(("number", "name", "iata_level"), only="iata_level"),

@@ -42,6 +42,8 @@ PLACES: Final = (
     Column("close_min_per_open_h", "rate", "min", audience="operator"),
     Column("predicted_lo", "rate", "change"),
     Column("predicted_hi", "rate", "change"),
+    Column("n_stays_leave", "count"),
+    Column("n_stays_come", "count"),
     Column("close_time_share", "share", "share", audience="operator"),
     Column("peak_people", "people", "people_in_view", audience="operator"),
     Column("room_m2", "rate", "m2", audience="operator"),
@@ -81,6 +83,8 @@ STAYS: Final = (
     Column("close_share", "share", "share", tells=("n_stays",)),
 )
 """Columns of `whatif_stays`."""
+NAMED_SHARE: Final = 0.05
+"""Areas that lose or get less of the stays than this are in the table only."""
 IATA_M2: Final = (1.2, 1.0)
 """Room of a person who queues for a control, m²: from 1.2 over-design, from 1.0 optimum, below it sub-optimum. Source:
 IATA Airport Development Reference Manual, level of service."""
@@ -211,6 +215,8 @@ def _place(
         "close_min_per_open_h": known(rate, Reason("level.unrecorded")),
         "predicted_lo": Value.missing(why) if change is None else Value(change.lo),
         "predicted_hi": Value.missing(why) if change is None else Value(change.hi),
+        "n_stays_leave": known(None if place.stays is None else place.stays.n_leave, Reason("whatif.no_stays_move")),
+        "n_stays_come": known(None if place.stays is None else place.stays.n_come, Reason("whatif.no_stays_move")),
         "close_time_share": known(time.total_close_s / time.exposure_s if time.exposure_s else None, nobody),
         "peak_people": Value(time.peak_people),
         "room_m2": known(room[0] if is_known else None, Reason("whatif.same_room")),
@@ -291,7 +297,7 @@ def _sentence(edit: Edit, effect: Effect, site: Site) -> Reason:
             name = edit.name
             if effect.refusal is not None and edit.new_polygon is None:
                 return Reason("whatif.said_removed", name=name, n=n_near, around_m=AROUND_M, why=effect.refusal)
-            ways, stays = _said_ways(effect), _said_stays(effect)
+            ways, stays = _said_ways(effect), _said_stays(effect, site)
             change = next(place.change for place in effect.places if place.place_id == AROUND)
             if change is None:
                 why = effect.refusal or Reason("whatif.little_here")
@@ -334,9 +340,23 @@ def _said_ways(effect: FixtureEffect) -> Reason:
     return Reason("whatif.ways", ways=ways)
 
 
-def _said_stays(effect: FixtureEffect) -> Reason:
+def _said_stays(effect: FixtureEffect, site: Site) -> Reason:
     if effect.stays is None or not effect.stays.n_people:
         return Reason("whatif.no_stays")
-    if effect.stays.n_moved is None:
-        return Reason("whatif.stays_unknown", n=effect.stays.n_people)
-    return Reason("whatif.stays", n=effect.stays.n_people, moved=effect.stays.n_moved)
+    n, n_moved = effect.stays.n_people, effect.stays.n_moved
+    if n_moved is None:
+        return Reason("whatif.stays_unknown", n=n)
+    names = {a.area_id: a.name for a in site.areas}
+    moves = [(names[p.place_id], p.stays) for p in effect.places if p.stays is not None and p.place_id in names]
+    leave, come = (
+        tuple(Reason("whatif.stays_area", name=name) for name, n_here in counts if n_here > NAMED_SHARE * of)
+        for counts, of in (
+            ([(name, stays.n_leave) for name, stays in moves], n),
+            ([(name, stays.n_come) for name, stays in moves], n_moved),
+        )
+    )
+    none = (Reason("whatif.no_area"),)
+    return Reason(
+        "whatif.stays", n=n, moved=n_moved, leave=leave or none, come=come or none,
+        distance_m=float(site.settings.distance_m),
+    )  # fmt: skip

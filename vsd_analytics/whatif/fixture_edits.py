@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -14,7 +15,6 @@ from vsd_analytics.site.layout import FixtureEdit
 from vsd_analytics.site.model import Fixture, Point
 from vsd_analytics.whatif.arrays import Bools, Floats, Ints, n_different
 from vsd_analytics.whatif.closeness import (
-    n_close,
     n_close_after,
     n_close_recorded,
     near_strangers,
@@ -27,6 +27,7 @@ from vsd_analytics.whatif.free_ways import FreeWay, free_ways
 from vsd_analytics.whatif.place_times import PlaceTime, recorded_place
 from vsd_analytics.whatif.ranges import MIN_CLOSE_S, NO_CHANGE, PredictedChange, predicted_change, spread
 from vsd_analytics.whatif.retiming import BEYOND_M, StepAside, halves, step_aside
+from vsd_analytics.whatif.stays import STAY_M, MovedStays, Stays, moved_stays
 
 AROUND_M: Final = 4.0
 """How far from a fixture its effect was measured."""
@@ -42,10 +43,6 @@ Model: TypeAlias = tuple[Floats, Floats, Bools]
 """Where those who may be concerned are, x and y, and who of them is too close."""
 Move: TypeAlias = tuple[Ints, Floats, Floats]
 """Rows of those who walk elsewhere, and their x and y."""
-STAY_M: Final = 1.5
-STAY_S: Final = 10.0
-STAY_M_PER_S: Final = 0.4
-"""Whoever spends 10 s within 1.5 m of a fixture slower than 0.4 m/s stays at it."""
 AROUND: Final = "around"
 """Key of the floor within `AROUND_M` of the edit."""
 
@@ -60,6 +57,7 @@ class PredictedPlace:
         change: Its range; None where none is given.
         refusal: Why not.
         free_m2: Floor without fixtures before and after; None where the edit changes none of it.
+        stays: What stays that move with the fixture do to it, part of `change`; None where they do nothing.
     """
 
     place_id: str
@@ -67,23 +65,7 @@ class PredictedPlace:
     change: PredictedChange | None
     refusal: Reason | None
     free_m2: tuple[float, float] | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Stays:
-    """People who stay at a fixture that is moved or removed.
-
-    Attributes:
-        n_people: Tracks.
-        stay_s: Person-seconds that they stay.
-        close_s: Of these, too close to somebody.
-        n_moved: Those who would stay at its new place, by the share stated; None where none is.
-    """
-
-    n_people: int
-    stay_s: float
-    close_s: float
-    n_moved: int | None
+    stays: MovedStays | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,11 +157,11 @@ def boxes_around(edit: FixtureEdit, *, within_m: float) -> Iterator[Box]:
     """Yield the parts of the floor whose people an edit needs.
 
     Around the place it is about: those whom it may move, and those to whom these may come close. Around its old place:
-    those who stay there, and who is close to them.
+    those who stay there, who is close to them, and who is close to these.
     """
     yield _box(edit.new_polygon or edit.old_polygon or (), AROUND_M + 2 * within_m)
     if edit.old_polygon is not None:
-        yield _box(edit.old_polygon, STAY_M + within_m)
+        yield _box(edit.old_polygon, STAY_M + 2 * within_m)
 
 
 def _box(polygon: tuple[Point, ...], margin_m: float) -> Box:
@@ -187,27 +169,44 @@ def _box(polygon: tuple[Point, ...], margin_m: float) -> Box:
     return least_x - margin_m, least_y - margin_m, most_x + margin_m, most_y + margin_m
 
 
-def people_who_stay(records: FloorRecords, edit: FixtureEdit, *, within_m: float) -> Stays:
-    """Return who stays at the old place of a fixture.
+def with_moved_stays(
+    effect: FixtureEffect, edit: FixtureEdit, old: FloorRecords, new: FloorRecords,
+    areas: Mapping[str, shapely.Polygon], places: Mapping[str, PlaceTime], *, within_m: float,
+) -> FixtureEffect:  # fmt: skip
+    """Return an effect with the stays that the moved fixture takes along, by the share stated.
+
+    A place from which stays leave is added. What changes for both reasons changes by the sum, with the root of the sum
+    of the squares of both errors.
 
     Args:
-        records: People of the second of `boxes_around`.
+        effect: What the fixture does at its new place.
         edit: The edit.
+        old: People of the second of `boxes_around`.
+        new: People of the first of `boxes_around`.
+        areas: As of `fixture_effect`.
+        places: As of `fixture_effect`.
         within_m: The distance that counts.
     """
-    near = inside_of(shapely.Polygon(edit.old_polygon).buffer(STAY_M), records.x_m, records.y_m)
-    slow = np.zeros(near.size, np.bool_)
-    way_m = np.hypot(np.diff(records.x_m), np.diff(records.y_m))
-    slow[1:] = records.joins_next & (way_m < STAY_M_PER_S * np.maximum(np.diff(records.t_s), 1e-9))
-    rows = np.flatnonzero(near & slow & records.is_owned)
-    people, person = np.unique(records.track[rows], return_inverse=True)
-    of_person = np.bincount(person.ravel(), weights=records.weight_s[rows], minlength=people.size)
-    rows = rows[(of_person >= STAY_S)[person.ravel()]]
-    n = int((of_person >= STAY_S).sum())
-    moved = None if edit.follow_share is None else round(edit.follow_share * n)
-    is_close = n_close(records.frames, records.x_m, records.y_m, within_m=within_m)[rows] > 0
-    weight_s = records.weight_s[rows]
-    return Stays(n, float(weight_s.sum()), float((weight_s * is_close).sum()), moved)
+    if edit.new_polygon is None or within_m < LEAST_DISTANCE_M:
+        return effect
+    around = shapely.convex_hull(shapely.Polygon(edit.new_polygon)).buffer(AROUND_M)
+    known = {place.place_id: place for place in effect.places}
+    moved = moved_stays(
+        old, new, edit, {AROUND: around, **areas}, {**places, AROUND: known[AROUND].recorded}, within_m=within_m
+    )
+    for key, stays in moved.items():
+        place = known.get(key) or PredictedPlace(key, places[key], PredictedChange(0.0, 0.0, 0.0), None)
+        known[key] = replace(place, change=_sum(place.change, stays.change), stays=stays)
+    return replace(effect, places=tuple(known.values()))
+
+
+def _sum(one: PredictedChange | None, other: PredictedChange | None) -> PredictedChange | None:
+    """Return the range of two changes together; their errors do not depend on each other."""
+    if one is None or other is None:
+        return None
+    value = one.value + other.value
+    below, above = (math.hypot(*(getattr(c, end) - c.value for c in (one, other))) for end in ("lo", "hi"))
+    return PredictedChange(value, max(value - below, -1.0), value + above)
 
 
 def _why_no_range(pushed: Detours, around: PlaceTime, within_m: float) -> Reason | None:

@@ -20,10 +20,11 @@ from vsd_analytics.site.model import Point, Site
 from vsd_analytics.site.places import fixtures_at
 from vsd_analytics.warehouse.warehouse import Warehouse
 from vsd_analytics.whatif.doors import REACH_M, PredictedSeconds, passages, predicted_seconds
-from vsd_analytics.whatif.fixture_edits import FixtureEffect, boxes_around, fixture_effect, people_who_stay
+from vsd_analytics.whatif.fixture_edits import FixtureEffect, boxes_around, fixture_effect, with_moved_stays
 from vsd_analytics.whatif.floor_records import Box, FloorRecords, records_of
 from vsd_analytics.whatif.opening_edits import OpeningEffect, opening_effect
 from vsd_analytics.whatif.place_times import PlaceTime, floor_key, open_hours, place_times
+from vsd_analytics.whatif.stays import people_who_stay
 
 RELATIONS: Final = ("located", "pair_days", "track_days", "area_hours", "camera_hours")
 """Relations that a prediction reads."""
@@ -129,11 +130,12 @@ def _effect(
         areas = {
             a.area_id: shapely.Polygon(a.polygon) for a in site.areas if a.floor_id == floor_id and a.is_there(*days)
         }
-        return fixture_effect(
-            records, edit, others, areas | {floor_key(floor_id): shapely.Polygon()}, places, within_m=within_m,
-            widths_m=site.settings.free_way_m,
-            stays=None if edit.old_polygon is None else people_who_stay(people[-1], edit, within_m=within_m),
+        areas[floor_key(floor_id)] = shapely.Polygon()
+        stays = None if edit.old_polygon is None else people_who_stay(people[-1], edit, within_m=within_m)
+        effect = fixture_effect(
+            records, edit, others, areas, places, within_m=within_m, widths_m=site.settings.free_way_m, stays=stays
         )  # fmt: skip
+        return with_moved_stays(effect, edit, people[-1], records, areas, places, within_m=within_m)
     if isinstance(edit, DoorEdit):
         return predicted_seconds(records, edit, within_m=within_m)
     if isinstance(edit, OneWayEdit):
