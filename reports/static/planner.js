@@ -2,7 +2,7 @@
 
 const svg = $('plan'), box = $('map'), W = M.size[0], H = M.size[1];
 const MINUS = '\u2212', NONE = '\u2013';
-const writers = [0, 1].map(digits => new Intl.NumberFormat(document.documentElement.lang, { minimumFractionDigits: digits, maximumFractionDigits: digits }));
+const writers = [0, 1, 2].map(digits => new Intl.NumberFormat(document.documentElement.lang, { minimumFractionDigits: digits, maximumFractionDigits: digits }));
 const nf = (v, digits) => writers[digits].format(v);
 
 /* Figures as the report writes them: 1,234; 121; 4.2; 0.42. */

@@ -48,11 +48,13 @@ function layersOf() {
   layer('not-recorded', shapes('#wb .nv,.nv.unseen', () => key('off')));
   layer('too-little-data', shapes('#wb .dt', () => key('dots')));
   layer('fixtures', shapes('.fx,.fw'));
+  layer('layout-before', shapes('.try-was'));
+  layer('layout-tried', shapes('.try', e => nameTried(e.dataset.try)));
   layer('areas', shapes('.ar', e => place(e.dataset.area)));
   layer('hotspots', shapes('.hs', e => (M.spots[all('.hs').indexOf(e)] || { name: '' }).name));
   if (state.flow !== 'none') layer('flow', shapes('.dl').map(s => ({ ...s, isClosed: false })));
   if (state.rect) layer('selection', [{ rings: [[[0, 1], [2, 1], [2, 3], [0, 3]].map(([i, j]) => [state.rect[i], state.rect[j]])], isClosed: true, name: place(state.place), ...look($('rect')) }]);
-  layer('names', [...texts('.fn'), ...texts('.pt'), ...texts('.hn')]);
+  layer('names', [...texts('.fn'), ...texts('.pt'), ...texts('.hn'), ...texts('.try-name')]);
   return layers;
 }
 
@@ -95,7 +97,7 @@ function drawingSvg(layers, lines) {
 function drawingDxf(layers, lines) {
   const out = [], put = (code, value) => out.push(`${String(code).padStart(3)}\n${value}`);
   const text = s => [...s.replace(/[\u0000-\u001f\u007f]/g, ' ')].map(c => c > '~' ? [...Array(c.length).keys()].map(i => `\\U+${c.charCodeAt(i).toString(16).toUpperCase().padStart(4, '0')}`).join('') : c).join('');
-  const layer = name => name.toUpperCase().replaceAll('-', '_'), colour = name => { const k = /^map.*-(\d)$/.exec(name); return k ? [51, 41, 31, 21, 11][k[1] - 1] : { hotspots: 1, areas: 5, fixtures: 8, names: 7 }[name] || 9; };
+  const layer = name => name.toUpperCase().replaceAll('-', '_'), colour = name => { const k = /^map.*-(\d)$/.exec(name); return k ? [51, 41, 31, 21, 11][k[1] - 1] : { hotspots: 1, areas: 5, fixtures: 8, names: 7, 'layout-tried': 3, 'layout-before': 6 }[name] || 9; };
   const write = (name, words, [x, y], height, turn) => { put(0, 'TEXT'); put(8, layer(name)); put(10, x); put(20, y); put(40, height); put(1, text(words)); if (turn) put(50, turn); };
   put(0, 'SECTION'); put(2, 'HEADER'); put(9, '$ACADVER'); put(1, 'AC1009'); put(9, '$INSUNITS'); put(70, 6); put(9, '$MEASUREMENT'); put(70, 1); put(0, 'ENDSEC');
   put(0, 'SECTION'); put(2, 'TABLES'); put(0, 'TABLE'); put(2, 'LAYER'); put(70, layers.length + 1);
@@ -131,8 +133,10 @@ function drawingGeoJson(layers, lines) {
 /* Save the map in a format: svg, dxf or geojson. */
 function saveDrawing(format) {
   const lines = [...drawn(), M.maps[state.map].unit], make = { svg: drawingSvg, dxf: drawingDxf, geojson: drawingGeoJson }[format];
-  const file = new Blob([make(layersOf(), lines)], { type: { svg: 'image/svg+xml', dxf: 'image/vnd.dxf', geojson: 'application/geo+json' }[format] });
-  const link = document.createElement('a'); link.download = fileName(format); link.href = URL.createObjectURL(file); link.click();
+  saveFile(make(layersOf(), lines), { svg: 'image/svg+xml', dxf: 'image/vnd.dxf', geojson: 'application/geo+json' }[format], fileName(format));
+}
+function saveFile(text, type, name) {
+  const link = document.createElement('a'); link.download = name; link.href = URL.createObjectURL(new Blob([text], { type })); link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 60000);
-  say(word('picture', { file: link.download }));
+  say(word('picture', { file: name }));
 }

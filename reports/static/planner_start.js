@@ -29,6 +29,7 @@ function listen() {
   all('[data-save]').forEach(b => b.addEventListener('click', () => saveDrawing(b.dataset.save)));
   addEventListener('hashchange', () => { recall(); draw(); });
   if (!svg) return;
+  listenTried();
   box.addEventListener('keydown', key);
   pointers();
   new ResizeObserver(() => look(state.view)).observe(svg);

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -22,6 +22,7 @@ from vsd_analytics.site.places import fixtures_at
 EXAMPLE: Final = '[[fixture]] with id = "display", polygon = [[1, 5], [2, 5], [2, 6], [1, 6]]'
 _LINE: Final = "[[4.0, 2.0], [4.0, 3.8]]"
 WIDTH_M: Final = (0.3, 50.0)
+OVERLAP_M2: Final = 0.05
 
 
 def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
@@ -48,7 +49,10 @@ def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
     root = TableReader(tomllib.loads(text.text), path=(), label=path.name, mistakes=mistakes, folder=path.parent)
     floor_id = read_floor(root, {floor.floor_id: floor for floor in site.floors})
     there = {f.fixture_id: f for f in fixtures_at(site, floor_id, last_day)}
-    edits: list[Edit | None] = [_fixture(table, there) for table in root.each("fixture")]
+    tables = root.each("fixture")
+    edited = {str(table.values.get("id")) for table in tables}
+    standing = [f for f in there.values() if f.fixture_id not in edited]
+    edits: list[Edit | None] = [_fixture(table, there, standing) for table in tables]
     edits += [_door(table) for table in root.each("door")]
     edits += [_one_way(table) for table in root.each("one_way")]
     edits += [_opening(root.inner("site"), mistakes)]
@@ -61,7 +65,7 @@ def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
     return LayoutEdits(floor_id, known, text.text)
 
 
-def _fixture(table: TableReader, there: Mapping[str, Fixture]) -> FixtureEdit | None:
+def _fixture(table: TableReader, there: Mapping[str, Fixture], standing: Sequence[Fixture]) -> FixtureEdit | None:
     fixture_id = table.id("id", example='"display"')
     old = there.get(fixture_id or "")
     name = table.text("name", example='"Display"') or (old.name if old is not None else fixture_id or "")
@@ -91,7 +95,21 @@ def _fixture(table: TableReader, there: Mapping[str, Fixture]) -> FixtureEdit | 
         return None
     if polygon is None and not is_removed:
         return None
+    if polygon is not None and (below := _overlapped(polygon, standing)) is not None:
+        table.fault(
+            "polygon", f"{table.label} polygon lies on {below.fixture_id!r}, which stays where it is", code="E128",
+            why="two fixtures cannot be at one place", fix="move it beside that one, or move or remove that one, too",
+        )  # fmt: skip
+        return None
     return FixtureEdit(fixture_id, name, None if old is None else old.polygon, polygon, follow_share)
+
+
+def _overlapped(polygon: Sequence[Point], standing: Sequence[Fixture]) -> Fixture | None:
+    """Return a fixture on which a polygon lies, by more than corners given to the centimetre may."""
+    import shapely
+
+    shape = shapely.Polygon(polygon)
+    return next((f for f in standing if shape.intersection(shapely.Polygon(f.polygon)).area > OVERLAP_M2), None)
 
 
 def _door(table: TableReader) -> DoorEdit | None:

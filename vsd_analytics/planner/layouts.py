@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
+from typing import Any
 
 import shapely
 from markupsafe import Markup
@@ -36,6 +37,11 @@ def layouts(data: WeekData, *, before: date, changes: Sequence[PlannerChange]) -
         days += [data.sunday if side is None else side.days[1] for side in (change.before, change.after)]
     found = tuple(map_fixtures(fixtures_at(data, day)) for day in days)
     return found if len(set(found)) > 1 else ()
+
+
+def movable(layout: Layout) -> list[dict[str, Any]]:
+    """Return id, name and corners of each fixture, for the page's "Try a layout"."""
+    return [{"id": f.fixture_id, "name": f.name, "ring": f.ring} for f in layout]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

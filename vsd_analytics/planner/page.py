@@ -23,7 +23,7 @@ from vsd_analytics.planner import cell_counts, map_kinds
 from vsd_analytics.planner.change_words import ChangeWords, change_words
 from vsd_analytics.planner.encode import PackedNumbers, packed_numbers
 from vsd_analytics.planner.flow_layer import FlowLayer, flow_layer
-from vsd_analytics.planner.layouts import FixtureLabel, drawn_fixtures
+from vsd_analytics.planner.layouts import FixtureLabel, drawn_fixtures, movable
 from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.planner.planner_data import PlaceRow, PlannerData
 from vsd_analytics.planner.script import few_events, quantiles, script, sentences
@@ -279,6 +279,10 @@ def _meta(
             "poisson": few_events((1 + confidence) / 2),
         },
         "maps": {m.kind: {"kind": m.kind, "unit": m.unit, "steps": m.steps, "diverging": m.diverging} for m in maps},
+        "fixtures": [] if data.shown is None else movable(data.shown.fixtures),
+        "floor": data.floor.floor_id,
+        "range": f"{data.week.ref.monday}..{data.week.ref.sunday}",
+        "freeWay": settings.free_way_m,
         "extent": None if data.shown is None else data.shown.extent,
         "size": (drawing.width, drawing.height) if drawing is not None else (100, 100),
         "grid": None if grid is None else _grid_meta(data, grid),

@@ -21,6 +21,7 @@ SCRIPTS: Final = (
     "planner.js",
     "planner_changes.js",
     "planner_drawings.js",
+    "planner_layout.js",
     "planner_start.js",
 )
 SAID: Final = "planner.script."
