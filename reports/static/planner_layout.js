@@ -94,7 +94,7 @@ function showTried() {
     const was = fixtureNow(id);
     if (was) parts.push(make('path', { class: 'try-was', d: path(was.ring) }));
     if (!e.ring) continue;
-    parts.push(make('path', { class: id === tried.which ? 'try on' : 'try', d: path(e.ring), 'data-try': id }));
+    const own = make('path', { class: 'try', d: path(e.ring), 'data-try': id }); own.classList.toggle('on', id === tried.which); parts.push(own);
     for (const w of waysBeside(id)) if (w.length && w.length < Math.max(...M.freeWay)) parts.push(make('path', { class: 'try-way', d: `M${unit(w.line[0]).join(' ')}L${unit(w.line[1]).join(' ')}` }));
     const [x0, x1, y0, y1] = boxAround(e.ring), [x, y] = unit([(x0 + x1) / 2, (y0 + y1) / 2]);
     parts.push(make('text', { class: 'try-name', x, y, 'text-anchor': 'middle', 'dominant-baseline': 'central' }, e.name));
