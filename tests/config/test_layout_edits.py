@@ -110,3 +110,32 @@ def test_a_site_of_several_floors_needs_the_floor(tmp_path: Path) -> None:
         read(tmp_path, f'[[fixture]]\nid = "new"\n{NEW}\n', two)
     assert "has no floor" in raised.value.problems[0].what
     assert read(tmp_path, f'floor = "first"\n[[fixture]]\nid = "new"\n{NEW}\n', two).floor_id == "first"
+
+
+def test_a_fixture_is_tried_at_several_places_by_their_middles(tmp_path: Path) -> None:
+    one, two = read(
+        tmp_path, '[[fixture]]\nid = "display"\nplaces = [[5.5, 5.5], [9.0, 1.5]]\nfollow_share = 0.5\n'
+    ).edits
+    assert one == FixtureEdit(
+        "display", "The display 1", BOX, ((5.0, 5.0), (6.0, 5.0), (6.0, 6.0), (5.0, 6.0)), 0.5, is_choice=True
+    )
+    assert isinstance(two, FixtureEdit)
+    assert two.new_polygon == ((8.5, 1.0), (9.5, 1.0), (9.5, 2.0), (8.5, 2.0))
+    [new, _] = read(tmp_path, f'[[fixture]]\nid = "post"\n{NEW}\nplaces = [[4, 4], [8, 8]]\n').edits
+    assert isinstance(new, FixtureEdit)
+    assert (new.name, new.old_polygon, new.new_polygon and new.new_polygon[0]) == ("post 1", None, (3.5, 3.5))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (f'[[fixture]]\nid = "post"\n{NEW}\nplaces = [[4, 4]]\n', "needs at least 2"),
+        ('[[fixture]]\nid = "post"\nplaces = [[4, 4], [8, 8]]\n', "polygon"),
+        (f'[[fixture]]\nid = "post"\n{NEW}\nplaces = [[4, 4], [1.2, 1.2]]\n', "lies on 'display'"),
+        ('[[fixture]]\nid = "display"\nremove = true\nplaces = [[4, 4], [8, 8]]\n', "places"),
+    ],
+)
+def test_places_that_cannot_be_tried_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        read(tmp_path, text)
+    assert words in "".join(mistake.what for mistake in caught.value.problems)

@@ -170,6 +170,26 @@ def test_two_edits_of_one_kind_have_a_sentence_each(
     assert "\n2: “Post” is in the way" in out
 
 
+def test_places_of_one_fixture_are_compared_and_two_days_show_no_best_one(
+    project: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    edit = tmp_path / "edit.toml"
+    shape = "[[0, 0], [1, 0], [1, 1], [0, 1]]"
+    edit.write_text(
+        f'[[fixture]]\nid = "post"\npolygon = {shape}\nplaces = [[9, 3], [9, 5.2], [18, 6.0]]\n', encoding="utf-8"
+    )
+    code, out, _ = vsd(project, capsys, "whatif", str(edit), "--range", DAYS, "--no-receipt", "--json")
+    assert code == 0
+    tables = json.loads(out)["answers"]
+    rows = tables["whatif_choices"]["rows"]
+    assert [row["edit_name"] for row in rows] == ["post 1", "post 2", "post 3"]
+    touched = [row["n_touched"]["value"] for row in tables["whatif"]["rows"]]
+    assert [row["touched_per_day"]["value"] * 2 for row in rows] == touched
+    assert rows[1]["standing"] == "narrow"  # 0.8 m to the wall
+    assert rows[0]["touched_hi"]["value"] is None
+    assert "needs at least 5 days, has 2" in str(tables["whatif_choices"]["notes"])
+
+
 def test_only_refusals_end_with_one_and_leave_no_receipt(
     project: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

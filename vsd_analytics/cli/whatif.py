@@ -20,6 +20,14 @@ LAYOUTS: Final[dict[str, Layout]] = {
     "whatif": (
         TableLayout(("number", "edit_kind", "edit_name", "edit_outcome", "n_near", "n_touched", "touched_share")),
     ),
+    "whatif_choices": (
+        TableLayout(
+            (
+                *("number", "edit_name", "touched_per_day", "touched_lo", "touched_hi"),
+                *("more_per_day", "narrowest_m", "standing"),
+            )
+        ),
+    ),
     "whatif_places": (
         TableLayout(
             ("number", "name", "close_min_per_open_h", "predicted_lo", "predicted_hi", "direction")
@@ -58,10 +66,10 @@ LAYOUTS: Final[dict[str, Layout]] = {
 def whatif(project: Project, edit: Path | None, days: str | None, scores: bool, no_receipt: bool, as_json: bool) -> int:
     """Say what an edit of the layout would do to the people recorded, before it is built.
 
-    The file names edits in the words of vsd.toml: a [[fixture]] at another place, new, or with remove = true; a
-    [[door]] of another width; a [[one_way]]; other hours under [site]. Each is answered by itself: who is touched,
-    which ways stay free, and a range of the time too close where one was ever measured. All else is refused, with the
-    reason (docs/whatif.md). Figures are exact, for the operator.
+    The file names edits in the words of vsd.toml: a [[fixture]] at another place or at several, new, or with
+    remove = true; a [[door]] of another width; a [[one_way]]; other hours under [site]. Each is answered by itself: who
+    is touched, which ways stay free, and a range of the time too close where one was ever measured. All else is
+    refused, with the reason (docs/whatif.md). Figures are exact, for the operator.
 
     What was predicted is stored in predictions.jsonl. An entry of the change log that names it (vsd log add
     --prediction N) has it scored: vsd whatif --scores.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -29,7 +30,8 @@ def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
     """Read a file of edits; every mistake of it is reported at once, with its line.
 
     A `[[fixture]]` with the id of a fixture that is there moves it to `polygon`, or takes it away with `remove = true`;
-    any other id adds one. A `[[door]]` gets another width, a `[[one_way]]` one direction, `[site]` other opening hours.
+    any other id adds one. With `places`, a list of middles, it is tried at each. A `[[door]]` gets another width, a
+    `[[one_way]]` one direction, `[site]` other opening hours.
 
     Args:
         path: The file.
@@ -52,7 +54,7 @@ def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
     tables = root.each("fixture")
     edited = {str(table.values.get("id")) for table in tables}
     standing = [f for f in there.values() if f.fixture_id not in edited]
-    edits: list[Edit | None] = [_fixture(table, there, standing) for table in tables]
+    edits: list[Edit | None] = [edit for table in tables for edit in _fixture(table, there, standing)]
     edits += [_door(table) for table in root.each("door")]
     edits += [_one_way(table) for table in root.each("one_way")]
     edits += [_opening(root.inner("site"), mistakes)]
@@ -65,43 +67,67 @@ def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
     return LayoutEdits(floor_id, known, text.text)
 
 
-def _fixture(table: TableReader, there: Mapping[str, Fixture], standing: Sequence[Fixture]) -> FixtureEdit | None:
+def _fixture(
+    table: TableReader, there: Mapping[str, Fixture], standing: Sequence[Fixture]
+) -> Sequence[FixtureEdit | None]:
     fixture_id = table.id("id", example='"display"')
     old = there.get(fixture_id or "")
     name = table.text("name", example='"Display"') or (old.name if old is not None else fixture_id or "")
     is_removed = table.flag("remove") or False
-    polygon = read_polygon(table, "polygon", required=not is_removed)
+    middles = None if is_removed else table.points("places", least=2, example="[[2.5, 7.0], [6.0, 3.5]]")
+    polygon = read_polygon(table, "polygon", required=not is_removed and not (middles and old))
     follow_share = _share(table, "follow_share")
     fixture_kind(table)
     table.number("height_m", minimum=0.01, maximum=100, unit="metres", example="1.6")
     table.flag("movable")
     table.close()
     if fixture_id is None:
-        return None
+        return ()
     if is_removed and old is None:
         table.unknown(
             "id", f"removes {fixture_id!r}, which is not there", nearest(fixture_id, there),
             instead=f"fixtures of the floor: {', '.join(there) or 'none'}",
         )  # fmt: skip
-        return None
+        return ()
     if is_removed and polygon is not None:
         table.fault("polygon", f"{table.label} has remove and polygon", fix="take one of the two lines out")
-        return None
+        return ()
     if follow_share is not None and old is None:
         table.fault(
             "follow_share", f"{table.label} follow_share: {fixture_id!r} is new, so nobody stays at it yet",
             why="it is the share of the stays at a fixture that move with it", fix="take the line out",
         )  # fmt: skip
-        return None
-    if polygon is None and not is_removed:
-        return None
-    if polygon is not None and (below := _overlapped(polygon, standing)) is not None:
+        return ()
+    old_polygon = None if old is None else old.polygon
+    shape = polygon or old_polygon
+    if shape is None or (polygon is None and not is_removed and middles is None):
+        return ()
+    edit = FixtureEdit(fixture_id, name, old_polygon, polygon, follow_share)
+    if middles is None:
+        return [edit if polygon is None or _has_room(table, "polygon", polygon, standing) else None]
+    tried = []
+    for k, middle in enumerate(middles, start=1):
+        place = _moved(shape, middle)
+        has_room = _has_room(table, "places", place, standing)
+        tried.append(replace(edit, name=f"{name} {k}", new_polygon=place, is_choice=True) if has_room else None)
+    return tried
+
+
+def _moved(polygon: tuple[Point, ...], middle: Point) -> tuple[Point, ...]:
+    """Return a polygon moved to a middle: that of the rectangle around it."""
+    from_x, from_y = ((min(v) + max(v)) / 2 for v in zip(*polygon, strict=True))
+    return tuple((round(x + middle[0] - from_x, 3), round(y + middle[1] - from_y, 3)) for x, y in polygon)
+
+
+def _has_room(table: TableReader, key: str, polygon: Sequence[Point], standing: Sequence[Fixture]) -> bool:
+    """Return whether a polygon lies beside what stays where it is, after noting a mistake where it does not."""
+    below = _overlapped(polygon, standing)
+    if below is not None:
         table.fault(
-            "polygon", f"{table.label} polygon lies on {below.fixture_id!r}, which stays where it is", code="E128",
+            key, f"{table.label} {key} lies on {below.fixture_id!r}, which stays where it is", code="E128",
             why="two fixtures cannot be at one place", fix="move it beside that one, or move or remove that one, too",
         )  # fmt: skip
-        return None
-    return FixtureEdit(fixture_id, name, None if old is None else old.polygon, polygon, follow_share)
+    return below is None
 
 
 def _overlapped(polygon: Sequence[Point], standing: Sequence[Fixture]) -> Fixture | None:

@@ -21,6 +21,7 @@ class FixtureEdit:
         old_polygon: Where it is, floor metres; None where it is added.
         new_polygon: Where it would be; None where it is removed.
         follow_share: Share of the stays at it that would move with it, 0 to 1; None = not stated.
+        is_choice: One of several places for one fixture, which are compared.
     """
 
     fixture_id: str
@@ -28,6 +29,7 @@ class FixtureEdit:
     old_polygon: tuple[Point, ...] | None
     new_polygon: tuple[Point, ...] | None
     follow_share: float | None = None
+    is_choice: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from vsd_analytics.figures.room_levels import LEVELS, ROOM_M2
 from vsd_analytics.figures.values import known
 from vsd_analytics.site.layout import DoorEdit, Edit, FixtureEdit, OpeningEdit
 from vsd_analytics.site.model import Site
+from vsd_analytics.whatif.best_place import choices
 from vsd_analytics.whatif.doors import PredictedSeconds, rule
 from vsd_analytics.whatif.fixture_edits import AROUND, AROUND_M, NOBODY_M, FixtureEffect, PredictedPlace
 from vsd_analytics.whatif.free_ways import WIDEST_M
@@ -94,9 +95,10 @@ IATA_LEVELS: Final = ("over_design", "optimum", "sub_optimum")
 def whatif_answers(predicted: LayoutEffects, site: Site, *, around: str) -> tuple[Answer, ...]:
     """Return what edits of a layout do, as tables.
 
-    `whatif`: each edit, whom it touches, and its sentence as a note. `whatif_places`: time too close recorded, and the
-    range of its change, around the edit, in areas and on the floor. `whatif_ways`, `whatif_doors`, `whatif_stays`: ways
-    beside a fixture, ways of another width, people who stay at a fixture that is moved.
+    `whatif`: each edit, whom it touches, and its sentence as a note. `whatif_choices`: places of one fixture, compared.
+    `whatif_places`: time too close recorded, and the range of its change, around the edit, in areas and on the floor.
+    `whatif_ways`, `whatif_doors`, `whatif_stays`: ways beside a fixture, ways of another width, people who stay at a
+    fixture that is moved.
 
     Args:
         predicted: The prediction.
@@ -124,8 +126,10 @@ def whatif_answers(predicted: LayoutEffects, site: Site, *, around: str) -> tupl
         "whatif_doors": (DOORS, [_door(n, edit, e) for n, (edit, e) in numbered if isinstance(e, PredictedSeconds)]),
         "whatif_stays": (STAYS, [r for n, (edit, e) in numbered for r in _stays(n, edit, e)]),
     }
+    several = choices(predicted, site, holds)
     return (
         Answer("whatif", EDITS, tuple(rows), holds, notes=notes),
+        *(() if several is None else (several,)),
         *(Answer(name, columns, tuple(rows), holds) for name, (columns, rows) in tables.items() if rows),
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -81,6 +81,7 @@ class FixtureEffect:
         stays: At its old place; None where it is added.
         aside: The site's step aside.
         refusal: Why no change is given anywhere; None where one is.
+        touched_by_day: Those whose path it blocks, by local day (`date.toordinal`).
     """
 
     n_near: int
@@ -92,6 +93,7 @@ class FixtureEffect:
     stays: Stays | None
     aside: StepAside | None
     refusal: Reason | None
+    touched_by_day: Mapping[int, int] = field(default_factory=dict)
 
 
 def fixture_effect(
@@ -150,7 +152,15 @@ def fixture_effect(
     ways = () if edit.new_polygon is None else free_ways(near, edit.new_polygon, others, widths_m=widths_m)
     n_touched, n_standing, n_no_way = (0, 0, 0) if main is None else (main.touched.size, main.n_standing, main.n_no_way)
     n_near = n_different(near.track[inside])
-    return FixtureEffect(n_near, n_touched, n_standing, n_no_way, ways, predicted, stays, aside, refusal)
+    by_day = {} if main is None else _by_day(near, main.touched)
+    return FixtureEffect(n_near, n_touched, n_standing, n_no_way, ways, predicted, stays, aside, refusal, by_day)
+
+
+def _by_day(near: FloorRecords, people: Ints) -> dict[int, int]:
+    """Return how many of some people came on each local day; who stays past midnight came on the day before."""
+    first = near.day[np.searchsorted(near.track, people)]
+    days, n = np.unique(first, return_counts=True)
+    return dict(zip(days.tolist(), n.tolist(), strict=True))
 
 
 def boxes_around(edit: FixtureEdit, *, within_m: float) -> Iterator[Box]:

@@ -29,6 +29,30 @@ order by camera_id
 """
 
 
+_DAYS: Final = """
+with days as (
+    select local_date, camera_id, sum(recorded_open_s) as open_s
+    from camera_hours
+    where floor_id = $floor and local_date between $first and $last
+    group by local_date, camera_id
+),
+
+cameras as (select distinct camera_id from days where open_s > 0)
+
+select days.local_date
+from days
+inner join cameras on days.camera_id = cameras.camera_id
+group by days.local_date
+having
+    count(*) = (select count(*) from cameras)
+    and min(days.open_s) > 0
+    and min(days.open_s) >= $share * max(days.open_s)
+order by days.local_date
+"""
+ALIKE_SHARE: Final = 0.9
+"""Of the open hours that the best recorded camera has of a day, to compare the places of other cameras with its own."""
+
+
 @dataclass(frozen=True, slots=True)
 class PlaceTime:
     """What was recorded of a place in opening hours.
@@ -58,6 +82,12 @@ def open_hours(warehouse: Warehouse, floor_id: str, first: date, last: date) -> 
     """Return the recorded open hours of each camera of a floor."""
     rows = warehouse.rows(_OPEN, {"floor": floor_id, "first": first, "last": last})
     return {row["camera_id"]: row["open_h"] or 0.0 for row in rows}
+
+
+def days_alike(warehouse: Warehouse, floor_id: str, first: date, last: date) -> tuple[int, ...]:
+    """Return the local days (`date.toordinal`) that all cameras of a floor have recorded about equally long."""
+    asked = {"floor": floor_id, "first": first, "last": last, "share": ALIKE_SHARE}
+    return tuple(row["local_date"].toordinal() for row in warehouse.rows(_DAYS, asked))
 
 
 def place_times(warehouse: Warehouse, floor_id: str, first: date, last: date) -> dict[str, PlaceTime]:

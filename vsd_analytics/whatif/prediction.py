@@ -23,7 +23,7 @@ from vsd_analytics.whatif.doors import REACH_M, PredictedSeconds, passages, pred
 from vsd_analytics.whatif.fixture_edits import FixtureEffect, boxes_around, fixture_effect, with_moved_stays
 from vsd_analytics.whatif.floor_records import Box, FloorRecords, records_of
 from vsd_analytics.whatif.opening_edits import OpeningEffect, opening_effect
-from vsd_analytics.whatif.place_times import PlaceTime, floor_key, open_hours, place_times
+from vsd_analytics.whatif.place_times import PlaceTime, days_alike, floor_key, open_hours, place_times
 from vsd_analytics.whatif.stays import people_who_stay
 
 RELATIONS: Final = ("located", "pair_days", "track_days", "area_hours", "camera_hours")
@@ -59,6 +59,7 @@ class LayoutEffects:
         places: What was recorded in each area, and on the floor by its key.
         open_h: Recorded open hours by camera.
         inputs: Hash of the facts.
+        days_alike: Local days on which places are compared, as `date.toordinal`.
     """
 
     edits: LayoutEdits
@@ -68,6 +69,7 @@ class LayoutEffects:
     places: dict[str, PlaceTime]
     open_h: dict[str, float]
     inputs: str
+    days_alike: tuple[int, ...] = ()
 
 
 def everybody(warehouse: Warehouse, floor_id: str, first: date, last: date) -> FloorRecords:
@@ -103,7 +105,8 @@ def layout_effects(
         _effect(warehouse.site, edit, floor_id, (first, last), places, [_people(records, box) for box in of_edit])
         for edit, of_edit in zip(edits.edits, boxes, strict=True)
     )
-    return LayoutEffects(edits, effects, first, last, places, open_h, warehouse.inputs_digest)
+    alike = days_alike(warehouse, floor_id, first, last)
+    return LayoutEffects(edits, effects, first, last, places, open_h, warehouse.inputs_digest, alike)
 
 
 def _boxes(edit: Edit, within_m: float) -> Iterator[Box]:
