@@ -25,8 +25,8 @@ from vsd_analytics.whatif.answers import whatif_answers
 from vsd_analytics.whatif.closeness import n_close
 from vsd_analytics.whatif.floor_records import ALONE, records_of
 from vsd_analytics.whatif.place_times import floor_key, place_times, recorded_place
-from vsd_analytics.whatif.prediction import RELATIONS, layout_effects
-from vsd_analytics.whatif.scores import LoggedPrediction, prediction_answers
+from vsd_analytics.whatif.prediction import RELATIONS, layout_effects, reach_farther, receipt
+from vsd_analytics.whatif.scores import LoggedPrediction, prediction_answers, site_record
 
 FIRST = datetime(2026, 11, 2, 9, tzinfo=UTC)  # a Monday
 DAYS = "2026-11-02..2026-11-03"
@@ -347,11 +347,66 @@ def test_a_prediction_held_where_the_ratio_measured_lies_in_its_range(
     receipt = LayoutPrediction(made, "", "", "", "", made, made, "ground", ranges, {})
     running = SimpleNamespace(value=theta, n_weeks=n_weeks)
     found: Any = SimpleNamespace(running=running, reason=None, area_id="middle", area_name="Middle")
-    _, scores = prediction_answers([receipt], [LoggedPrediction(1, 1, found)], site, today=made)
+    _, scores, _ = prediction_answers([receipt], [LoggedPrediction(1, 1, found)], site, today=made)
     [row] = scores.rows
     assert row["held"] is held
     n_due = int(held is not None)
     assert scores.notes[0][1].values == {"held": int(held is True), "scored": n_due, "open": 1 - n_due}
+
+
+def came_out(change: float, *, number: int = 1, n_weeks: int = 4) -> LoggedPrediction:
+    from types import SimpleNamespace
+
+    running = SimpleNamespace(value=1 + change, n_weeks=n_weeks)
+    figure: Any = SimpleNamespace(running=running, reason=None, area_id="middle", area_name="Middle")
+    return LoggedPrediction(number, 1, figure)
+
+
+def receipt_of(lo: float, hi: float) -> LayoutPrediction:
+    made = date(2026, 11, 2)
+    ranges = (PredictedRange(1, "middle", lo, hi), PredictedRange(1, "around", lo, hi))
+    return LayoutPrediction(made, "", "", "", "", made, made, "ground", ranges, {})
+
+
+@pytest.mark.parametrize(
+    ("changes", "n_held", "wider_by"),
+    [
+        ([], 0, 0.0),
+        ([0.0] * 9 + [0.4], 9, 0.0),  # nine of ten: as often as a range is to hold
+        ([0.0] * 8 + [-0.4, 0.3], 8, 0.2),  # nine of ten would have held with 0.2 more on both sides
+        ([0.25], 0, 0.15),
+    ],
+)
+def test_a_site_where_fewer_than_nine_of_ten_held_has_ranges_that_would_have_held_as_many(
+    changes: list[float], n_held: int, wider_by: float
+) -> None:
+    logged = [came_out(change) for change in changes] + [came_out(9.0, n_weeks=3)]  # the last one is not due
+    record = site_record([receipt_of(-0.1, 0.1)], logged)
+    assert (record.n_scored, record.n_held) == (len(changes), n_held)
+    assert record.wider_by == pytest.approx(wider_by)
+    again = site_record([receipt_of(-0.1 - record.wider_by, 0.1 + record.wider_by + 1e-9)], logged)
+    assert again.n_held >= 0.9 * again.n_scored
+
+
+def test_the_record_of_the_site_and_the_shipped_one_are_listed_and_enter_later_ranges(project: Path) -> None:
+    site = load_site(project)
+    answers = prediction_answers([receipt_of(-0.1, 0.1)], [came_out(0.25)], site, today=date(2026, 12, 24))
+    rows = {row["record_of"]: row for row in answers[2].rows}
+    assert set(rows) == {"site", "exit", "entrance", "opening"}
+    assert rows["site"]["n_held"].value == 0  # type: ignore[union-attr]
+    assert rows["site"]["wider_by"].value == pytest.approx(0.15)  # type: ignore[union-attr]
+    assert rows["opening"]["wider_by"].value is None  # type: ignore[union-attr]
+    from vsd_analytics.config.layout_edits import read_edits
+
+    days = date(2026, 11, 2), date(2026, 11, 3)
+    edits = read_edits(project / "edit.toml", site, last_day=days[1])
+    with open_warehouse(site, *days, relations=RELATIONS) as warehouse:
+        found = layout_effects(warehouse, edits, *days)
+    wider = reach_farther(found, 0.15)
+    ends = [[(r.lo, r.hi) for r in receipt(p, made=days[1], settings="").ranges] for p in (found, wider)]
+    assert len(ends[0]) > 3
+    assert ends[1] == [(pytest.approx(lo - 0.15), pytest.approx(hi + 0.15)) for lo, hi in ends[0]]
+    assert reach_farther(found, 0.0) is found
 
 
 def test_a_receipt_is_never_altered_and_a_broken_line_is_named(tmp_path: Path) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import click
 
@@ -14,6 +15,10 @@ from vsd_analytics.cli.ranges import purged_hours_notes, resolve, warehouse_of
 from vsd_analytics.errors import UsageError
 from vsd_analytics.render.text import Layout, TableLayout
 from vsd_analytics.wording.catalogue import say
+
+if TYPE_CHECKING:
+    from vsd_analytics.config.predictions import LayoutPrediction
+    from vsd_analytics.whatif.scores import LoggedPrediction
 
 BY_TRACK: Final = "people are counted by track id: somebody whose id was cut counts more than once"
 LAYOUTS: Final[dict[str, Layout]] = {
@@ -46,6 +51,7 @@ LAYOUTS: Final[dict[str, Layout]] = {
     "predictions": (
         TableLayout(("number", "predicted_on", "first_date", "last_date", "n_ranges", "n_refused", "edit_print")),
     ),
+    "prediction_record": (TableLayout(("record_of", "n_scored", "n_held", "held_share", "wider_by")),),
     "prediction_scores": (
         TableLayout(
             ("number", "entry", "name", "predicted_lo", "predicted_hi", "measured_change", "n_weeks_after", "held")
@@ -90,24 +96,36 @@ def whatif(project: Project, edit: Path | None, days: str | None, scores: bool, 
         raise UsageError("which edit?", fix="vsd whatif EDIT.toml, or vsd whatif --scores")
     from vsd_analytics.answer import Answers
     from vsd_analytics.config.layout_edits import read_edits
-    from vsd_analytics.config.predictions import add_prediction, prediction_dict
+    from vsd_analytics.config.predictions import add_prediction, prediction_dict, read_predictions
     from vsd_analytics.whatif.answers import whatif_answers
-    from vsd_analytics.whatif.prediction import RELATIONS, layout_effects, receipt
+    from vsd_analytics.whatif.prediction import RELATIONS, layout_effects, reach_farther, receipt
+    from vsd_analytics.whatif.scores import site_record
 
     first, last = resolve(project, week=None, days=days)
     edits = read_edits(edit, project.site, last_day=last)
     with warehouse_of(project, week=None, days=f"{first}..{last}", relations=RELATIONS) as warehouse:
         effects = layout_effects(warehouse, edits, first, last)
         notes = purged_hours_notes(warehouse)
+    earlier = read_predictions(project.site)
+    record = site_record(earlier, _logged(project, earlier))
+    effects = reach_farther(effects, record.wider_by)
     answers = Answers(whatif_answers(effects, project.site, around=say("reason.row.around")))
     prediction = receipt(
         effects, made=project.now.astimezone(project.site.zone).date(), settings=project.site.settings.settings_id()
     )
     number = None if no_receipt or not prediction.ranges else add_prediction(project.site, prediction)
-    stored = {"receipt": None if number is None else {"number": number, **prediction_dict(prediction)}}
+    stored = {
+        "receipt": None if number is None else {"number": number, **prediction_dict(prediction)},
+        "ranges_wider_by": record.wider_by,
+    }
     print_answers(answers, days=(first, last), layouts=LAYOUTS, as_json=as_json, notes=notes, beside=stored)
     if not as_json:
         project.say(BY_TRACK)
+        if record.wider_by:
+            project.say(
+                f"{record.n_held} of {record.n_scored} earlier predictions held here: ranges reach "
+                f"{record.wider_by:.0%} farther on both sides"
+            )
     if number is not None and not as_json:
         project.say(
             f"stored as prediction {number}; after the change: vsd log add TEXT --area ID --prediction {number}"
@@ -118,22 +136,30 @@ def whatif(project: Project, edit: Path | None, days: str | None, scores: bool, 
 def _scores(project: Project, *, as_json: bool) -> int:
     from vsd_analytics.answer import Answers
     from vsd_analytics.config.predictions import read_predictions
-    from vsd_analytics.figures.before_after import before_after
-    from vsd_analytics.figures.change_weeks import days_needed
-    from vsd_analytics.whatif.scores import LoggedPrediction, foreseen_entries, prediction_answers
+    from vsd_analytics.whatif.scores import prediction_answers
 
     site = project.site
     predictions = read_predictions(site)
     if not predictions and not as_json:
         project.say("no predictions yet; make one: vsd whatif EDIT.toml")
         return 0
-    logged = []
-    for number, place in foreseen_entries(site, predictions):
-        first, last = days_needed(site, place)
-        with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
-            warehouse.materialise("violations", "camera_hours", "area_hours")
-            logged.append(LoggedPrediction(number, place, before_after(warehouse, place)))
+    logged = _logged(project, predictions)
     answers = Answers(prediction_answers(predictions, logged, site, today=project.now.astimezone(site.zone).date()))
     holds = answers["predictions"].holds_for
     print_answers(answers, days=(holds.first, holds.last), layouts=LAYOUTS, as_json=as_json, notes=())
     return 0
+
+
+def _logged(project: Project, predictions: Sequence[LayoutPrediction]) -> list[LoggedPrediction]:
+    """Return what became of the predictions that entries of the change log name."""
+    from vsd_analytics.figures.before_after import before_after
+    from vsd_analytics.figures.change_weeks import days_needed
+    from vsd_analytics.whatif.scores import LoggedPrediction, foreseen_entries
+
+    logged = []
+    for number, place in foreseen_entries(project.site, predictions):
+        first, last = days_needed(project.site, place)
+        with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
+            warehouse.materialise("violations", "camera_hours", "area_hours")
+            logged.append(LoggedPrediction(number, place, before_after(warehouse, place)))
+    return logged

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date, datetime, time, timedelta
 from typing import Final, TypeAlias
 
@@ -24,6 +24,7 @@ from vsd_analytics.whatif.fixture_edits import FixtureEffect, boxes_around, fixt
 from vsd_analytics.whatif.floor_records import Box, FloorRecords, records_of
 from vsd_analytics.whatif.opening_edits import OpeningEffect, opening_effect
 from vsd_analytics.whatif.place_times import PlaceTime, days_alike, floor_key, open_hours, place_times
+from vsd_analytics.whatif.ranges import reaching_farther
 from vsd_analytics.whatif.stays import people_who_stay
 
 RELATIONS: Final = ("located", "pair_days", "track_days", "area_hours", "camera_hours")
@@ -107,6 +108,30 @@ def layout_effects(
     )
     alike = days_alike(warehouse, floor_id, first, last)
     return LayoutEffects(edits, effects, first, last, places, open_h, warehouse.inputs_digest, alike)
+
+
+def reach_farther(predicted: LayoutEffects, by: float) -> LayoutEffects:
+    """Return a prediction whose ranges reach farther on both sides, at a site whose earlier ones held too few.
+
+    Args:
+        predicted: The prediction.
+        by: Share of the time too close (`scores.site_record`).
+    """
+    if not by:
+        return predicted
+    effects: list[Effect] = []
+    for effect in predicted.effects:
+        if isinstance(effect, FixtureEffect):
+            places = (
+                replace(place, change=None if place.change is None else reaching_farther(place.change, by))
+                for place in effect.places
+            )
+            effects.append(replace(effect, places=tuple(places)))
+        elif isinstance(effect, OpeningEffect) and effect.change is not None:
+            effects.append(replace(effect, change=reaching_farther(effect.change, by)))
+        else:
+            effects.append(effect)
+    return replace(predicted, effects=tuple(effects))
 
 
 def _boxes(edit: Edit, within_m: float) -> Iterator[Box]:

@@ -63,3 +63,8 @@ def predicted_change(changes: Sequence[float], sd: float) -> PredictedChange:
         sd: Of `spread`.
     """
     return PredictedChange(float(np.mean(changes)), max(min(changes) - Z * sd, -1.0), max(changes) + Z * sd)
+
+
+def reaching_farther(change: PredictedChange, by: float) -> PredictedChange:
+    """Return a range that reaches farther on both sides."""
+    return PredictedChange(change.value, max(change.lo - by, -1.0), change.hi + by)

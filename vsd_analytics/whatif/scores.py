@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import Final
@@ -42,6 +43,36 @@ SCORES: Final = (
 """Columns of `prediction_scores`: `held` is empty until the prediction is scored."""
 
 
+RECORD: Final = (
+    Column("record_of", "key", "record_of"),
+    Column("n_scored", "number"),
+    Column("n_held", "number"),
+    Column("held_share", "share", "share"),
+    Column("wider_by", "rate", "change"),
+)
+"""Columns of `prediction_record`."""
+HOLDS: Final = 0.9
+"""Share of the cases that a range is to hold."""
+SHIPPED: Final = (("exit", 4, 4), ("entrance", 3, 3), ("opening", 301, 313))
+"""Ranges that held, and those that were tested, on recordings of others at 2 m: widths of corridors, and squares of 4 m
+with people shifted in time (`tests/realdata/prove_whatif.py`)."""
+
+
+@dataclass(frozen=True, slots=True)
+class SiteRecord:
+    """How the scored predictions of a site came out.
+
+    Attributes:
+        n_scored: Predictions that were scored.
+        n_held: Of these, those that held.
+        wider_by: By how much later ranges reach farther on both sides, as a share of the time too close.
+    """
+
+    n_scored: int
+    n_held: int
+    wider_by: float
+
+
 @dataclass(frozen=True, slots=True)
 class LoggedPrediction:
     """A receipt that an entry of the change log names.
@@ -72,8 +103,8 @@ def foreseen_entries(site: Site, predictions: Sequence[LayoutPrediction]) -> lis
 
 def prediction_answers(
     predictions: Sequence[LayoutPrediction], logged: Sequence[LoggedPrediction], site: Site, *, today: date
-) -> tuple[Answer, Answer]:
-    """Return the receipts, and how those that logged changes name came out, as tables.
+) -> tuple[Answer, Answer, Answer]:
+    """Return the receipts, how those that logged changes name came out, and the record of both, as tables.
 
     A prediction of an area held where the ratio measured by the running verdict, beside the comparison areas, lies in
     its range once four weeks are over. The note counts them: "2 of 3 predictions held".
@@ -108,14 +139,58 @@ def prediction_answers(
     return (
         Answer("predictions", PREDICTIONS, tuple(listed), holds),
         Answer("prediction_scores", SCORES, tuple(rows), holds, notes=((None, said),)),
+        Answer("prediction_record", RECORD, tuple(_record(site_record(predictions, logged))), holds),
     )
 
 
-def _scores(prediction: LayoutPrediction, logged: LoggedPrediction) -> list[Row]:
+def site_record(predictions: Sequence[LayoutPrediction], logged: Sequence[LoggedPrediction]) -> SiteRecord:
+    """Return the record of a site: where fewer than 90 % of its predictions held, later ranges reach farther.
+
+    They reach as much farther on both sides as 90 % of the scored predictions would have needed to hold: by the
+    ceil(0.9 n)-th smallest of the distances of what was measured from its range, 0 inside of it.
+
+    Args:
+        predictions: All receipts, in the order in which they were made.
+        logged: Those that entries of the change log name.
+    """
+    missed = sorted(
+        max(ranged.lo - change, change - ranged.hi, 0.0)
+        for one in logged
+        if (change := _measured(one)) is not None and _n_weeks(one) >= DUE_WEEKS
+        for ranged in predictions[one.number - 1].ranges
+        if ranged.place == one.figure.area_id
+    )
+    wider_by = missed[math.ceil(HOLDS * len(missed)) - 1] if missed else 0.0
+    return SiteRecord(len(missed), sum(by == 0 for by in missed), wider_by)
+
+
+def _measured(logged: LoggedPrediction) -> float | None:
+    """Return the change that the running verdict measures so far."""
     so_far = logged.figure.running
-    theta = None if so_far is None else so_far.value
-    n_weeks = 0 if so_far is None else so_far.n_weeks
-    is_due = theta is not None and n_weeks >= DUE_WEEKS
+    return None if so_far is None or so_far.value is None else so_far.value - 1
+
+
+def _n_weeks(logged: LoggedPrediction) -> int:
+    return 0 if logged.figure.running is None else logged.figure.running.n_weeks
+
+
+def _record(record: SiteRecord) -> Iterator[Row]:
+    for of, n_held, n_scored, wider in (
+        ("site", record.n_held, record.n_scored, record.wider_by),
+        *((kind, held, scored, None) for kind, held, scored in SHIPPED),
+    ):
+        yield {
+            "record_of": of,
+            "n_scored": Value(n_scored),
+            "n_held": Value(n_held),
+            "held_share": known(n_held / n_scored if n_scored else None, Reason("whatif.not_scored")),
+            "wider_by": known(wider, Reason("whatif.shipped")),
+        }
+
+
+def _scores(prediction: LayoutPrediction, logged: LoggedPrediction) -> list[Row]:
+    change, n_weeks = _measured(logged), _n_weeks(logged)
+    is_due = change is not None and n_weeks >= DUE_WEEKS
     why = logged.figure.reason or Reason("whatif.not_measured")
     return [
         {
@@ -126,10 +201,10 @@ def _scores(prediction: LayoutPrediction, logged: LoggedPrediction) -> list[Row]
             "name": logged.figure.area_name,
             "predicted_lo": Value(ranged.lo),
             "predicted_hi": Value(ranged.hi),
-            "measured_change": known(None if theta is None else theta - 1, why),
+            "measured_change": known(change, why),
             "n_weeks_after": n_weeks,
             "is_scored": is_due,
-            "held": None if theta is None or not is_due else ranged.lo <= theta - 1 <= ranged.hi,
+            "held": None if change is None or not is_due else ranged.lo <= change <= ranged.hi,
         }
         for ranged in prediction.ranges
         if ranged.place == logged.figure.area_id
