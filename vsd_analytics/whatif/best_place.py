@@ -1,7 +1,7 @@
 """Several places for one fixture: in whose way it would be at each, and whether one place is shown to be the best.
 
-Compared is what was counted: people whose recorded path a place blocks, by day. How the time too close would change is
-no part of it, since no direction of it is known.
+Places are compared by the people whose recorded path they block, day by day. How the time too close would change is no
+part of it, since no direction of it is known.
 """
 
 from __future__ import annotations
