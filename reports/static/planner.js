@@ -37,7 +37,7 @@ const isTold = e => Boolean(e) && (e.lo !== null || e.hi !== null);
 
 /* ---- the live sentence and the table of rates ---- */
 function sentences(t) {
-  const c = t.change, compare = state.show !== 'week', [now, before] = M.weeks, parts = [], say = (key, values) => parts.push(word(key, values));
+  const c = t.change, compare = isPair(), [now, before] = M.weeks, parts = [], say = (key, values) => parts.push(word(key, values));
   if (noDay()) return [word('no_day_chosen')];
   if (t.place.id !== 'floor') say('place', { name: t.place.name });
   if (M.isShared && t.place.index && !isWhole()) say('whole_week');
@@ -61,7 +61,7 @@ function sentences(t) {
   return parts;
 }
 function tell() {
-  const c = changeNow(), said = c && c.spans.length && state.show !== 'week' ? tellChange(c) : tellWeeks();
+  const c = changeNow(), said = c && c.spans.length && isPair() ? tellChange(c) : tellWeeks();
   if ($('out').textContent !== said) $('out').textContent = said;
   for (const k of KINDS) $(`side-${k}`).textContent = $(`now-${k}`).querySelector('b').textContent;
   $('side-name').textContent = $('read-name').textContent;
@@ -99,10 +99,11 @@ function isShipped(p) {
 }
 function draw() {
   const began = performance.now(), map = M.maps[state.map], { now, was, used, usedWas } = pairNow();
+  if (state.show === 'hour' && hourNow() < 0) state.show = 'week';
   document.body.dataset.show = state.show; document.body.dataset.map = state.map;
   document.body.classList.toggle('div', state.show === 'difference' || map.kind === 'excess');
-  if (now && svg && !isShipped(now)) {
-    const here = field(now, used), there = was && state.show !== 'week' ? field(was, usedWas) : null, isDifference = state.show === 'difference' && there;
+  if (state.show === 'hour') { isFresh = false; drawHour(); } else if (now && svg && !isShipped(now)) {
+    const here = field(now, used), there = was && isPair() ? field(was, usedWas) : null, isDifference = state.show === 'difference' && there;
     const shown = isDifference ? here.map((v, i) => v - there[i]) : here, seenHere = seenBy(now, used), seenThere = there ? seenBy(was, usedWas) : null;
     if (isDifference && here.known) shown.known = here.known.map((v, i) => v && there.known[i]);
     document.body.classList.toggle('views', Boolean(seen));
@@ -111,7 +112,7 @@ function draw() {
     if (state.show === 'split' && there) { setBands('ga', there, map); setWhites('ga', there.known, seenThere); } else all('#ga path,#wa path').forEach(p => p.setAttribute('d', ''));
     setSigns(isDifference || map.kind === 'excess' && state.show === 'week' ? shown : null, map);
   }
-  setCut(); setRect(); setFlow(); setChange(); setLayout(); tell(); setControls(); remember();
+  setCut(); setRect(); setFlow(); setChange(); setLayout(); setReplay(); tell(); setControls(); remember();
   document.body.dataset.ms = (performance.now() - began).toFixed(1);
 }
 
@@ -166,7 +167,7 @@ function look(v) {
   const all100 = w >= W - 1e-6;
   $('zo').disabled = $('zr').disabled = all100; all('[data-pan]').forEach(b => { b.disabled = all100; });
   box.classList.toggle('whole', all100);
-  setCut(); setNames(unit);
+  setCut(); setNames(unit); setNumbers();
 }
 
 /* Names stand inside their area, above it where a number or another name is in the way, or not at all until one zooms in. */
@@ -225,6 +226,7 @@ function remember() {
   const s = state, v = s.view, out = [];
   if (s.change) out.push(`change=${s.change}`);
   if (s.show !== 'week') out.push(`show=${s.show}`);
+  if (s.show === 'hour' && s.as !== 'now') out.push(`as=${s.as}`);
   if (s.map !== 'violations') out.push(`map=${s.map}`);
   if (s.flow !== 'none') out.push(`flow=${s.flow}`);
   if (!s.days.every(Boolean)) out.push(`days=${s.days.map(d => d ? 1 : 0).join('')}`);
@@ -244,13 +246,14 @@ function recall() {
   const numbers = (key, n) => { const m = take(key, /^-?\d{1,6}(,-?\d{1,6}){2,3}$/); const list = m ? m.split(',').map(Number) : []; return list.length === n ? list : null; };
   s.change = whole('change', 1, 99, 0); const change = changeNow(), isPaired = Boolean(change && change.spans.length);
   if (!change) s.change = 0;
-  s.show = take('show', before || isPaired ? /^(week|split|difference)$/ : /^week$/) || 'week';
+  s.show = take('show', before || isPaired ? /^(week|split|difference)$/ : /^week$/) || (replayed && take('show', /^hour$/)) || 'week'; s.as = take('as', /^(typical|difference)$/) || 'now';
   if (s.show === 'difference' && M.notCompared && !isPaired) s.show = 'week';
   const kind = take('map', /^[a-z]{1,12}$/); s.map = kind && Object.hasOwn(M.maps, kind) ? kind : 'violations';
   if (s.map === 'excess' && s.show !== 'week' && (isPaired || s.show === 'difference')) s.map = 'violations';
   const flow = take('flow', /^[a-z]{1,12}$/); s.flow = $('flow') && [...$('flow').options].some(o => o.value === flow) ? flow : 'none';
   s.days = (take('days', /^[01]{7}$/) || '1111111').split('').map(Number);
   s.from = whole('from', hours[0], hours[1] - 1, hours[0]); s.to = whole('to', s.from + 1, hours[1], hours[1]);
+  if (s.show === 'hour') { s.map = 'exposure'; s.change = 0; if (hourNow() < 0) s.show = 'week'; }
   const r = numbers('rect', 4); s.rect = null; if (r && week.cells) setRectangle(r, false);
   let place = ''; try { place = decodeURIComponent(got.get('place') || ''); } catch { place = ''; }
   s.place = place === 'rect' && s.rect || M.places.some(p => p.id === place) || week.cells && M.spots.some(p => p.id === place) ? place : 'floor';
@@ -263,11 +266,11 @@ const say = text => { $('said').textContent = text; };
 /* What is drawn, in the words of the controls: a picture that is passed on has no controls. */
 function drawn() {
   const s = state, plain = e => e.textContent.trim().replace(/\s+/g, ' '), option = id => plain($(id).selectedOptions[0]), c = changeNow();
-  const isPaired = Boolean(c && c.spans.length && s.show !== 'week'), days = all('[data-day]').filter((_, k) => s.days[k]).map(b => b.getAttribute('aria-label'));
+  const isPaired = Boolean(c && c.spans.length && isPair()), days = all('[data-day]').filter((_, k) => s.days[k]).map(b => b.getAttribute('aria-label'));
   const what = [option('mapkind')];
   if (isPaired) what.push(`${word('after', { days: c.spans[1] })}, ${word('before', { days: c.spans[0] })}`);
-  else what.push(s.show === 'week' ? M.weeks[0] : M.weeks.join(', '));
-  if (s.show !== 'week') what.push(plain(document.querySelector('[name=show]:checked').parentElement));
+  else what.push(isPair() ? M.weeks.join(', ') : M.weeks[0]);
+  for (const name of s.show === 'week' ? [] : s.show === 'hour' ? ['show', 'as'] : ['show']) what.push(plain(document.querySelector(`[name=${name}]:checked`).parentElement));
   if (!isPaired && days.length < 7) what.push(days.join(', '));
   if (!isPaired && (s.from !== hours[0] || s.to !== hours[1])) what.push(`${option('from')}–${option('to')}`);
   if (s.flow !== 'none') what.push(option('flow'));

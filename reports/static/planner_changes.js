@@ -50,10 +50,10 @@ function printPair() {
 /* What is drawn and over which camera-hours: the week, the other week, or the two sides of a change. */
 function pairNow() {
   const c = changeNow();
-  if (c && c.spans.length && state.show !== 'week') return c.hasCells ? { now: c.after, was: c.before } : {};
+  if (c && c.spans.length && isPair()) return c.hasCells ? { now: c.after, was: c.before } : {};
   if (!week.cells) return {};
-  if (M.isShared) { const of = p => state.show !== 'week' && p.pair || p.sums, has = before && before.cells && state.show !== 'week'; return { now: has ? of(week) : week.sums, was: has ? of(before) : null }; }
-  const has = before && before.cells && state.show !== 'week', isSame = has && !M.notCompared;
+  if (M.isShared) { const of = p => isPair() && p.pair || p.sums, has = before && before.cells && isPair(); return { now: has ? of(week) : week.sums, was: has ? of(before) : null }; }
+  const has = before && before.cells && isPair(), isSame = has && !M.notCompared;
   return { now: week, used: isSame ? week.same : week.drawn, was: has ? before : null, usedWas: has ? isSame ? before.same : before.drawn : null };
 }
 
@@ -95,11 +95,11 @@ function tellChange(c) {
 
 /* What stood on the floor in the chosen days; beside another range, the outline of what stood there and does no longer. */
 function setLayout() {
-  const k = M.changes.indexOf(changeNow()), isPair = state.show !== 'week', own = k >= 0 && M.changes[k].spans.length;
-  const [was, now] = isPair && own ? [2 + 2 * k, 3 + 2 * k] : [1, 0];
+  const k = M.changes.indexOf(changeNow()), isBeside = isPair(), own = k >= 0 && M.changes[k].spans.length;
+  const [was, now] = isBeside && own ? [2 + 2 * k, 3 + 2 * k] : [1, 0];
   let anyMoved = false;
   for (const e of all('[data-in]')) {
-    const among = e.dataset.in.split(' '), isNow = among.includes(`${now}`), isLeft = isPair && !isNow && among.includes(`${was}`);
+    const among = e.dataset.in.split(' '), isNow = among.includes(`${now}`), isLeft = isBeside && !isNow && among.includes(`${was}`);
     e.classList.toggle('left', isLeft); e.classList.toggle('away', !isNow && !(isLeft && e.tagName === 'g'));
     anyMoved = anyMoved || isLeft;
   }
@@ -108,7 +108,7 @@ function setLayout() {
 
 /* The strip of the log, the card of the chosen change, and what cannot be chosen beside it. */
 function setChange() {
-  const c = changeNow(), isPaired = Boolean(c && c.spans.length && state.show !== 'week');
+  const c = changeNow(), isPaired = Boolean(c && c.spans.length && isPair());
   all('[data-change]').forEach(b => b.setAttribute('aria-pressed', +b.dataset.change === state.change));
   all('[data-card]').forEach(e => { e.hidden = +e.dataset.card !== state.change; });
   document.body.classList.toggle('changed', Boolean(c));

@@ -117,10 +117,11 @@ function readSplit(r, nCells, across) {
 }
 
 /* ---- what is selected ---- */
-const hours = M.hours, state = { show: 'week', map: 'violations', flow: 'none', days: [1, 1, 1, 1, 1, 1, 1], from: hours[0], to: hours[1], place: 'floor', rect: null, view: null, cut: 50, change: 0 };
+const hours = M.hours, state = { show: 'week', map: 'violations', flow: 'none', days: [1, 1, 1, 1, 1, 1, 1], from: hours[0], to: hours[1], place: 'floor', rect: null, view: null, cut: 50, change: 0, as: 'now' };
 let week, before, past, fine, seen = null, isDrawing = false, corner = null;
 
 const chosen = p => Uint8Array.from(p.hour, (h, i) => state.days[p.weekday[i]] && h >= state.from && h < state.to ? 1 : 0);
+const isPair = () => state.show === 'split' || state.show === 'difference';
 const noDay = () => !state.days.some(Boolean);
 const isWhole = () => state.days.every(Boolean) && state.from === hours[0] && state.to === hours[1];
 

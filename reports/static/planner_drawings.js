@@ -35,8 +35,8 @@ function layersOf() {
   const shapes = (selector, named = () => '') => [...svg.querySelectorAll(selector)].filter(isDrawn).map(e => ({ rings: ringsOf(e.getAttribute('d') || '').map(r => r.map(metres)), isClosed: true, name: named(e), ...look(e) }));
   const texts = selector => [...svg.querySelectorAll(selector)].filter(isDrawn).map(e => ({ text: e.textContent, at: metres([+e.getAttribute('x'), +e.getAttribute('y')]), isUpright: e.hasAttribute('transform'), isCentred: getComputedStyle(e).textAnchor === 'middle' }));
   const legend = list => [...document.querySelectorAll(`.leg.${list}-${state.map} li`)].slice(list === 'l' ? 1 : 0).filter(li => !li.querySelector('.b0')).map(li => li.textContent.trim());
-  const isPlain = map.kind !== 'excess' && state.show !== 'difference', named = isPlain ? legend('l') : legend('d');
-  const bands = (group, name) => [...$(group).children].forEach((path, i) => {
+  const isHour = state.show === 'hour', isPlain = map.kind !== 'excess' && state.show !== 'difference' && !(isHour && state.as === 'difference'), named = isPlain ? legend('l') : isHour ? all('.replay-difference li').filter(li => !li.querySelector('.b0')).map(li => li.textContent.trim()) : legend('d');
+  const bands = (group, name) => [...$(group).children].slice(0, 9).forEach((path, i) => {
     if (!isPlain && i < 5) return;
     const k = isPlain ? i : { f2: 0, f1: 1, m1: 2, m2: 3 }[path.getAttribute('class')];
     layer(`${name}-${k + 1}`, [{ rings: ringsOf(path.getAttribute('d') || '').map(r => r.map(metres)), isClosed: true, name: named[k] || '', ...look(path) }]);
@@ -44,9 +44,10 @@ function layersOf() {
   layer('floor', [{ rings: [ringsOf(`M0 0h${M.size[0]}v${M.size[1]}h-${M.size[0]}z`)[0].map(metres)], isClosed: true, name: '', ...look(svg.querySelector('.fl')) }]);
   const key = sign => document.querySelector(`.k-${sign}`).parentElement.textContent.trim(), place = id => (M.places.find(p => p.id === id) || { name: '' }).name;
   if (state.show === 'split') bands('ga', 'map-before');
-  bands('gb', 'map');
-  layer('not-recorded', shapes('#wb .nv,.nv.unseen', () => key('off')));
-  layer('too-little-data', shapes('#wb .dt', () => key('dots')));
+  bands(isHour ? 'replayed' : 'gb', 'map');
+  if (isHour) shapes('.rg').forEach((s, k) => layer(`rings-${k + 1}`, [{ ...s, name: all('.replay-rings li')[k].textContent.trim() }]));
+  layer('not-recorded', shapes('#wb .nv,#replayed .nv,.nv.unseen', () => key('off')));
+  layer('too-little-data', shapes('#wb .dt,#replayed .dt', () => key('dots')));
   layer('fixtures', shapes('.fx,.fw'));
   layer('layout-before', shapes('.try-was'));
   layer('layout-tried', shapes('.try', e => nameTried(e.dataset.try)));

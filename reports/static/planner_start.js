@@ -2,7 +2,7 @@
 
 function listen() {
   const on = (id, kind, act) => { const e = $(id); if (e) e.addEventListener(kind, act); };
-  all('[name=show]').forEach(b => b.addEventListener('change', () => { state.show = b.value; if (state.show === 'week') state.change = 0; if (state.map === 'excess' && (state.show === 'difference' || state.change)) state.map = 'violations'; draw(); }));
+  all('[name=show]').forEach(b => b.addEventListener('change', () => { if (b.value === 'hour') { enterReplay(); return; } if (state.show === 'hour') leaveReplay(); state.show = b.value; if (state.show === 'week') state.change = 0; if (state.map === 'excess' && (state.show === 'difference' || state.change)) state.map = 'violations'; draw(); }));
   all('[data-day]').forEach(b => b.addEventListener('click', () => { const d = b.dataset.day; state.days[d] = state.days[d] ? 0 : 1; draw(); }));
   all('[data-pick]').forEach(b => b.addEventListener('click', () => { state.days = b.dataset.pick.split('').map(Number); draw(); }));
   on('mapkind', 'change', e => { state.map = e.target.value; if (state.map === 'excess' && (state.show === 'difference' || state.change)) { state.show = 'week'; state.change = 0; } draw(); });
@@ -27,7 +27,8 @@ function listen() {
   }));
   on('link', 'click', copyLink); on('png', 'click', picture);
   all('[data-save]').forEach(b => b.addEventListener('click', () => saveDrawing(b.dataset.save)));
-  addEventListener('hashchange', () => { recall(); draw(); });
+  listenReplay();
+  addEventListener('hashchange', async () => { if (/show=hour/.test(location.hash)) await openReplay(); recall(); draw(); });
   if (!svg) return;
   listenTried();
   box.addEventListener('keydown', key);
@@ -143,6 +144,7 @@ async function start() {
   const cells = reader(await unpack($('cells').textContent.trim()));
   for (const [k, p] of [week, before].entries()) if (M.hasCells[k]) { if (M.isShared) readWeekCells(parts(5), nCells, p); else p.cells = readCells(parts(6), nCells); }
   readChanges(cells);
+  if (/show=hour/.test(location.hash)) await openReplay();
   if (!first) show();
   listen();
   document.body.dataset.first = first.toFixed(1); document.body.dataset.ready = (performance.now() - began).toFixed(1);

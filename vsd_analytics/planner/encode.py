@@ -15,6 +15,7 @@ from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.hour_counts import HourPanel
 from vsd_analytics.planner.logged_changes import ChangeSide
 from vsd_analytics.planner.planner_data import PlannerData, PlannerWeek
+from vsd_analytics.planner.replay import Replay
 
 OF_PYTHON = b"0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz!#$%&()*+-;<=>?@^_`{|}~"
 """Signs of base 85 as Python writes them."""
@@ -104,10 +105,12 @@ class PackedNumbers:
     Attributes:
         hours: What the page needs to open: hours, counts by place, where people can walk.
         cells: What lies where, of both weeks and of logged changes: many times as long, and read after the first draw.
+        replay: Squares by hour, read when somebody asks for an hour; empty where they cannot be given.
     """
 
     hours: str
     cells: str
+    replay: str
 
 
 def packed_numbers(data: PlannerData) -> PackedNumbers:
@@ -130,7 +133,19 @@ def packed_numbers(data: PlannerData) -> PackedNumbers:
         for side in (change.before, change.after):
             if side is not None:
                 cells += _part(_side_bytes(side, grid))
-    return PackedNumbers(packed(hours), packed(cells))
+    return PackedNumbers(
+        packed(hours), packed(cells), "" if data.replay is None else packed(_replay_bytes(data.replay))
+    )
+
+
+def _replay_bytes(replay: Replay) -> list[bytes]:
+    """Return what each hour shows, then its squares with any time: of this week, and typical ones."""
+    parts = [varints(replay.state), varints(replay.n_weeks)]
+    for of_squares in (replay.now, replay.typical):
+        by_hour = np.swapaxes(of_squares, 1, 2).reshape(2, -1)
+        key = np.flatnonzero(by_hour.any(axis=0))
+        parts += sparse(key, *by_hour[:, key])
+    return parts
 
 
 def _side_bytes(side: ChangeSide, grid: cell_counts.CellGrid | None) -> list[bytes]:

@@ -48,6 +48,7 @@ from vsd_analytics.planner.hour_counts import (
 )
 from vsd_analytics.planner.layouts import Layout, layouts
 from vsd_analytics.planner.logged_changes import MOST_WEEKS, PlannerChange, entries_of, logged_changes
+from vsd_analytics.planner.replay import Replay, replay
 from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.stats.rates import HISTORY_WEEKS
@@ -159,6 +160,7 @@ class PlannerData:
         layouts: Fixtures by selection (`layouts.layouts`); empty where they are always those of `shown`.
         space: Answers on how the space is used in the week (M35 to M42); empty where no place of the floor asks.
         is_shared: The page is for readers; otherwise it is the operator's, by hour in all places.
+        replay: The week's hours by square, and typical ones; None where they cannot be given.
     """
 
     site: Site
@@ -183,6 +185,7 @@ class PlannerData:
     layouts: tuple[Layout, ...] = ()
     space: Answers = field(default_factory=Answers)
     is_shared: bool = False
+    replay: Replay | None = None
 
 
 def weeks_needed(site: Site, monday: date, *, floor_id: str | None = None) -> int:
@@ -293,6 +296,7 @@ def planner_data(
         made[before] = _week(data, Period(data, before, last), counted, excess=then)
     changes = logged_changes(data, counted, weeks=weeks)
     no_history = {k for k, p in enumerate(places) if not p.has_history}
+    of_hours = replay(data, counted, before=past)
     if data.mask.is_on:
         data.remember_shared()
     return PlannerData(
@@ -320,6 +324,7 @@ def planner_data(
         layouts=layouts(data, before=before, changes=changes),
         space=_space(data, is_ranked=is_ranked),
         is_shared=data.mask.is_on,
+        replay=of_hours,
     )
 
 

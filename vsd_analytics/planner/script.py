@@ -20,6 +20,7 @@ SCRIPTS: Final = (
     "planner_data.js",
     "planner.js",
     "planner_changes.js",
+    "planner_replay.js",
     "planner_drawings.js",
     "planner_layout.js",
     "planner_start.js",
