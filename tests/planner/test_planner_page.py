@@ -107,7 +107,7 @@ def test_hostile_names_stay_text(masked: PlannerData) -> None:
     places = tuple(replace(p, name=planted.HOSTILE) for p in masked.places)
     page = render_planner(replace(masked, site=site, places=places, why_not_compared=read_reason(planted.HOSTILE)))
     assert "<img" not in page
-    assert page.count("<script") == 4
+    assert page.count("<script") == 5
     assert page.count("</script>") == 4
     meta = re.search(r'id="meta">(.*?)</script>', page, flags=re.DOTALL)
     assert meta is not None

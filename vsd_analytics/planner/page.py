@@ -26,7 +26,7 @@ from vsd_analytics.planner.flow_layer import FlowLayer, flow_layer
 from vsd_analytics.planner.layouts import FixtureLabel, drawn_fixtures, movable
 from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.planner.planner_data import PlaceRow, PlannerData
-from vsd_analytics.planner.replay import replay_meta, replay_rings
+from vsd_analytics.planner.replay import replay_meta
 from vsd_analytics.planner.script import few_events, quantiles, script, sentences
 from vsd_analytics.planner.space_use import SpaceUseView, space_use_view
 from vsd_analytics.report.draw.floor_frame import Frame
@@ -121,7 +121,6 @@ class PlannerPage:
     spots: tuple[tuple[str, str, Row], ...]
     changes: tuple[ChangeWords, ...]
     has_pairs: bool
-    rings: tuple[str, ...]
     use: SpaceUseView | None
     watching: tuple[str, ...]
     is_made_up: bool
@@ -184,7 +183,6 @@ def _page(data: PlannerData, *, is_at_desk: bool) -> PlannerPage:
         spots=_spot_rows(data),
         changes=tuple(change_words(c, day=week.sunday) for c in data.changes),
         has_pairs=data.before is not None or any(c.before is not None for c in data.changes),
-        rings=replay_rings(),
         use=space_use_view(data.space),
         watching=tuple(dict.fromkeys(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching)),
         is_made_up=data.is_made_up,

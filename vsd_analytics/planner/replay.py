@@ -53,6 +53,11 @@ class Replay:
     now: Ints
     typical: Ints
 
+    @property
+    def rings(self) -> tuple[str, ...]:
+        """Return what a thin ring means, and a thick one."""
+        return tuple(say("planner.replay.ring", n=plain(step)) for step in RING_STEPS)
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _SquareWeek:
@@ -136,11 +141,6 @@ def _given(data: TwoWeeks, period: Period, *, grid: SquareGrid) -> Flags:
     hidden = hidden_floor(data, period)
     meets = shapely.relate_pattern(grid.boxes(), hidden, "T********") if not hidden.is_empty else False
     return np.asarray(~np.broadcast_to(meets, grid.n_squares), dtype=np.bool_)
-
-
-def replay_rings() -> tuple[str, ...]:
-    """Return what a thin ring means, and a thick one."""
-    return tuple(say("planner.replay.ring", n=plain(step)) for step in RING_STEPS)
 
 
 def replay_meta(replay: Replay) -> dict[str, Any]:
