@@ -108,7 +108,7 @@ def test_hostile_names_stay_text(masked: PlannerData) -> None:
     page = render_planner(replace(masked, site=site, places=places, why_not_compared=read_reason(planted.HOSTILE)))
     assert "<img" not in page
     assert page.count("<script") == 5
-    assert page.count("</script>") == 4
+    assert page.count("</script>") == 5
     meta = re.search(r'id="meta">(.*?)</script>', page, flags=re.DOTALL)
     assert meta is not None
     assert json.loads(meta[1])["notCompared"] == planted.HOSTILE
