@@ -19,7 +19,7 @@ from vsd_analytics.simulate.demo import ingest_demo
 from vsd_analytics.simulate.demo_project import write_demo_project
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-ON_ONE_WEEK = {"bring-your-own-engine": 1, "first-look": 3, "how-is-this-space-used": 3}
+ON_ONE_WEEK = {"bring-your-own-engine": 1, "first-look": 3, "how-is-this-space-used": 3, "try-a-layout": 1}
 """Notebooks that one week of the demo is enough for, with the number of their figures."""
 CANTEEN = ["did-the-redesign-work", "plan-an-experiment"]
 """Notebooks on ten weeks of the canteen."""

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import polars as pl
 
+    from vsd_analytics.api.layout_trial import LayoutTrial
     from vsd_analytics.figures.before_after import BeforeAfterFigure
     from vsd_analytics.figures.experiments import ExperimentPlan
     from vsd_analytics.ingest.intake.pipeline import IngestResult
@@ -199,6 +200,24 @@ class OpenProject:
         check_plan(effect=effect, power=power)
         with open_warehouse(self.site, *plan_days(self.site)) as warehouse:
             return plan_experiment(warehouse, area_id, effect=effect, power=power, weeks_max=weeks_max)
+
+    def try_layout(self, days: DaysAsked) -> LayoutTrial:
+        """Return a trial of layouts: what edits would do to the people recorded on some days, before anything is moved.
+
+        Args:
+            days: A week "2026-W45", a range "2026-11-02..2026-11-08", a day, or first and last date.
+
+        Raises:
+            UsageError: E101, they are no days.
+
+        Example:
+            >>> trial = site.try_layout("2026-11-14")
+            >>> trial
+            Quayside Market: a layout tried on 2026-11-14 to 2026-11-14
+        """
+        from vsd_analytics.api.layout_trial import LayoutTrial
+
+        return LayoutTrial(self.site, *_range(days))
 
     @property
     def changes(self) -> Table:

@@ -151,15 +151,11 @@ def _scores(project: Project, *, as_json: bool) -> int:
 
 
 def _logged(project: Project, predictions: Sequence[LayoutPrediction]) -> list[LoggedPrediction]:
-    """Return what became of the predictions that entries of the change log name."""
-    from vsd_analytics.figures.before_after import before_after
-    from vsd_analytics.figures.change_weeks import days_needed
-    from vsd_analytics.whatif.scores import LoggedPrediction, foreseen_entries
+    """Return what became of the predictions that entries of the change log name; most sites have none, at once."""
+    if not predictions:
+        return []
+    from vsd_analytics.whatif.scores import logged_predictions
 
-    logged = []
-    for number, place in foreseen_entries(project.site, predictions):
-        first, last = days_needed(project.site, place)
-        with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
-            warehouse.materialise("violations", "camera_hours", "area_hours")
-            logged.append(LoggedPrediction(number, place, before_after(warehouse, place)))
-    return logged
+    return logged_predictions(
+        project.site, predictions, lambda first, last: warehouse_of(project, week=None, days=f"{first}..{last}")
+    )

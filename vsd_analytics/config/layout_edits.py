@@ -14,8 +14,8 @@ from vsd_analytics.config.floors import fixture_kind, read_floor, read_polygon
 from vsd_analytics.config.opening_hours import read_opening
 from vsd_analytics.config.project import refused
 from vsd_analytics.config.reader import Mistakes, TableReader, nearest
-from vsd_analytics.config.toml_lines import read_toml
-from vsd_analytics.errors import UsageError
+from vsd_analytics.config.toml_lines import TomlText, read_toml, syntax_problem
+from vsd_analytics.errors import UsageError, VsdError
 from vsd_analytics.site.layout import DoorEdit, DoorKind, Edit, FixtureEdit, LayoutEdits, OneWayEdit, OpeningEdit
 from vsd_analytics.site.model import Fixture, Point, Site
 from vsd_analytics.site.places import fixtures_at
@@ -45,10 +45,29 @@ def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
     if not path.is_file():
         raise UsageError(f"there is no file {str(path)!r}", fix=f"write it: {EXAMPLE}; docs/whatif.md has all edits")
     text, problem = read_toml(path, name=path.name)
+    return _edits(text, problem, site, last_day)
+
+
+def read_edits_text(text: str, site: Site, *, last_day: date) -> LayoutEdits:
+    """Read edits that somebody typed, as `read_edits`.
+
+    Args:
+        text: The text of such a file.
+        site: The site it is about.
+        last_day: Local day whose fixtures are edited.
+
+    Raises:
+        ConfigError: E103, as there.
+    """
+    typed = TomlText("the text", text)
+    return _edits(typed, syntax_problem(typed), site, last_day)
+
+
+def _edits(text: TomlText, problem: VsdError | None, site: Site, last_day: date) -> LayoutEdits:
     if problem is not None:
-        raise refused(path.name, (problem,))
+        raise refused(text.file, (problem,))
     mistakes = Mistakes(text)
-    root = TableReader(tomllib.loads(text.text), path=(), label=path.name, mistakes=mistakes, folder=path.parent)
+    root = TableReader(tomllib.loads(text.text), path=(), label=text.file, mistakes=mistakes, folder=site.root)
     floor_id = read_floor(root, {floor.floor_id: floor for floor in site.floors})
     there = {f.fixture_id: f for f in fixtures_at(site, floor_id, last_day)}
     tables = root.each("fixture")
@@ -61,9 +80,9 @@ def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
     root.close()
     known = tuple(edit for edit in edits if edit is not None)
     if not known and not mistakes.all:
-        mistakes.add((), f"{path.name} edits nothing", code="E123", fix=f"add an edit, such as {EXAMPLE}")
+        mistakes.add((), f"{text.file} edits nothing", code="E123", fix=f"add an edit, such as {EXAMPLE}")
     if mistakes.all:
-        raise refused(path.name, mistakes.all)
+        raise refused(text.file, mistakes.all)
     return LayoutEdits(floor_id, known, text.text)
 
 

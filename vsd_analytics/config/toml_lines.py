@@ -109,19 +109,24 @@ def read_toml(path: Path, *, name: str) -> tuple[TomlText, VsdError | None]:
         return TomlText(name, ""), VsdError(
             f"cannot read {name}", code="E121", where=Where(name), why=error.strerror, fix="check its permissions"
         )
+    return text, syntax_problem(text)
+
+
+def syntax_problem(text: TomlText) -> VsdError | None:
+    """Return the reason (E121) why a text is no TOML, if there is one."""
     try:
         values = tomllib.loads(text.text)
         if _beyond_64_bits(values):
             raise ValueError("a whole number needs more than 64 bits")
     except (ValueError, RecursionError) as error:  # TOMLDecodeError, and what int() says of thousands of digits
-        return text, VsdError(
-            f"{name} is not valid TOML: {str(error).partition(' (at ')[0]}",
+        return VsdError(
+            f"{text.file} is not valid TOML: {str(error).partition(' (at ')[0]}",
             code="E121",
             where=text.syntax_where(error),
             why="a text stands in quotes, a list in [ ], and each key once in its table",
             fix="fix this line; the rest of the file is read after it",
         )
-    return text, None
+    return None
 
 
 def _beyond_64_bits(value: Any) -> bool:

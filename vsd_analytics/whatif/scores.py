@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import Final
@@ -11,9 +12,11 @@ from typing import Final
 from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, Value
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.config.predictions import LayoutPrediction
-from vsd_analytics.figures.before_after import BeforeAfterFigure
+from vsd_analytics.figures.before_after import BeforeAfterFigure, before_after
+from vsd_analytics.figures.change_weeks import days_needed
 from vsd_analytics.figures.values import known
 from vsd_analytics.site.model import Site
+from vsd_analytics.warehouse.warehouse import Warehouse
 
 DUE_WEEKS: Final = 4
 """Weeks after the change from which a prediction is scored."""
@@ -99,6 +102,26 @@ def foreseen_entries(site: Site, predictions: Sequence[LayoutPrediction]) -> lis
         if entry.prediction is not None and entry.area_id is not None and entry.prediction <= len(predictions)
         if predictions[entry.prediction - 1].made <= entry.at.astimezone(site.zone).date()
     ]
+
+
+def logged_predictions(
+    site: Site,
+    predictions: Sequence[LayoutPrediction],
+    opened: Callable[[date, date], AbstractContextManager[Warehouse]],
+) -> list[LoggedPrediction]:
+    """Return what became of the predictions that entries of the change log name.
+
+    Args:
+        site: The site.
+        predictions: All receipts, in the order in which they were made.
+        opened: Opens a warehouse from one day to another.
+    """
+    logged = []
+    for number, place in foreseen_entries(site, predictions):
+        with opened(*days_needed(site, place)) as warehouse:
+            warehouse.materialise("violations", "camera_hours", "area_hours")
+            logged.append(LoggedPrediction(number, place, before_after(warehouse, place)))
+    return logged
 
 
 def prediction_answers(
