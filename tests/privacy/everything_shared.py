@@ -5,6 +5,7 @@ What names the records themselves (hashes of inputs) is taken out: two worlds di
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import re
 from datetime import UTC, date, datetime, timedelta
@@ -86,4 +87,9 @@ def _http(site: Site, monday: date) -> dict[str, str]:
     answers, at = ReportAnswers(site.root, now=NOW), (f"{monday:%G-W%V}", site.floors[0].floor_id)
     pages = {"report": answers.report, "page": answers.page, "figures": answers.figures, "planner": answers.planner}
     pages |= {"desk page": answers.desk_page, "desk planner": answers.desk_planner}
-    return {f"http {name}": page(*at).decode() for name, page in pages.items()} | {"http site": answers.site().decode()}
+    told = {f"http {name}": page(*at).decode() for name, page in pages.items()} | {"http site": answers.site().decode()}
+    if importlib.util.find_spec("mcp") is not None:
+        from service.assistant import ask_everything
+
+        told["mcp"] = ask_everything(answers, week=at[0])
+    return told

@@ -31,6 +31,7 @@ COMMANDS = (
         "planner",
         "site",
         "serve",
+        "mcp",
         "export",
         "purge",
         "sql",
