@@ -101,6 +101,7 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/realdata/prove_atc.py
 	$(BIN)/python tests/realdata/prove_crowding.py
 	$(BIN)/python tests/realdata/prove_whatif.py
+	$(BIN)/python tests/realdata/prove_standers.py
 	$(BIN)/python tests/whatif/prove_scenes.py
 	$(BIN)/python tests/whatif/prove_october.py
 	$(BIN)/python tests/engine/prove_engine.py

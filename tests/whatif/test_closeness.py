@@ -67,6 +67,14 @@ def test_companions_are_no_strangers_and_nobody_steps_aside_for_them() -> None:
     assert y.tolist() == [0, 0, 0]
 
 
+def test_people_step_back_no_farther_than_to_the_distance_they_kept() -> None:
+    places = np.array([0.0, 1.0, 10.0, 11.0]), np.zeros(4)
+    others = np.array([0.0, 1.0, 10.0, 11.0]), np.zeros(4)
+    nearest = np.array([0, 2]), np.array([1, 3])
+    x, _ = stepped_aside(nearest, places, others, strength=0.5, reach_m=np.array([1.0, 1.6]))
+    assert x.tolist() == pytest.approx([0.0, 1.0, 9.7, 11.0])
+
+
 def test_a_day_at_a_time_gives_the_counts_of_all_days_together() -> None:
     rng = np.random.default_rng(2)
     ways = [((0.0, y), (9.0, y), 86400.0 * (k % 3) + rng.integers(0, 40)) for k, y in enumerate(rng.uniform(0, 4, 60))]

@@ -95,7 +95,7 @@ def nearest_strangers(
 
 def stepped_aside(
     nearest: tuple[Ints, Ints], places: tuple[Floats, Floats], others: tuple[Floats, Floats], *, strength: float,
-    reach_m: float,
+    reach_m: Floats | float,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Return where people are after each stepped back from the nearest stranger, by strength (reach - distance).
 
@@ -107,13 +107,13 @@ def stepped_aside(
         places: As there.
         others: As there.
         strength: Share of the lacking distance, 0 to 1.
-        reach_m: Distance from which nobody steps back.
+        reach_m: Distance from which nobody steps back; one number, or one for each pair.
     """
     x_m, y_m = places[0].copy(), places[1].copy()
-    apart = np.sqrt(_distance2(*places, nearest[0], *others, nearest[1]))
+    apart = distances(places, others, nearest)
     is_near = apart < reach_m
-    one, other, apart = nearest[0][is_near], nearest[1][is_near], apart[is_near]
-    step = strength * (reach_m - apart) / np.maximum(apart, 0.05)
+    one, other, apart, lacks_m = nearest[0][is_near], nearest[1][is_near], apart[is_near], (reach_m - apart)[is_near]
+    step = strength * lacks_m / np.maximum(apart, 0.05)
     x_m[one] += step * (places[0][one] - others[0][other])
     y_m[one] += step * (places[1][one] - others[1][other])
     return x_m, y_m
@@ -137,3 +137,8 @@ def _together(one: Ints, other: Ints, is_with: tuple[Ints, Ints, Ints, Ints]) ->
 
 def _distance2(x_m: Floats, y_m: Floats, one: Ints, other_x: Floats, other_y: Floats, other: Ints) -> Floats:
     return np.asarray((x_m[one] - other_x[other]) ** 2 + (y_m[one] - other_y[other]) ** 2)
+
+
+def distances(one: tuple[Floats, Floats], other: tuple[Floats, Floats], pairs: tuple[Ints, Ints]) -> Floats:
+    """Return how far apart pairs are: rows of the first places, and rows of the others."""
+    return np.asarray(np.sqrt(_distance2(*one, pairs[0], *other, pairs[1])))

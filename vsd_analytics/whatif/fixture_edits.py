@@ -15,6 +15,7 @@ from vsd_analytics.site.layout import FixtureEdit
 from vsd_analytics.site.model import Fixture, Point
 from vsd_analytics.whatif.arrays import Bools, Floats, Ints, n_different
 from vsd_analytics.whatif.closeness import (
+    distances,
     n_close_after,
     n_close_recorded,
     near_strangers,
@@ -37,6 +38,9 @@ LEAST_DISTANCE_M: Final = 1.5
 """At 1 m the models contradict each other; ranges were measured at 2 m."""
 MODELS: Final = ((CLEARANCE_M, APPROACH_M), (0.2, 1.5), (0.5, 3.5))
 """Clearance and approach of each way in which people may pass; each is tried with and without the site's step aside."""
+TOUCHED_SD: Final = 0.2
+"""Standard deviation of the change beside the models', times the share of the people near whom a fixture touches: in
+scenes of another simulator, people who go around it slow down, and bring others closer."""
 MOST_WITHOUT_WAY: Final = 0.05
 """Share of the people touched who may be without a way around; they are replayed as recorded."""
 Model: TypeAlias = tuple[Floats, Floats, Bools]
@@ -124,6 +128,7 @@ def fixture_effect(
     here = {AROUND: recorded_place(near, inside, is_close[rows])}
     here |= {key: places[key] for key, shape in areas.items() if key in places and _meets(shape, around)}
     shapes = {AROUND: around, **areas}
+    n_near = n_different(near.track[inside])
     refusal: Reason | None = Reason("whatif.removed")
     models: list[Model] = []
     main, aside, met_rows = None, None, rows[:0]
@@ -142,7 +147,11 @@ def fixture_effect(
             models = list(_models(records.part(met_rows), moves, before[met_rows], aside, within_m))
     if refusal is None:
         is_near = bool(inside_of(place.buffer(NOBODY_M), near.x_m, near.y_m).any())
-        changes = _changes(records, is_close, met_rows, shapes, here, models, is_near=is_near, within_m=within_m)
+        touched_share = main.touched.size / max(n_near, 1) if main is not None else 0.0
+        changes = _changes(
+            records, is_close, met_rows, shapes, here, models, is_near=is_near, touched_share=touched_share,
+            within_m=within_m,
+        )  # fmt: skip
     else:
         changes = dict.fromkeys(here)
     predicted = tuple(
@@ -151,7 +160,6 @@ def fixture_effect(
     )
     ways = () if edit.new_polygon is None else free_ways(near, edit.new_polygon, others, widths_m=widths_m)
     n_touched, n_standing, n_no_way = (0, 0, 0) if main is None else (main.touched.size, main.n_standing, main.n_no_way)
-    n_near = n_different(near.track[inside])
     by_day = {} if main is None else _by_day(near, main.touched)
     return FixtureEffect(n_near, n_touched, n_standing, n_no_way, ways, predicted, stays, aside, refusal, by_day)
 
@@ -251,7 +259,11 @@ def _models(met: FloorRecords, moves: list[Move], before: Ints, aside: StepAside
 def _stepped_aside(
     met: FloorRecords, rows: Ints, everybody: tuple[Floats, Floats], strength: float, within_m: float
 ) -> tuple[Floats, Floats]:
-    """Return the places of those who were pushed after they step aside from strangers."""
+    """Return the places of those who were pushed after they step aside from strangers.
+
+    They step aside from whom they came nearer to, by a share of the distance that the push took: people as recorded
+    keep the distance that they kept.
+    """
     places = everybody[0][rows], everybody[1][rows]
     is_with = met.track[rows], met.company[rows], met.track, met.company
     reach_m = within_m + BEYOND_M
@@ -259,12 +271,14 @@ def _stepped_aside(
         met.frames, np.arange(rows.size), met.frame[rows], places, everybody, is_with, within_m=reach_m
     )
     nearest = nearest_strangers(pairs, places, everybody)
-    return stepped_aside(nearest, places, everybody, strength=strength, reach_m=reach_m)
+    recorded = met.x_m, met.y_m
+    kept_m = distances(recorded, recorded, (rows[nearest[0]], nearest[1]))
+    return stepped_aside(nearest, places, everybody, strength=strength, reach_m=np.minimum(kept_m, reach_m))
 
 
 def _changes(
     records: FloorRecords, is_close: Bools, met_rows: Ints, shapes: Mapping[str, shapely.Polygon],
-    here: Mapping[str, PlaceTime], models: list[Model], *, is_near: bool, within_m: float,
+    here: Mapping[str, PlaceTime], models: list[Model], *, is_near: bool, touched_share: float, within_m: float,
 ) -> dict[str, PredictedChange | None]:  # fmt: skip
     """Return the range of the change of time too close in each place.
 
@@ -293,7 +307,8 @@ def _changes(
             more = met_s * close * inside_of(shape, x, y) - was_s
             more_s.append(np.bincount(met_day, weights=more, minlength=days.size).astype(np.float64))
         ratio = np.divide(more_s[-1], of_day, out=np.full(days.size, np.nan), where=of_day > 0)
-        sd = spread(close_s=near_s, within_m=within_m, by_day=ratio) * min(near_s / total_s, 1.0)
+        sd = spread(close_s=near_s, within_m=within_m, by_day=ratio, extra_sd=TOUCHED_SD * touched_share)
+        sd *= min(near_s / total_s, 1.0)
         changes[key] = predicted_change([float(s.sum()) / total_s for s in more_s[1:] or more_s], sd)
     return changes
 
