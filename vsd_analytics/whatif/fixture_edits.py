@@ -261,8 +261,8 @@ def _stepped_aside(
 ) -> tuple[Floats, Floats]:
     """Return the places of those who were pushed after they step aside from strangers.
 
-    They step aside from whom they came nearer to, by a share of the distance that the push took: people as recorded
-    keep the distance that they kept.
+    They step aside from whom they came nearer to, by a share of the distance that the push took: nobody who walks as
+    recorded steps aside.
     """
     places = everybody[0][rows], everybody[1][rows]
     is_with = met.track[rows], met.company[rows], met.track, met.company
@@ -272,8 +272,8 @@ def _stepped_aside(
     )
     nearest = nearest_strangers(pairs, places, everybody)
     recorded = met.x_m, met.y_m
-    kept_m = distances(recorded, recorded, (rows[nearest[0]], nearest[1]))
-    return stepped_aside(nearest, places, everybody, strength=strength, reach_m=np.minimum(kept_m, reach_m))
+    was_m = distances(recorded, recorded, (rows[nearest[0]], nearest[1]))
+    return stepped_aside(nearest, places, everybody, strength=strength, reach_m=np.minimum(was_m, reach_m))
 
 
 def _changes(
