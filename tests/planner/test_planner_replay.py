@@ -13,8 +13,11 @@ import numpy as np
 import pytest
 from planner import planted_shop as planted
 from planner.written_address import written_address
+from privacy.squares_solver import few, known
 from report import ingested_worlds as worlds
 
+from vsd_analytics.figures.share.counts import Mask
+from vsd_analytics.figures.share.squares import ClassSteps, SquareClasses, SquareTimes, square_classes
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
 from vsd_analytics.planner.replay import HIDDEN_COUNT, NOT_RECORDED, SHOWN, Replay
@@ -111,6 +114,27 @@ def test_the_page_of_readers_has_the_classes_and_no_number(readers: PlannerData)
         assert (again == of).all()
         assert of[0].max() <= 5
         assert of[1].max() <= 2
+
+
+def test_the_solver_works_out_no_time_of_few_people_from_the_page(
+    crowd: Site, readers: PlannerData, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It reads the classes of the page beside the exact sums of its hours and square metres, and of areas."""
+    asked: list[tuple[SquareTimes, Any, Any]] = []
+
+    def classes(times: SquareTimes, steps: ClassSteps, mask: Mask, *, given: Any, counted: Any) -> SquareClasses:
+        asked.append((times, steps, counted))
+        return square_classes(times, steps, mask, given=given, counted=counted)
+
+    monkeypatch.setattr("vsd_analytics.planner.replay.square_classes", classes)
+    [data] = planner_pages(crowd, worlds.MONDAY)
+    (times, steps, counted), found = asked[0], replay_of(data)
+    in_min = replace(times, time_ms=times.time_ms / 60_000, close_ms=times.close_ms / 60_000)
+    steps_min = ClassSteps(*(tuple(v / 60_000 for v in of) for of in (steps.time_ms, steps.close_ms)))
+    mask = Mask(5)
+    assert few(times, mask)[at(found, FEW)].sum() == 13
+    told = SquareClasses(time=found.now[0], close=found.now[1])
+    assert known(in_min, told, steps_min, mask, counted=counted) == []
 
 
 def test_a_week_without_squares_offers_no_hours(readers: PlannerData) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
+from privacy.squares_solver import few, known
 
 from vsd_analytics.figures.share import squares
 from vsd_analytics.figures.share.counts import Mask
@@ -14,8 +14,6 @@ from vsd_analytics.figures.share.squares import ClassSteps, SquareClasses, Squar
 
 STEPS = ClassSteps(time_ms=(2.0, 4.0, 8.0, 16.0, 32.0), close_ms=(3.0, 12.0))
 MASK = Mask(5)
-KNOWN = 0.01
-"""A time is known when its least and greatest value differ by less than this part of it."""
 N_SQUARES, N_UNITS, N_HOURS = 5, 8, 4
 
 
@@ -37,69 +35,16 @@ def made_up(seed: int) -> tuple[SquareTimes, Any, Any]:
     return times, np.broadcast_to(rng.random(N_HOURS) < 0.9, times.n_people.shape), rng.random(N_HOURS) < 0.8
 
 
-def few(times: SquareTimes) -> Any:
-    return (times.by_square(times.time_ms) > 0) & (times.n_people < MASK.below)
-
-
-def known(times: SquareTimes, found: SquareClasses, *, counted: Any) -> list[tuple[str, int, int]]:
-    """Return the times of few people that classes, hours, areas by time of day and square metres tell a reader.
-
-    The unknowns are the free time of each square metre and hour, then its time too close.
-    """
-    shape, n = times.time_ms.shape, times.time_ms.size
-    free, close = (np.eye(2 * n)[k * n : (k + 1) * n].reshape(*shape, 2 * n) for k in (0, 1))
-    sums, values, above, ends = [], [], [], []
-    for of, true in ((free + close, times.time_ms), (close, times.close_ms)):
-        for unit in range(shape[0]):
-            sums.append(of[unit].sum(axis=0))
-            values.append(true[unit].sum())
-        for hour in range(shape[1]):
-            sums.append(of[:, hour].sum(axis=0))
-            values.append(true[:, hour].sum())
-        for area in np.unique(times.area):
-            for at in np.unique(times.hour_of_day):
-                part = np.ix_(times.area == area, times.hour_of_day == at)
-                sums.append(of[part].sum(axis=(0, 1)))
-                values.append(true[part].sum())
-    for kind, of, steps in (
-        (found.time, free + close, STEPS.time_ms),
-        (found.close, close, STEPS.close_ms),
-    ):
-        for square, hour in zip(*np.nonzero(found.time), strict=True):
-            if kind is found.close and not counted[hour]:
-                continue
-            row, k = of[times.square == square, hour].sum(axis=0), kind[square, hour]
-            low, high = (v * times.recorded_h[hour] for v in ((0, *steps)[k], (*steps, np.inf)[k]))
-            above += [-row] + ([row] if np.isfinite(high) else [])
-            ends += [-low] + ([high] if np.isfinite(high) else [])
-    worked_out = []
-    for name, of, true in (("time", free + close, times.time_ms), ("close", close, times.close_ms)):
-        by_square = times.by_square(true)
-        for square, hour in zip(*np.nonzero(few(times) & (by_square > 0)), strict=True):
-            goal = of[times.square == square, hour].sum(axis=0)
-            least, most = (
-                sign
-                * linprog(
-                    sign * goal, A_ub=np.array(above) if above else None, b_ub=ends or None, A_eq=sums, b_eq=values
-                ).fun
-                for sign in (1, -1)
-            )
-            assert least - 1e-6 <= by_square[square, hour] <= most + 1e-6
-            if most - least < KNOWN * by_square[square, hour]:
-                worked_out.append((name, int(square), int(hour)))
-    return worked_out
-
-
 def test_classes_tell_no_time_of_few_people_that_sums_alone_do_not_tell() -> None:
     n_given = n_few = 0
     for seed in range(60):
         times, given, counted = made_up(seed)
         found = squares.square_classes(times, STEPS, MASK, given=given, counted=counted)
         nothing = SquareClasses(time=np.zeros_like(found.time), close=np.zeros_like(found.close))
-        told = known(times, found, counted=counted) if found.time.any() else []
-        assert set(told) <= set(known(times, nothing, counted=counted) if told else []), seed
+        told = known(times, found, STEPS, MASK, counted=counted) if found.time.any() else []
+        assert set(told) <= set(known(times, nothing, STEPS, MASK, counted=counted) if told else []), seed
         n_given += int((found.time > 0).sum())
-        n_few += int(few(times).sum())
+        n_few += int(few(times, MASK).sum())
     assert n_given > 50
     assert n_few > 300
 
@@ -125,15 +70,15 @@ def test_a_class_that_would_tell_a_hidden_time_is_not_given(monkeypatch: pytest.
     found = squares.square_classes(times, STEPS, MASK, given=given, counted=counted)
     monkeypatch.setattr(squares, "_stuck", lambda times, *_: np.zeros(times.n_people.shape, dtype=np.bool_))
     without = squares.square_classes(times, STEPS, MASK, given=given, counted=counted)
-    assert known(times, without, counted=counted) == [("time", 1, 1)]
-    assert known(times, found, counted=counted) == []
+    assert known(times, without, STEPS, MASK, counted=counted) == [("time", 1, 1)]
+    assert known(times, found, STEPS, MASK, counted=counted) == []
 
 
 def test_few_people_have_no_class_and_no_ring_and_nobody_has_one_beyond_what_other_rules_give() -> None:
     for seed in range(60):
         times, given, counted = made_up(seed)
         found = squares.square_classes(times, STEPS, MASK, given=given, counted=counted)
-        assert not found.time[few(times) | ~given].any()
+        assert not found.time[few(times, MASK) | ~given].any()
         assert not found.close[:, ~counted].any()
         assert not found.close[found.time == 0].any()
         per_h = times.by_square(times.time_ms) / times.recorded_h

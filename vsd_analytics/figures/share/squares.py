@@ -2,7 +2,7 @@
 
 Weekly maps give the sum of a square over the hours, and the report the sum of an hour over the floor, both exactly.
 Beside them classes bound what is hidden. So a class is given only while the time of each square and hour with few
-people can be exchanged: some of it can lie in another hour of the same square, while as much in another square goes the
+people can be exchanged: some of it can lie in another hour of the same square, while as much in other squares goes the
 other way. Either the squares are of one area, or the hours of one time of day: outputs give areas by time of day at
 most. All sums and all classes stay as they are then, so they tell no exact time.
 """
@@ -22,8 +22,10 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 LEAST_PART: Final = 0.1
 """Part of a hidden time that must be exchangeable."""
-N_PARTNERS: Final = 6
+N_PARTNERS: Final = 12
 """Squares that are tried in each hour: those that can give most."""
+ROOM: Final = 0.999
+"""Of the room up to the next class, which itself is another class."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -50,12 +52,12 @@ class SquareTimes:
 
     def by_square(self, values: Ints) -> Ints:
         """Return the sums of a table of units, shape (n_squares, n_hours)."""
-        sums = np.zeros(self.n_people.shape, dtype=np.int64)
+        sums = np.zeros(self.n_people.shape, dtype=values.dtype)
         np.add.at(sums, self.square, values)
         return sums
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class ClassSteps:
     """Lower ends of the classes from 1, in milliseconds of a square and recorded hour."""
 
@@ -142,22 +144,23 @@ def _stuck(times: SquareTimes, units_ms: Ints, part_ms: Floats, down_ms: Floats,
     square, hour = np.nonzero(part_ms > 0)
     n_hours = part_ms.shape[1]
     for shift in range(1, n_hours):
-        for k in range(N_PARTNERS):
-            if not len(square):
-                break
-            other, part = (hour + shift) % n_hours, part_ms[square, hour]
-            is_same_time = times.hour_of_day[hour] == times.hour_of_day[other]
+        if not len(square):
+            break
+        other, part = (hour + shift) % n_hours, part_ms[square, hour]
+        is_same_time = times.hour_of_day[hour] == times.hour_of_day[other]
+        less_ms, more_ms = np.zeros_like(part), np.zeros_like(part)
+        for k in range(partners.shape[1]):
             # `less` takes in this hour what the square takes in the other one; `more` the other way round
             less = partners[np.where(is_same_time, anywhere, area[square, hour]), k, other]
+            is_partner = (less != square) & (is_same_time | (area[less, other] == area[square, hour]))
+            less_ms += np.where(is_partner, np.minimum(give_ms[less, other], ROOM * up_ms[less, hour]), 0.0)
             more = partners[np.where(is_same_time, anywhere, area[square, other]), k, hour]
-            can_less = (give_ms[square, hour] >= part) & (up_ms[square, other] > part)
-            can_less &= (give_ms[less, other] >= part) & (up_ms[less, hour] > part) & (less != square)
-            can_less &= is_same_time | (area[less, other] == area[square, hour])
-            can_more = (give_ms[square, other] >= part) & (up_ms[square, hour] > part)
-            can_more &= (give_ms[more, hour] >= part) & (up_ms[more, other] > part) & (more != square)
-            can_more &= is_same_time | (area[more, hour] == area[square, other])
-            stays = ~(can_less | can_more)
-            square, hour = square[stays], hour[stays]
+            is_partner = (more != square) & (is_same_time | (area[more, hour] == area[square, other]))
+            more_ms += np.where(is_partner, np.minimum(give_ms[more, hour], ROOM * up_ms[more, other]), 0.0)
+        can_less = (np.minimum(give_ms[square, hour], less_ms) >= part) & (up_ms[square, other] > part)
+        can_more = (np.minimum(give_ms[square, other], more_ms) >= part) & (up_ms[square, hour] > part)
+        stays = ~(can_less | can_more)
+        square, hour = square[stays], hour[stays]
     stuck = np.zeros(part_ms.shape, dtype=np.bool_)
     stuck[square, hour] = True
     return stuck
@@ -177,8 +180,5 @@ def _largest_unit(times: SquareTimes, units_ms: Ints) -> tuple[Ints, Ints]:
 
 
 def _partners(give_ms: Floats) -> Ints:
-    """Return the squares that can give most in each hour, shape (N_PARTNERS, n_hours)."""
-    found = np.zeros((N_PARTNERS, give_ms.shape[1]), dtype=np.int64)
-    n = min(N_PARTNERS, len(give_ms))
-    found[:n] = np.argsort(-give_ms, axis=0, kind="stable")[:n]
-    return found
+    """Return the squares that can give most in each hour, shape (at most N_PARTNERS, n_hours)."""
+    return np.argsort(-give_ms, axis=0, kind="stable")[:N_PARTNERS]
