@@ -144,6 +144,17 @@ def test_the_plan_is_as_wide_as_its_clicks_are_read(tab: Open, desk: tuple[str, 
     assert page.locator(f".plan-{shown[0]}").bounding_box()["width"] == WIDTHS_PX[shown[0]]
 
 
+@pytest.mark.parametrize("address", ["/desk", "/desk/places/ground"])
+def test_paper_has_what_was_written_and_no_form(tab: Open, desk: tuple[str, Path], address: str) -> None:
+    page = tab(f"{desk[0]}/desk", bypass_csp=False)
+    sign_in(page)
+    page.goto(f"{desk[0]}{address}")
+    page.emulate_media(media="print")
+    fields = page.locator("input:not([type=image]), select, button, summary")
+    assert [f for f in fields.all() if f.is_visible()] == []
+    assert page.locator("h1").is_visible()
+
+
 def test_the_table_of_the_docs_has_these_presses() -> None:
     text = (Path(__file__).resolve().parents[2] / "docs" / "service.md").read_text(encoding="utf-8")
     for job, n in PRESSES.items():
