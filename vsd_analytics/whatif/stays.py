@@ -30,7 +30,6 @@ APART_M: Final = (None, CLEARANCE_M, 1.0)
 """How far from the new place people stay, by model; None: as far as from the old one."""
 _CELL_M: Final = 0.25
 _STAND_M: Final = 0.05
-_COLUMNS: Final = 10_000_000
 _WALKED: Final = 3
 """Records in a cell from which people stand there."""
 
@@ -197,11 +196,15 @@ def _spots(old: FloorRecords, rows: Ints, new: FloorRecords, edit: FixtureEdit) 
 
 def _cells(x_m: Floats, y_m: Floats, side_m: float) -> tuple[Floats, Ints, Ints]:
     """Return the middles of the squares in which places lie, how many in each, and the square of each place."""
+    if not x_m.size:
+        return np.zeros((0, 2)), np.zeros(0, np.int64), np.zeros(0, np.int64)
     column, row = (np.floor(v / side_m).astype(np.int64) for v in (x_m, y_m))
-    keys, cell, n = np.unique(column * _COLUMNS + row, return_inverse=True, return_counts=True)
-    column = np.rint(keys / _COLUMNS).astype(np.int64)
-    middles = (np.column_stack([column, keys - column * _COLUMNS]) + 0.5) * side_m
-    return middles, n, cell.ravel()
+    height = int(row.max()) - int(row.min()) + 1
+    key = (column - column.min()) * height + (row - row.min())
+    count = np.bincount(key)  # a square for each place of the part: sorting takes ten times as long
+    used = np.flatnonzero(count)
+    middles = np.column_stack([used // height + column.min(), used % height + row.min()])
+    return (middles + 0.5) * side_m, count[used], (np.cumsum(count > 0) - 1)[key]
 
 
 def _came(
