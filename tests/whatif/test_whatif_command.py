@@ -392,7 +392,7 @@ def test_the_record_of_the_site_and_the_shipped_one_are_listed_and_enter_later_r
     site = load_site(project)
     answers = prediction_answers([receipt_of(-0.1, 0.1)], [came_out(0.25)], site, today=date(2026, 12, 24))
     rows = {row["record_of"]: row for row in answers[2].rows}
-    assert set(rows) == {"site", "exit", "entrance", "opening"}
+    assert set(rows) == {"site", "exit", "entrance", "opening", "scene"}
     assert rows["site"]["n_held"].value == 0  # type: ignore[union-attr]
     assert rows["site"]["wider_by"].value == pytest.approx(0.15)  # type: ignore[union-attr]
     assert rows["opening"]["wider_by"].value is None  # type: ignore[union-attr]
