@@ -113,7 +113,7 @@ function drawHour() {
   document.body.dataset.as = state.as;
   const named = word('replay_hour', { day: dayName(week.weekday[i]), from: hourName(week.hour[i]), to: [...$('to').options].find(o => +o.value === week.hour[i] + 1).textContent, week: M.weeks[0] });
   const says = isTypical || isDifference && !why ? [replayed.weeks[i] ? word('replay_typical', { n: nf(replayed.weeks[i], 0) }, replayed.weeks[i]) : word('replay_no_typical')] : why ? [word(why === 1 ? 'replay_unrecorded' : 'replay_few')] : [];
-  $('replay-now').textContent = [named, ...says].join(' ');
+  $('replay-now').textContent = [named[0].toLocaleUpperCase(document.documentElement.lang) + named.slice(1), ...says].join(' ');
   setNumbers();
 }
 /* The operator's numbers: person-minutes in the squares, where these are large enough to read them. */
