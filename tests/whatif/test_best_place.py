@@ -55,6 +55,7 @@ def test_a_place_that_leaves_too_narrow_a_way_is_listed_and_not_compared() -> No
     assert [place.standing for place in places] == ["narrow", "best", "more"]
     assert [place.more for place in places] == [pytest.approx(-9), 0, pytest.approx(10.857, abs=1e-3)]
     assert [p.standing for p in compared_places(n, [True, True, True])] == ["narrow"] * 3
+    assert [p.standing for p in compared_places(n, [True, False, True])] == ["narrow", "only", "narrow"]
 
 
 def test_few_days_show_nothing() -> None:

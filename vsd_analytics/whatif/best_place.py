@@ -20,7 +20,7 @@ from vsd_analytics.site.model import Site
 from vsd_analytics.whatif.fixture_edits import FixtureEffect
 from vsd_analytics.whatif.prediction import LayoutEffects
 
-Standing = Literal["best", "lowest", "no_difference", "more", "narrow"]
+Standing = Literal["best", "lowest", "no_difference", "more", "narrow", "only"]
 MIN_DAYS: Final = 5
 """Days that a comparison needs."""
 FALSE_BEST: Final = 0.05
@@ -54,7 +54,7 @@ class ComparedPlace:
         more_lo: Lower end of `more`; above 0 = more people are shown; NaN as above, and at that place itself.
         standing: "best": fewer than at every other place; "lowest": fewest, but not shown for all others;
             "no_difference": not shown to have more than it; "more": shown; "narrow": left out, because it leaves too
-            narrow a way.
+            narrow a way; "only": all others are left out.
     """
 
     per_day: float
@@ -102,6 +102,8 @@ def compared_places(n_touched: NDArray[np.int64], is_narrow: Sequence[bool]) -> 
             ComparedPlace(float(mean[k]), float(mean[k]) - half, float(mean[k]) + half, more, more_lo, standing)
         )
     others = [places[k].standing for k in open_ways if k != first]
+    if open_ways and not others:
+        places[first] = replace(places[first], standing="only")
     if others and all(standing == "more" for standing in others):
         places[first] = replace(places[first], standing="best")
     return tuple(places)
