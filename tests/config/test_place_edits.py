@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 from datetime import date, datetime, timedelta
@@ -212,8 +213,15 @@ def test_the_command_marks_ends_lists_and_takes_back(tmp_path: Path, capsys: pyt
         return code, said.out + said.err
 
     assert vsd() == (0, "nothing was marked\n")
+    assert vsd("--json") == (0, '{"places": []}\n')
     made = vsd("area", "Promotion", "--corners", "4,2 8,2 8,5 4,5", "--from", "2026-12-01", "--by", "Anna")
     assert made == (0, "promotion: Promotion, area, from 2026-12-01  (Anna)\n")
+    assert json.loads(vsd("--json")[1])["places"] == [
+        {
+            "id": "promotion", "kind": "area", "name": "Promotion", "action": "marked", "day": "2026-12-01",
+            "by": "Anna", "at": "2026-11-18T10:00:00+01:00",
+        }
+    ]  # fmt: skip
     assert vsd("--end", "promotion", "--from", "2026-12-24") == (
         0, "promotion: Promotion, area, no longer from 2026-12-24\n",
     )  # fmt: skip

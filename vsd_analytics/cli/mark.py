@@ -90,10 +90,19 @@ def mark(
 
 def _print(changes: tuple[Any, ...], *, as_json: bool, nothing: str = "nothing was marked") -> None:
     if as_json:
-        keys = ("place_id", "key", "name", "action", "day", "by", "at")
-        rows = [{k: getattr(c, k) for k in keys} for c in changes]
-        renamed = [{"id": r.pop("place_id"), "of": r.pop("key"), **r, "day": f"{r['day']}"} for r in rows]
-        emit_json({"places": renamed})
+        rows = [
+            {
+                "id": c.place_id,
+                "kind": c.key,
+                "name": c.name,
+                "action": c.action,
+                "day": c.day.isoformat(),
+                "by": c.by,
+                "at": c.at.isoformat(),
+            }
+            for c in changes
+        ]
+        emit_json({"places": rows})
         return
     for c in changes:
         words = "from" if c.action == "marked" else "no longer from"
