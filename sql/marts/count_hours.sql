@@ -20,7 +20,8 @@
 --   by           vsd_analytics.figures.queues.queues
 -- figure: M41 Capacity used
 --   definition   of each area or floor with a capacity: share of open time with at least 60 %, at least 100 %, and more than it; people
---                beyond it on average; person-time by floor for each person, in the levels of service of M33 (areas only)
+--                beyond it on average; person-time by floor for each person, in the levels of service of M33 (areas only), and
+--                in IATA's of a queue (areas with `queue`): from 1.2 m² over-design, from 1.0 m² optimum, below it sub-optimum
 --   unit         share of time; people; share of person-time
 --   denominator  open hours in which all cameras that see the place recorded; they count for the same hours of the week that
 --                were not recorded

@@ -14,6 +14,7 @@ from report import ingested_worlds as w
 import vsd_analytics
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.figures.room_levels import IATA_LEVELS, iata_level_of
 from vsd_analytics.report.pages.json_and_csv import figures_json
 from vsd_analytics.report.pages.week import render_html
 
@@ -67,6 +68,24 @@ def test_report_page_and_commands_have_the_planted_people(tmp_path: Path, capsys
     (place,) = json.loads(out)["answers"]["capacity"]["rows"]
     assert code == 0
     assert place["over_share"]["value"] == pytest.approx(2 / 9, rel=1e-3)
+    room_m2 = place["area_m2"] / 2
+    level = "over_design" if room_m2 >= 1.2 else "optimum" if room_m2 >= 1.0 else "sub_optimum"
+    shares = {name: place[f"iata_{name}_share"]["value"] for name in IATA_LEVELS}
+    assert shares == {name: float(name == level) for name in IATA_LEVELS}, "two people share the queue all the time"
+
+
+def test_levels_of_a_queue_are_of_queues_and_a_limit_belongs_to_the_roomier_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert [iata_level_of(1 / room) for room in (5.0, 1.2, 1.19, 1.0, 0.99, 0.2)] == [0, 0, 1, 1, 2, 2]
+    toml = asking(mask_below=0).replace('queue = true\nserved_in = "door"\n', "")
+    w.world(tmp_path, toml, w.messages(w.steady(PAIRS)))
+    _, out, _ = vsd(tmp_path, capsys, "capacity", "--week", "2026-W46", "--json")
+    (place,) = json.loads(out)["answers"]["capacity"]["rows"]
+    assert place["room_a_share"]["value"] is not None
+    for name in IATA_LEVELS:
+        assert place[f"iata_{name}_share"]["value"] is None
+        assert "queue = true" in place[f"iata_{name}_share"]["reason"]
 
 
 def test_a_report_that_nobody_asked_has_neither_figures_nor_section(

@@ -9,6 +9,7 @@ import click
 from vsd_analytics.cli.answers import has_value, print_answers
 from vsd_analytics.cli.options import exact_option, floor_option, json_option, range_options
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.figures.room_levels import IATA_LEVELS
 from vsd_analytics.render.text import Layout, TableLayout
 
 _TIME: Final = ("busy_share", "full_share", "over_share")
@@ -16,6 +17,7 @@ LAYOUTS: Final[dict[str, Layout]] = {
     "capacity": (
         TableLayout(("name", "capacity", "people", *_TIME, "surplus_people", "recorded_share")),
         TableLayout(("name", "area_m2", *(f"room_{level}_share" for level in "abcdef"))),
+        TableLayout(("name", *(f"iata_{level}_share" for level in IATA_LEVELS)), only="iata_optimum_share"),
     )
 }
 

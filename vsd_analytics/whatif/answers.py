@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from vsd_analytics.answer import Answer, Column, HoldsFor, Reason, Row, Value
-from vsd_analytics.figures.room_levels import LEVELS, ROOM_M2
+from vsd_analytics.figures.room_levels import IATA_LEVELS, LEVELS, ROOM_M2, iata_level_of
 from vsd_analytics.figures.values import known
 from vsd_analytics.site.layout import DoorEdit, Edit, FixtureEdit, OpeningEdit
 from vsd_analytics.site.model import Site
@@ -86,10 +86,6 @@ STAYS: Final = (
 """Columns of `whatif_stays`."""
 NAMED_SHARE: Final = 0.05
 """Areas that lose or get less of the stays than this are in the table only."""
-IATA_M2: Final = (1.2, 1.0)
-"""Room of a person who queues for a control, m²: from 1.2 over-design, from 1.0 optimum, below it sub-optimum. Source:
-IATA Airport Development Reference Manual, level of service."""
-IATA_LEVELS: Final = ("over_design", "optimum", "sub_optimum")
 
 
 def whatif_answers(predicted: LayoutEffects, site: Site, *, around: str) -> tuple[Answer, ...]:
@@ -246,7 +242,7 @@ def _level(room_m2: float | None) -> str | None:
 
 
 def _iata(room_m2: float | None) -> str | None:
-    return None if room_m2 is None else IATA_LEVELS[sum(room_m2 < least for least in IATA_M2)]
+    return None if room_m2 is None else IATA_LEVELS[iata_level_of(1 / room_m2)]
 
 
 def _ways(number: int, effect: Effect) -> Iterator[Row]:
