@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Coroutine, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
 
 from mcp import Client
 
@@ -14,6 +15,7 @@ from vsd_analytics.service.answers import TABLES, ReportAnswers
 from vsd_analytics.service.mcp_server import mcp_server
 
 Call = tuple[str, dict[str, Any]]
+T = TypeVar("T")
 
 
 def ask(server: Any, calls: Sequence[Call]) -> list[tuple[bool, str]]:
@@ -24,7 +26,13 @@ def ask(server: Any, calls: Sequence[Call]) -> list[tuple[bool, str]]:
             answers = [await client.call_tool(name, given) for name, given in calls]
             return [(bool(a.is_error), "\n".join(str(part.text) for part in a.content)) for a in answers]
 
-    return asyncio.run(asked())
+    return in_own_loop(asked())
+
+
+def in_own_loop(coroutine: Coroutine[Any, Any, T]) -> T:
+    """Run a coroutine in a thread of its own: a test of a browser may have left a running loop in this one."""
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(asyncio.run, coroutine).result()
 
 
 def ask_everything(answers: ReportAnswers, *, week: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import os
 import shutil
@@ -16,7 +15,7 @@ pytest.importorskip("mcp", reason="the extra mcp is not installed")
 
 from mcp import Client
 from mcp.client.stdio import StdioServerParameters
-from service.assistant import Call, ask, ask_everything
+from service.assistant import Call, ask, ask_everything, in_own_loop
 
 from vsd_analytics.cli.explain import explanations
 from vsd_analytics.service.answers import TABLES, ReportAnswers
@@ -57,7 +56,7 @@ def test_tools_are_few_read_only_and_described(server: Any) -> None:
         async with Client(server) as client:
             return (await client.list_tools()).tools, (await client.list_resources()).resources
 
-    tools, resources = asyncio.run(listed())
+    tools, resources = in_own_loop(listed())
     assert [t.name for t in tools] == ["site", "verdicts", "list_figures", "figure", "table", "explain"]
     assert resources == []
     for tool in tools:
