@@ -13,7 +13,7 @@ from collections.abc import Awaitable, Callable
 from datetime import UTC, datetime
 from functools import partial
 from http import HTTPStatus
-from typing import Final
+from typing import Any, Final
 from urllib.parse import parse_qsl
 
 from starlette.concurrency import run_in_threadpool
@@ -29,6 +29,7 @@ from vsd_analytics.service.desk_places import render_places
 from vsd_analytics.service.desk_sessions import SESSION_S, DeskSession, DeskSessions
 from vsd_analytics.service.index_files import IndexFiles
 from vsd_analytics.service.now_page import now_policy
+from vsd_analytics.site.model import Site
 from vsd_analytics.wording.catalogue import say
 from vsd_analytics.wording.languages import speaking
 
@@ -209,19 +210,8 @@ class Desk:
         status: int = 200,
     ) -> Response:
         site = self._answers.site_now()
-        with speaking(site.language):
-            page = render_desk(
-                site,
-                writer=session.writer,
-                form_token=session.form_token,
-                request_id=secrets.token_urlsafe(18),
-                now=self._present(),
-                said=said,
-                mistake=mistake,
-                filled=filled,
-                has_index=self._index.is_there,
-            )
-        return _html(status, page)
+        render = partial(render_desk, site, has_index=self._index.is_there)
+        return self._filled(render, site, session, said=said, mistake=mistake, filled=filled, status=status)
 
     def _places(
         self,
@@ -236,17 +226,20 @@ class Desk:
         floor = next((f for f in site.floors if f.floor_id == filled.get("floor")), None)
         if floor is None:
             raise NotFoundError("there is no such floor")
+        render = partial(render_places, site, floor)
+        return self._filled(render, site, session, said=said, mistake=mistake, filled=filled, status=status)
+
+    def _filled(
+        self, render: Callable[..., str], site: Site, session: DeskSession, *, status: int, **shown: Any
+    ) -> Response:
+        """Return a page with forms of a session, in the site's language."""
         with speaking(site.language):
-            page = render_places(
-                site,
-                floor,
+            page = render(
                 writer=session.writer,
                 form_token=session.form_token,
                 request_id=secrets.token_urlsafe(18),
                 now=self._present(),
-                said=said,
-                mistake=mistake,
-                filled=filled,
+                **shown,
             )
         return _html(status, page)
 

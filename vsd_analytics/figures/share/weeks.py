@@ -82,12 +82,12 @@ def hidden_week(
     starts = {i: str(int(data.hours.start_ms[i])) for i in by_hour}
     day = {i: date.fromordinal(int(data.hours.day[i])) for i in by_hour}
     of_same_days = [w for w in before if w.through == period.last]
-    place_edits = [_change(by_place, w.places, w.hidden_places, _place_name) for w in of_same_days]
+    place_changes = [_change(by_place, w.places, w.hidden_places, _place_name) for w in of_same_days]
     hour_changes = [
         _change({i: n for i, n in by_hour.items() if day[i] <= w.through}, w.hours, w.hidden_hours, starts.__getitem__)
         for w in before
     ]
-    places = _held_places(by_place, place_edits, below, unready)
+    places = _held_places(by_place, place_changes, below, unready)
     ends = [w.through for w in before if w.through < period.last]
     is_unseen = _unseen_hours(_sums(by_hour), day, ends, below)
     hours = _held_hours(by_hour, hour_changes, below, n_floor, is_unseen)
@@ -100,7 +100,7 @@ def hidden_week(
     elif period.why_few_people is not None:
         why = period.why_few_people
     elif not places.is_total_safe or not hours.is_total_safe:
-        why = CHANGED if _is_any(place_edits) or _is_any(hour_changes) else GIVES_AWAY
+        why = CHANGED if _is_any(place_changes) or _is_any(hour_changes) else GIVES_AWAY
     if why is not None:
         places, hours = (_all(places, _sums(by_place)), _all(hours, _sums(by_hour)))
     stays = frozenset(int(start) for week in before for start in week.untimed_hours)
