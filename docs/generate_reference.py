@@ -26,6 +26,7 @@ _SECTIONS: Final = {
     "analysis": "When hotspots and other findings are reported.",
     "ingest": "Which records are refused.",
     "alarms": "When alarms are sent. The other keys of this table: [alarms](alarms.md#where-alarms-go).",
+    "staff": "Whom the figures count: [staff apart from visitors](guide.md#staff-apart-from-visitors).",
     "privacy": "What is stored about people.",
 }
 

@@ -153,6 +153,11 @@ class Settings:
     together_walk_m: float = _setting("rule", 2.0, "metres", 0.0, 100.0, "Two people who walk together have walked at least this far while close.", "sql")
     together_min_s: float = _setting("rule", 2.0, "seconds", 0.0, 3600.0, "Two people who walk together are close for at least this long in all.", "sql")
     together_min_records: int = _setting("rule", 3, "records", 1, 1000, "Two people who walk together are close in at least this many records.", "sql")
+    people: Literal["all", "visitors", "staff"] = _setting("staff", "all", "", None, None, "Whom the figures count: everybody, or only visitors or only staff as the rules of this section tell them apart.", "facts", "sql")
+    staff_in_area_s: float = _setting("staff", 600.0, "seconds", 1.0, 86400.0, "Staff is who is in staff areas at least this long in a site day, and for staff_in_area_share of the time in view.", "sql")
+    staff_in_area_share: float = _setting("staff", 0.2, "", 0.0, 1.0, "Staff is who is in staff areas for at least this share of the time in view, and for staff_in_area_s.", "sql")
+    staff_in_view_s: float = _setting("staff", 18000.0, "seconds", 1.0, 90000.0, "Staff is who is in view at least this long in a site day.", "sql")
+    staff_closed_s: float = _setting("staff", 1800.0, "seconds", 1.0, 90000.0, "Staff is who is in view at least this long outside opening hours in a site day.", "sql")
     pseudonyms: bool = _setting("privacy", True, "", None, None, "Replace the engine's track ids by keyed hashes; false only for published research recordings.")
     retention_days: int = _setting("privacy", 30, "days", 1, 36500, "Days for which raw records are meant to be stored; printed on the report; vsd purge --older-than retention deletes older ones.")
     # fmt: on

@@ -1,8 +1,8 @@
 -- name: staging/located
--- One row per stored person record, with its floor position: as sent, or its foot point through the calibration in force.
+-- One row per stored person record of the people who are counted, with its floor position: as sent, or its foot point through the calibration in force.
 -- grain: camera_id, ts_ms, member
--- reads: stored_observations, calibrations, cameras, owner_cells, instants
--- params: coordinate_max_mm, owner_cell_mm
+-- reads: stored_observations, calibrations, cameras, owner_cells, instants, staff
+-- params: coordinate_max_mm, owner_cell_mm, people
 -- columns:
 --   camera_id
 --   ts_ms      milliseconds since 1970, UTC
@@ -15,7 +15,7 @@
 -- steps:
 --   projected  homogeneous coordinates: place = (wx, wy) / w; w_sign makes w positive on the near side of the horizon
 --   placed     compared as products, not quotients: near the horizon w approaches 0 and the quotient overflows
--- assumes: a record with both floor millimetres and pixels uses the millimetres
+-- assumes: who has no track id is no staff; a record with both floor millimetres and pixels uses the millimetres
 with projected as (
     select
         o.camera_id,
@@ -35,6 +35,13 @@ with projected as (
             o.camera_id = c.camera_id
             and unix_millis(o.ts) >= c.from_ms
             and unix_millis(o.ts) < c.to_ms
+    cross join params
+    left join staff
+        on
+            o.camera_id = staff.camera_id
+            and o.track_id = staff.track_id
+            and cast(floor(unix_millis(o.ts) / 3600000) as bigint) = staff.hour
+    where params.people = 'all' or (params.people = 'staff') = (staff.track_id is not null)
 ),
 
 placed as (

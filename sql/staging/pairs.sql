@@ -1,8 +1,8 @@
 -- name: staging/pairs
 -- One row per unordered pair of persons within pair_max_m of each other in one frame: as the engine sent it, else derived from positions.
 -- grain: camera_id, ts_ms, member_a, member_b
--- reads: located, instants, stored_frames, stored_pairs, cameras, owner_cells
--- params: pair_max_mm, owner_cell_mm
+-- reads: located, instants, stored_frames, stored_pairs, cameras, owner_cells, staff
+-- params: pair_max_mm, owner_cell_mm, people
 -- columns:
 --   hour         UTC hour number
 --   camera_id
@@ -29,7 +29,7 @@
 --   derived       members in order of their numbers, and the distance rounded down: distance_mm < 1000 D then says exactly "closer than
 --                 D metres"
 --   named         a pair that an engine sends has no reference to observations, so its persons get a name that is the same in all pairs
---                 of the frame
+--                 of the frame; only of two people who are counted: a visitor and staff are no pair of visitors
 --   sent_persons  the member number of the observation with the same track id; without one a negative number, so that both kinds never
 --                 collide
 --   sent          positions of the observations fill in for positions that the pair lacks
@@ -177,24 +177,41 @@ derived as (
 -- who is who in sent pairs: by track id, else by number and place within the frame
 named as (
     select
-        camera_id,
-        unix_millis(ts) as ts_ms,
-        track_a,
-        track_b,
-        x_a_mm,
-        y_a_mm,
-        x_b_mm,
-        y_b_mm,
-        distance_mm,
+        p.camera_id,
+        unix_millis(p.ts) as ts_ms,
+        p.track_a,
+        p.track_b,
+        p.x_a_mm,
+        p.y_a_mm,
+        p.x_b_mm,
+        p.y_b_mm,
+        p.distance_mm,
         coalesce(
-            'track ' || track_a,
-            cast(person_a as string) || coalesce(' at ' || cast(x_a_mm as string) || ' ' || cast(y_a_mm as string), '')
+            'track ' || p.track_a,
+            cast(p.person_a as string) || coalesce(' at ' || cast(p.x_a_mm as string) || ' ' || cast(p.y_a_mm as string), '')
         ) as name_a,
         coalesce(
-            'track ' || track_b,
-            cast(person_b as string) || coalesce(' at ' || cast(x_b_mm as string) || ' ' || cast(y_b_mm as string), '')
+            'track ' || p.track_b,
+            cast(p.person_b as string) || coalesce(' at ' || cast(p.x_b_mm as string) || ' ' || cast(p.y_b_mm as string), '')
         ) as name_b
-    from stored_pairs
+    from stored_pairs as p
+    cross join params
+    left join staff as of_a
+        on
+            p.camera_id = of_a.camera_id
+            and p.track_a = of_a.track_id
+            and cast(floor(unix_millis(p.ts) / 3600000) as bigint) = of_a.hour
+    left join staff as of_b
+        on
+            p.camera_id = of_b.camera_id
+            and p.track_b = of_b.track_id
+            and cast(floor(unix_millis(p.ts) / 3600000) as bigint) = of_b.hour
+    where
+        params.people = 'all'
+        or (
+            (params.people = 'staff') = (of_a.track_id is not null)
+            and (params.people = 'staff') = (of_b.track_id is not null)
+        )
 ),
 
 names as (

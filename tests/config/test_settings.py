@@ -78,7 +78,8 @@ def test_the_relation_params_has_metres_and_seconds_as_whole_thousandths(tmp_pat
     assert (found["cell_mm"], found["owner_cell_mm"], found["heat_cell_mm"]) == (250, 500, 1000)
     assert found["together_share"] == 1.0
     assert {type(v) for n, v in found.items() if n.endswith("_share")} == {float}
-    assert {type(v) for n, v in found.items() if not n.endswith("_share")} == {int}
+    assert {type(v) for n, v in found.items() if not n.endswith("_share") and n != "people"} == {int}
+    assert found["people"] == "all"
 
 
 def test_the_settings_marked_facts_are_those_that_the_queries_of_facts_read(tmp_path: Path) -> None:
@@ -97,6 +98,8 @@ def test_the_settings_marked_facts_are_those_that_the_queries_of_facts_read(tmp_
 
 
 def _halved(setting: Setting) -> Settings:
+    if setting.choices:
+        return DEFAULTS.with_values({setting.name: setting.choices[1]})
     assert isinstance(setting.default, int | float)
     return DEFAULTS.with_values({setting.name: type(setting.default)(setting.default / 2)})
 

@@ -275,7 +275,7 @@ def test_older_facts_are_removed_and_other_hours_left(project: Path) -> None:
     assert not renamed & {"distance_times", "coverage", "exposure"}, "what does not read the distance keeps its file"
     path = next((site.root / "facts" / "distance_times").rglob("*.parquet"))
     causes = json.loads(pq.read_metadata(path).metadata[b"vsd.causes"])
-    assert causes.keys() == {"records", "sql", "settings", "cameras", "calibration", "views", "frame interval"}
+    assert causes.keys() == {"records", "sql", "settings", "cameras", "calibration", "views", "frame interval", "staff"}
 
 
 def mixed(rng: np.random.Generator) -> list[Person | Pair | Frame]:

@@ -65,7 +65,7 @@ class Days:
     def __repr__(self) -> str:
         return f"{self.site.name}, {self.name}: {self.first} to {self.last}"
 
-    def at(self, **settings: float) -> Days:
+    def at(self, **settings: float | str) -> Days:
         """Return the same days with other settings, such as `distance_m=1.0`; what is stored of others stays.
 
         Numbers of violations at different distances do not compare: a short distance cuts one meeting into several.
@@ -89,7 +89,9 @@ class Days:
                 why="pairs farther apart than pair_max_m are not stored, so violations would be lost",
                 fix=f"give pair_max_m={site.settings.distance_m + 0.5:g} too",
             )
-        shown = ", ".join(f"{name} = {value:g}" for name, value in settings.items())
+        shown = ", ".join(
+            f"{name} = {value if isinstance(value, str) else f'{value:g}'}" for name, value in settings.items()
+        )
         return Days(site, self.first, self.last, name=f"{self.name} at {shown}")
 
     def _repr_html_(self) -> str:
@@ -431,8 +433,12 @@ class Days:
             yield warehouse
 
 
-def _check_setting(name: str, value: float) -> None:
+def _check_setting(name: str, value: float | str) -> None:
     setting = BY_NAME.get(name)
+    if setting is not None and setting.is_in_sql and setting.choices:
+        if value not in setting.choices:
+            raise UsageError(f"{name} = {value!r} is not one of {', '.join(setting.choices)}")
+        return
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise UsageError(f"{name} = {value!r} is no number", fix=f"{name}=1.0")
     if setting is None or setting.minimum is None or setting.maximum is None or not setting.is_in_sql:

@@ -114,7 +114,7 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
         polygon = read_polygon(table, "polygon", required=True)
         ask = table.text("ask", example='"Could the queue end at the other wall?"')
         first_day, end_day = _days(table, timezone=timezone, things="areas")
-        has_visits, is_door = (table.flag(key) or False for key in ("visits", "door"))
+        has_visits, is_door, is_staff = (table.flag(key) or False for key in ("visits", "door", "staff"))
         long_s = table.number("long_visit_s", minimum=1, maximum=86_400, unit="seconds", example="120")
         is_queue, served_in = table.flag("queue") or False, table.text("served_in", example='"till-1"')
         limit = table.number("queue_limit", minimum=0, maximum=1_000_000, unit="people", example="5")
@@ -131,6 +131,7 @@ def read_areas(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
                 end_day,
                 has_visits=has_visits,
                 is_door=is_door,
+                is_staff=is_staff,
                 long_visit_s=long_s,
                 is_queue=is_queue,
                 served_in=served_in,

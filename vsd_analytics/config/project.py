@@ -131,7 +131,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
     day_starts = site.parsed("day_starts", example='"04:00"', parse=parse_day_start, form=DATE)
     tables = {
         "site": site,
-        **{key: root.inner(key) for key in ("rule", "report", "analysis", "ingest", "alarms", "privacy")},
+        **{key: root.inner(key) for key in ("rule", "report", "analysis", "ingest", "alarms", "staff", "privacy")},
     }
     settings = read_settings(tables, environ=environ, mistakes=mistakes)
     ingest_map = _ingest_map(tables["ingest"], mistakes)

@@ -143,12 +143,11 @@ class Area:
         first_day: First local day that counts for it; None = always was.
         end_day: Local day from which it counts no longer; None = still does.
         has_visits: Visits of it are counted, and how long they last.
-        is_door: People come and go here: a track that begins or ends inside was not cut.
+        is_door, is_staff: A track that begins or ends inside was not cut; only staff are inside for long.
         long_visit_s: Dwell time from which a visit is a long one; None = the setting of that name.
         is_queue: People wait here: how many, and how long.
-        served_in: Area that a queue leads to: who steps from the queue into it is served; None = not stated.
-        queue_limit: People waiting, mean of an hour, above which another point of service is worth it; None = not
-            stated.
+        served_in, queue_limit: Area that a queue leads to: who steps from the queue into it is served; people waiting,
+            mean of an hour, above which another point of service is worth it; None = not stated.
         capacity: People it is meant for at once; None = not stated.
     """
 
@@ -161,6 +160,7 @@ class Area:
     end_day: date | None = None
     has_visits: bool = False
     is_door: bool = False
+    is_staff: bool = False
     long_visit_s: float | None = None
     is_queue: bool = False
     served_in: str | None = None

@@ -39,6 +39,7 @@ from vsd_analytics.warehouse.factfiles import damaged_facts, is_undamaged_file, 
 from vsd_analytics.warehouse.input_fingerprint import InputHashes
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
+from vsd_analytics.warehouse.staff import FACTS, NOBODY, StaffHours, hours_around, staff_hours
 from vsd_analytics.warehouse.units import PartIndex, Unit, batches, days_around, merged_parts
 
 
@@ -131,7 +132,8 @@ def _build(
     day_units_of = day_units(index, [*hours, *sealed.hours], site=site)
     days = _fresh_days(site, day_units_of, check, distributed)
     refuse_disagreement(site, {number: day.cameras for number, day in days.items()}, sealed)
-    units = hour_units(site, index, hours, days)
+    staff, outdated = _staff_of(site, store, first_day, last_day, is_trusting)
+    units = hour_units(site, index, hours, days, staff)
     files = FactDays(site, units, facts=facts, is_trusting=is_trusting)
     files.split_weeks()
     stale = _stale(files)
@@ -139,15 +141,15 @@ def _build(
     reasons = Counter(files.reason(u) for u in computed)
     if on_plan is not None:
         on_plan(len(computed))
-    if distributed is not None and len(stale) > 1:
+    if distributed is not None and len(stale) > 1 and site.settings.people == "all":
         n_hours = Counter(u.number // 24 for u in computed)
         wanted = {day: [files.paths[name][day] for name in names] for day, names in stale.items()}
         publish_days(hour_work, site, wanted, distributed, on_day=lambda day: on_hours and on_hours(n_hours[day]))
     else:
-        _write_hours(site, files, stale, computed, days, check=check, on_hours=on_hours)
+        _write_hours(site, files, stale, computed, days, staff, check=check, on_hours=on_hours)
     for folder in {files.paths[name][day].parent for day in stale for name in files.names}:
         sweep_temporaries(folder)
-    unneeded: tuple[Path, ...] = ()
+    unneeded = outdated
     without = sealed.whole_days | {hour // 24 for hour in sealed.hours}
     unsealed = [u for u in day_units_of if u.number not in sealed.whole_days]
     paths = {
@@ -157,7 +159,7 @@ def _build(
     if files.missing or not is_trusting or paths != files.paths or files.has_others():
         # Of facts that nobody asked for, older files stay: rows of the hours that did not change are taken from them.
         asked = {DAY_FACT, *files.names, *(relations("facts").keys() - files.paths.keys())}
-        unneeded = superseded.find(
+        found = superseded.find(
             {name: root for name, root in settings_variants.roots(site).items() if name in asked},
             site_id=site.site_id,
             fresh=paths,
@@ -165,7 +167,7 @@ def _build(
             first_day=first_day,
             last_day=last_day,
         )
-        unneeded = (*unneeded, *settings_variants.surplus(site))
+        unneeded = (*unneeded, *found, *settings_variants.surplus(site))
     settings_variants.note_use(site)
     fingerprints = {h: s.fingerprint for h, s in sealed.hours.items()}
     fingerprints |= {u.number: u.fingerprint_of_marts for u in units}
@@ -210,7 +212,7 @@ def hour_work(site: Site, day: int) -> dict[str, bytes]:
     files = FactDays(site, units, write=write)
     stale = _stale(files)
     computed = _computed(units, stale)
-    _write_hours(site, files, stale, computed, days, check=_Checker(store), on_hours=None)
+    _write_hours(site, files, stale, computed, days, NOBODY, check=_Checker(store), on_hours=None)
     return found
 
 
@@ -249,6 +251,7 @@ def _write_hours(
     stale: Mapping[int, Mapping[str, Collection[int]]],
     computed: Sequence[Unit],
     days: Mapping[int, KnownDay],
+    staff: StaffHours,
     *,
     check: _Checker,
     on_hours: Callable[[int], None] | None,
@@ -262,7 +265,7 @@ def _write_hours(
     for batch in batches(computed):
         own = [u.number for u in batch]
         wanted = {n: [h for h in own if h in stale[h // 24].get(n, ())] for n in files.names}
-        for relation, rows in _of_batch(site, batch, [n for n, hours in wanted.items() if hours], days, check):
+        for relation, rows in _of_batch(site, batch, [n for n, hours in wanted.items() if hours], days, staff, check):
             name = relation.name
             hours_of: dict[int, list[int]] = defaultdict(list)
             for hour in wanted[name]:
@@ -282,6 +285,7 @@ def _of_batch(
     batch: Sequence[Unit],
     names: Collection[str],
     days: Mapping[int, KnownDay],
+    staff: StaffHours,
     check: _Checker,
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield the rows of relations of some hours, computed from undamaged parts; see `hour_facts`."""
@@ -295,6 +299,7 @@ def _of_batch(
         camera_days=pa.concat_tables([days[d].rows for d in needed]),
         first_hour=own[0],
         last_hour=own[-1],
+        staff=staff,
     )
 
 
@@ -306,10 +311,33 @@ def record_rows(site: Site, name: str, *, first_hour: int, last_hour: int) -> It
     store = Store(site.root / "store", site_id=site.site_id)
     index, hours, sealed = _range(site, store, *_days(first_hour, last_hour))
     days = read_days(site, day_units(index, [*hours, *sealed.hours], site=site))
-    units = hour_units(site, index, [h for h in hours if first_hour <= h <= last_hour], days)
+    staff, _ = _staff_of(site, store, *_days(first_hour, last_hour), True)
+    units = hour_units(site, index, [h for h in hours if first_hour <= h <= last_hour], days, staff)
     check = _Checker(store)
     for batch in batches(units):
-        yield from (rows for _, rows in _of_batch(site, batch, [name], days, check))
+        yield from (rows for _, rows in _of_batch(site, batch, [name], days, staff, check))
+
+
+def _staff_of(
+    site: Site, store: Store, first_day: int | None, last_day: int | None, is_trusting: bool
+) -> tuple[StaffHours, tuple[Path, ...]]:
+    """Return who is staff in a range of UTC days, and superseded files: facts of all people are built first."""
+    if site.settings.people == "all":
+        return NOBODY, ()
+    everybody = site.with_settings(people="all")
+    built = _build(everybody, store, *hours_around(first_day, last_day), FACTS, None, None, is_trusting, None)
+    files = {name: set(built.paths.get(name, {}).values()) for name in FACTS}
+    return staff_hours(everybody, files), tuple(built.superseded_files)
+
+
+def _staff_known(site: Site, first_day: int | None, last_day: int | None) -> StaffHours:
+    """Return who is staff by the fresh facts of all people that are there: nothing is computed."""
+    if site.settings.people == "all":
+        return NOBODY
+    everybody = site.with_settings(people="all")
+    first, last = hours_around(first_day, last_day)
+    fresh = [p for p in build_plan(everybody, first_hour=first, last_hour=last).inputs if p.is_file()]
+    return staff_hours(everybody, {name: {p for p in fresh if name in p.parts} for name in FACTS})
 
 
 def _days(first_hour: int | None, last_hour: int | None) -> tuple[int | None, int | None]:
@@ -361,7 +389,8 @@ def build_plan(site: Site, *, first_hour: int | None = None, last_hour: int | No
     is_there = {path: is_undamaged_file(path) for path in set(paths.values())}
     days = read_days(site, [u for u in units if is_there[paths[u.number]]])
     unknown = {h // 24 for h in hours if any(d in paths and d not in days for d in days_around(h))}
-    files = FactDays(site, hour_units(site, index, [h for h in hours if h // 24 not in unknown], days))
+    known = [h for h in hours if h // 24 not in unknown]
+    files = FactDays(site, hour_units(site, index, known, days, _staff_known(site, *_days(first_hour, last_hour))))
     inputs: dict[Path, dict[int, InputHashes]] = defaultdict(dict)
     for u in units:
         inputs[paths[u.number]][u.number] = u.inputs

@@ -19,6 +19,7 @@ from vsd_analytics.warehouse.factfiles import damaged_facts, fact_bytes
 from vsd_analytics.warehouse.input_fingerprint import FactInputs, InputHashes, SiteInputs, fact_inputs, text_hash
 from vsd_analytics.warehouse.lookback import NearParts, Spans, lookback_ms, noted_spans, spans_of
 from vsd_analytics.warehouse.sqlfiles import relations
+from vsd_analytics.warehouse.staff import NOBODY, StaffHours
 from vsd_analytics.warehouse.units import PartIndex, Unit, day_unit, days_around, fact_path, hour_unit
 
 
@@ -110,19 +111,24 @@ def read_days(site: Site, units: Iterable[Unit]) -> dict[int, KnownDay]:
     return {day: found[day] for day in units_of}
 
 
-def hour_units(site: Site, index: PartIndex, hours: Iterable[int], days: Mapping[int, KnownDay]) -> list[Unit]:
-    """Return the units of hours, given the days they and their neighbours lie in."""
+def hour_units(
+    site: Site, index: PartIndex, hours: Iterable[int], days: Mapping[int, KnownDay], staff: StaffHours = NOBODY
+) -> list[Unit]:
+    """Return the units of hours, given the days they and their neighbours lie in, and who is staff."""
     times, inputs = SiteInputs(site), hourly_inputs(site)
     near = NearParts(index, {digest: span for day in days.values() for digest, span in day.spans.items()})
     units = []
     for hour in hours:
         around = [days[d] for d in days_around(hour) if d in days]
         parts = near(hour, max((day.lookback_ms for day in around), default=0))
-        units.append(hour_unit(index, hour, near=parts, current=_current(hour, around, times), depends_on=inputs))
+        units.append(
+            hour_unit(index, hour, near=parts, current=_current(hour, around, times, staff), depends_on=inputs)
+        )
     return units
 
 
-def _current(hour: int, around: Sequence[KnownDay], times: SiteInputs) -> InputHashes:
+def _current(hour: int, around: Sequence[KnownDay], times: SiteInputs, staff: StaffHours) -> InputHashes:
     """Return the hashes of an hour's inputs besides records, SQL and settings, given the days around it."""
     present = frozenset[str]().union(*(day.cameras for day in around))
-    return {**times.of_hour(hour, present=present), "frame interval": text_hash([day.digest for day in around])}
+    intervals = text_hash([day.digest for day in around])
+    return {**times.of_hour(hour, present=present), "frame interval": intervals, "staff": staff.digest(hour)}

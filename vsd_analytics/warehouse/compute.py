@@ -19,6 +19,7 @@ from vsd_analytics.warehouse.held import ENUMS, Held
 from vsd_analytics.warehouse.input_fingerprint import dependencies
 from vsd_analytics.warehouse.lookback import lookback_ms
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
+from vsd_analytics.warehouse.staff import NOBODY, StaffHours
 from vsd_analytics.warehouse.stored_records import columns_of, read_records, with_names
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ def hour_facts(
     camera_days: pa.Table,
     first_hour: int,
     last_hour: int,
+    staff: StaffHours = NOBODY,
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield hourly facts with their rows of the hours from `first_hour` to `last_hour`, by hour and grain.
 
@@ -71,6 +73,7 @@ def hour_facts(
         camera_days: The fact of all UTC days these lie in.
         first_hour: First UTC hour number.
         last_hour: Last one, inclusive.
+        staff: Who is staff in these hours and beside them.
 
     Raises:
         SqlError: E604, DuckDB fails internally, also with careful settings.
@@ -80,6 +83,7 @@ def hour_facts(
     spans = (first_hour * HOUR_MS - margin_ms, (last_hour + 1) * HOUR_MS + margin_ms)
     around = quarters(first_hour=first_hour - 1, last_hour=last_hour + 1)
     small = {**site_relations(site), "quarters": around, "camera_days": camera_days}
+    small["staff"] = staff.between(first_hour - 1, last_hour + 1)
     yielded = set[str]()  # before DuckDB failed: a second try computes them again but must not yield them twice
     for is_careful in (False, True):
         name = ""

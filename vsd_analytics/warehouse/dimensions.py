@@ -76,11 +76,13 @@ _AREAS = pa.schema(
         ("name", pa.string()),
         ("floor_id", pa.string()),
         ("is_door", pa.bool_()),
+        ("is_staff", pa.bool_()),
         ("is_queue", pa.bool_()),
         ("served_in", pa.string()),
     ]
 )
 _FLOORS = pa.schema([("floor_id", pa.string())])
+STAFF = pa.schema([("hour", pa.int64()), ("camera_id", pa.string()), ("track_id", pa.string())])
 
 
 def params(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, Any]:
@@ -103,12 +105,12 @@ def params(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, Any]:
     }
 
 
-def _param(name: str, value: Any) -> tuple[str, int | float]:
+def _param(name: str, value: Any) -> tuple[str, int | float | str]:
     """Return name and value of a setting as SQL reads it."""
     stem, _, unit = name.rpartition("_")
     if unit in ("m", "s"):
         return f"{stem}_m{unit}", round(value * 1000)
-    return name, value if isinstance(BY_NAME[name].default, int) else float(value)
+    return name, value if isinstance(BY_NAME[name].default, int | str) else float(value)
 
 
 def bucket_quarters(site: Site) -> int:
@@ -128,7 +130,8 @@ def _has_whole_hours(timezone: str) -> bool:
 
 def site_relations(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, pa.Table]:
     """Return `params`, `cameras`, `calibrations`, `owner_cells`, `areas`, `area_cells` and cells that are asked for."""
-    areas = [(a.area_id, i, a.name, a.floor_id, a.is_door, a.is_queue, a.served_in) for i, a in enumerate(site.areas)]
+    flags = ((a.is_door, a.is_staff, a.is_queue, a.served_in) for a in site.areas)
+    areas = [(a.area_id, i, a.name, a.floor_id, *of) for i, (a, of) in enumerate(zip(site.areas, flags, strict=True))]
     cells = area_cells(site)
     return {
         "params": pa.table({k: [v] for k, v in params(site, heat_cell_m=heat_cell_m).items()}),
@@ -140,6 +143,7 @@ def site_relations(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, pa.Tabl
         "visit_cells": _of_areas(cells, areas_with_stays(site)),
         "count_cells": _of_areas(cells, areas_with_counts(site)),
         "count_floors": _table(_FLOORS, [(f.floor_id,) for f in site.floors if f.capacity is not None]),
+        "staff": STAFF.empty_table(),
     }
 
 
@@ -287,8 +291,8 @@ def _cells_in(corners: Sequence[Point]) -> NDArray[np.int32]:
 
 
 def areas_with_stays(site: Site) -> frozenset[str]:
-    """Return the areas whose visitors are followed: those that ask for visits, queues, and where queues lead to."""
-    visited = {a.area_id for a in site.areas if a.has_visits}
+    """Return the areas whose visitors are followed: those of visits, queues, and staff, and where queues lead to."""
+    visited = {a.area_id for a in site.areas if a.has_visits or a.is_staff}
     return frozenset(visited.union(*({a.area_id, a.served_in} for a in site.areas if a.served_in is not None)))
 
 

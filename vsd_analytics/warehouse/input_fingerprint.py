@@ -43,6 +43,7 @@ STALE_REASONS: Final = {
     DRAWN_AREAS: "areas changed",
     "areas": "areas changed",
     "counted areas": "areas or capacities changed",
+    "staff": "staff changed",
 }
 _KIND_OF_RELATION = {
     "cameras": "cameras",
@@ -53,6 +54,7 @@ _KIND_OF_RELATION = {
     "visit_cells": "areas",
     "count_cells": "counted areas",
     "count_floors": "counted areas",
+    "staff": "staff",
 }
 
 

@@ -173,6 +173,21 @@ def test_a_headline_of_a_week_compared_with_nothing_counts_many_silent_cameras()
     assert story_of(silent(4, weeks.no_data())).headline == "We have no data for week 46"
 
 
+@pytest.mark.parametrize("people", ["visitors", "staff"])
+@pytest.mark.parametrize("language", ["en", "it"])
+def test_the_page_says_whom_its_figures_count(people: str, language: str) -> None:
+    def page(*settings: tuple[str, str]) -> str:
+        week = weeks.first_week()
+        return render_html(
+            replace(week, provenance=replace(week.provenance, language=language, settings_non_default=settings))
+        )
+
+    said = {"en": {"visitors": "count visitors", "staff": "count staff only"}}
+    said["it"] = {"visitors": "contano i visitatori", "staff": "contano solo il personale"}
+    assert said[language][people] in page(("people", people))
+    assert said[language][people] not in page()
+
+
 def test_a_week_after_a_gap_is_not_called_the_first() -> None:
     story = story_of(after_a_gap(is_usual=False))
     said = all_words(story)

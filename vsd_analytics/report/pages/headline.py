@@ -200,7 +200,7 @@ def _after(entry: LogLine) -> list[str]:
 
 
 def lead(report: WeekReport) -> tuple[list[Span], list[str]]:
-    """Return the lead and notes of any week; a camera that recorded nothing is named at its end."""
+    """Return the lead and notes of any week: a camera that recorded nothing, and whom the figures leave out."""
     spans, notes = _lead_of_all(report)
     cameras = report.silent_cameras
     if cameras and report.state != "no_data":
@@ -208,7 +208,9 @@ def lead(report: WeekReport) -> tuple[list[Span], list[str]]:
         key = "lead.camera_little" if report.is_little_recorded else "lead.camera_silent"
         missing = say(key, plural=len(cameras), cameras=named)
         spans = [*_trimmed(spans), Span(text=f" {missing}")]
-    return _trimmed(spans), notes
+    counted = dict(report.provenance.settings_non_default).get("people")
+    whom = {"visitors": "lead.only_visitors", "staff": "lead.only_staff"}.get(counted or "")
+    return _trimmed(spans), [*notes, *([say(whom)] if whom else [])]
 
 
 def _lead_of_all(report: WeekReport) -> tuple[list[Span], list[str]]:

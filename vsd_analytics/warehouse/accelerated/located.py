@@ -6,7 +6,7 @@ import numpy as np
 
 from vsd_analytics.warehouse.accelerated.columns import distinct, ends_of, order_by, picked, rounded, starts_of, take
 from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
-from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
+from vsd_analytics.warehouse.held import NULL, Bools, Columns, Held, Ints
 
 HOUR_MS = 3_600_000
 _AFTER_ALL = 2**62
@@ -81,6 +81,9 @@ def located(held: Held, site: SiteTables) -> Columns | None:
         rows = np.lexsort((key, *places, *pixels, stored["person"])[::-1])
     n_unknown = int(np.searchsorted(ordered, 0))  # records of cameras that vsd.toml does not name
     rows, ordered = rows[n_unknown:], ordered[n_unknown:]
+    if (counts := is_counted(held, site, camera, ts, track)) is not None:
+        is_there = picked(counts, rows)
+        rows, ordered = rows[is_there], ordered[is_there]
     frame, camera, ts, x, y = (picked(of, rows) for of in (frame, camera, ts, x, y))
     starts = starts_of(frame)
     first = np.repeat(starts, np.diff(starts, append=len(frame)))
@@ -96,6 +99,21 @@ def located(held: Held, site: SiteTables) -> Columns | None:
         "_frame": frame,
         "_key": ordered,
     }
+
+
+def is_counted(held: Held, site: SiteTables, camera: Ints, ts: Ints, track: Ints) -> Bools | None:
+    """Return whether each record is of the people who are counted: visitors, or staff; None = everybody is."""
+    if site.params["people"] == "all":
+        return None
+    staff = held["staff"]
+    staff = take(staff, staff["track_id"] >= 0)
+    is_staff = np.isin(_track_hours(site, ts // HOUR_MS, camera, track), _track_hours(site, **staff)) & (track >= 0)
+    return is_staff if site.params["people"] == "staff" else ~is_staff
+
+
+def _track_hours(site: SiteTables, hour: Ints, camera_id: Ints, track_id: Ints) -> Ints:
+    """Return one number for each hour, camera and track; cameras and tracks begin at -1."""
+    return (hour * (site.n_cameras + 1) + camera_id + 1) * (site.n_tracks + 1) + track_id + 1
 
 
 def frames_in_order(frames: Columns, camera: Ints, ts: Ints) -> Ints:

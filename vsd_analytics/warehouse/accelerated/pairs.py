@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vsd_analytics.warehouse.accelerated.columns import beside, grouped_by, order_by, picked, run_of, starts_of, take
-from vsd_analytics.warehouse.accelerated.located import HOUR_MS, frame_of, frames_in_order
+from vsd_analytics.warehouse.accelerated.located import HOUR_MS, frame_of, frames_in_order, is_counted
 from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
 from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
@@ -33,6 +33,9 @@ def pairs(held: Held, site: SiteTables) -> Columns | None:
     sent_in = frames_in_order(instants, stored["camera_id"], stored["ts_ms"])
     is_reported[sent_in] = True
     others = np.flatnonzero((located["x_mm"] != NULL) & ~is_reported[located["_frame"]])
+    sides = [is_counted(held, site, stored["camera_id"], stored["ts_ms"], stored[t]) for t in ("track_a", "track_b")]
+    if sides[0] is not None and sides[1] is not None:
+        stored, sent_in = take(stored, sides[0] & sides[1]), sent_in[sides[0] & sides[1]]
     found = _derived(located, others, site), _sent(stored, sent_in, instants, located, site)
     return with_rows({c: np.concatenate([of[c] for of in found]) for c in found[1]}, instants, located)
 
