@@ -159,6 +159,9 @@ timezone = "Europe/Rome"
 [[floor]]
 id = "ground"
 name = "Ground"
+[[camera]]
+id = "cam"
+name = "Cam"
 [[area]]
 id = "counter"
 name = "Counter"

@@ -621,6 +621,7 @@ NO_CLAIM: Final[Mapping[str, str]] = {
     "lead.close_other": _DEFINITION,
     "lead.close_not_clear": _ASKS,
     "lead.in_brackets": "brackets",
+    **{f"lead.only_{n}": "says whom the figures count" for n in ("visitors", "staff")},
     "lead.holiday": "names a day of the calendar",
     "titles.trend_holiday": "names a week of the calendar",
     "lead.unknown": _ASKS,
