@@ -14,6 +14,7 @@ from warehouse.small_projects import T0, Frame, Pair, Person, beats, fact_files,
 from warehouse.small_projects import put as put_records
 from warehouse.staffed_shop import MONDAY, Records, Shop, put, records_of, site_of
 
+from vsd_analytics.api.days import Days
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import ConfigError
 from vsd_analytics.retention.purge import Terms, purge_older
@@ -49,6 +50,15 @@ def test_without_cut_tracks_figures_of_visitors_are_those_of_a_shop_without_staf
     assert visitors == figures(truth, 1)
     assert figures(shop.with_settings(people="staff"), 1) == figures(those, 1)
     assert all(every[name] != visitors[name] for name in FIGURES)
+
+
+def test_days_in_python_count_whom_they_are_asked_for(shop: Site) -> None:
+    day = Days(shop, DAY, DAY, name="Monday")
+    every, visitors, staff = (
+        day.at(people=people).hours.total("exposure_s") for people in ("all", "visitors", "staff")
+    )
+    assert every == pytest.approx(visitors + staff)
+    assert min(visitors, staff) > 0
 
 
 def test_of_people_with_cut_tracks_hardly_a_visitor_is_called_staff(tmp_path: Path) -> None:
