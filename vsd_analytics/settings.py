@@ -94,6 +94,7 @@ class Settings:
     gathering_last_s: float = _setting("rule", 10.0, "seconds", 0.0, 3600.0, "A gathering lasts at least this long.", "facts", "sql")
     gathering_link_s: float = _setting("rule", 5.0, "seconds", 0.0, 600.0, "A cluster carries a gathering on that was last seen at most this long ago; never less than 2.5 frame intervals.", "facts", "sql")
     visit_gap_s: float = _setting("rule", 5.0, "seconds", 0.0, 600.0, "Who leaves an area and is back within this is still on the same visit; never less than 2.5 frame intervals.", "facts", "sql")
+    join_views: bool = _setting("rule", False, "", None, None, "Visits, waits and flow follow people from camera to camera of a floor, where both cameras see them at the same place.")
     min_coverage: float = _setting("report", 0.6, "", 0.0, 1.0, "Below this share of open hours recorded a week is not compared or ranked.")
     min_days: int = _setting("report", 5, "days", 2, 7, "Intervals need at least this many recorded days.")
     min_exposure_h: float = _setting("report", 20.0, "person-hours", 0.0, 1e6, "Rates per person-hour need at least this much exposure.")

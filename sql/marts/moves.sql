@@ -1,7 +1,7 @@
 -- name: marts/moves
 -- One row per stay of a track in an area that asks for visits: where it came from, and which area it entered next.
 -- grain: camera_id, track_id, site_day, visit_no
--- reads: visits, areas, track_days, site_days, calendar
+-- reads: visits, areas, track_days, joined_persons, site_days, calendar
 -- columns:
 --   floor_id
 --   area_id           area of vsd.toml
@@ -41,8 +41,24 @@
 -- steps:
 --   stayed    a short stay within a longer one (who is back within visit_gap_s never left) is no place of the way
 --   numbered  areas of a track in the order it enters them
--- assumes: an id is one person's from its first to its last record of a site day; a track is cut where the next camera takes over
-with stayed as (
+-- assumes: an id is one person's from its first to its last record of a site day; a track that join_views does not join ends with its view
+with persons as (
+    select
+        track_days.site_day,
+        coalesce(joined_persons.person_camera_id, track_days.camera_id) as camera_id,
+        coalesce(joined_persons.person_track_id, track_days.track_id) as track_id,
+        min(track_days.first_ms) as first_ms,
+        max(track_days.last_ms) as last_ms
+    from track_days
+    left join joined_persons
+        on
+            track_days.site_day = joined_persons.site_day
+            and track_days.camera_id = joined_persons.camera_id
+            and track_days.track_id = joined_persons.track_id
+    group by all
+),
+
+stayed as (
     select
         visits.floor_id,
         visits.area_id,
@@ -78,17 +94,17 @@ numbered as (
         stayed.is_open,
         stayed.is_counted,
         stayed.is_exit_counted,
-        track_days.first_ms,
-        track_days.last_ms,
+        persons.first_ms,
+        persons.last_ms,
         row_number() over way as visit_no,
         lead(stayed.area_id) over way as next_area_id,
         lead(stayed.started_ms) over way as next_ms
     from stayed
-    inner join track_days
+    inner join persons
         on
-            stayed.camera_id = track_days.camera_id
-            and stayed.track_id = track_days.track_id
-            and stayed.site_day = track_days.site_day
+            stayed.camera_id = persons.camera_id
+            and stayed.track_id = persons.track_id
+            and stayed.site_day = persons.site_day
     where stayed.ended_before_ms is null or stayed.ended_ms > stayed.ended_before_ms
     window
         way as (

@@ -1,7 +1,7 @@
 -- name: marts/track_ways
 -- One row per track of a site day that enters or leaves an area: where its camera first and last counts it, and the areas.
 -- grain: camera_id, site_day, track_id
--- reads: track_ends, moves, site_days, cameras
+-- reads: track_ends, moves, joined_persons, site_days, cameras
 -- columns:
 --   floor_id
 --   camera_id
@@ -20,12 +20,12 @@
 -- steps:
 --   ends     a track of several hours has one first and one last record
 --   outside  areas at either end of the way that this camera counts; people there came from, or go to, floor outside of it
--- assumes: clocks of the cameras agree within a second or two; a track is a person's time in one camera's view
+-- assumes: clocks of the cameras agree within a second or two; a track, or what join_views joins, is a person
 with ends as (
     select
-        track_ends.camera_id,
+        coalesce(joined_persons.person_camera_id, track_ends.camera_id) as camera_id,
         site_days.site_day,
-        track_ends.track_id,
+        coalesce(joined_persons.person_track_id, track_ends.track_id) as track_id,
         min(track_ends.first_ms) as first_ms,
         min_by(track_ends.first_x_mm, track_ends.first_ms) as first_x_mm,
         min_by(track_ends.first_y_mm, track_ends.first_ms) as first_y_mm,
@@ -34,7 +34,12 @@ with ends as (
         max_by(track_ends.last_y_mm, track_ends.last_ms) as last_y_mm
     from track_ends
     inner join site_days on floor(track_ends.first_ms / 900000) = site_days.quarter
-    group by track_ends.camera_id, site_days.site_day, track_ends.track_id
+    left join joined_persons
+        on
+            site_days.site_day = joined_persons.site_day
+            and track_ends.camera_id = joined_persons.camera_id
+            and track_ends.track_id = joined_persons.track_id
+    group by all
 ),
 
 outside as (

@@ -1,12 +1,12 @@
 -- name: marts/visits
--- One row per stay of a track in an area that asks for visits: when it came, when it went, and whether either was seen.
+-- One row per stay of a track, or of a person in joined ones, in an area that asks for visits: when it came and went, and what was seen of it.
 -- grain: camera_id, track_id, area_id, started_ms
--- reads: area_stays, areas, calendar
+-- reads: person_stays, areas, calendar
 -- columns:
 --   floor_id
 --   area_id         area of vsd.toml
---   camera_id
---   track_id        pseudonym of the engine's track number, of one site day
+--   camera_id       camera of the track, or of the person's first track with join_views
+--   track_id        pseudonym of the engine's track number, of one site day; of joined tracks, the person's first
 --   started_ms      first record inside, milliseconds since 1970, UTC
 --   ended_ms        last record inside
 --   local_date      of the first record
@@ -15,8 +15,8 @@
 --   has_entry       the entry was seen: the track was outside before, or the area is a door, where people come from nowhere
 --   has_exit        the exit was seen: the track was outside afterwards, or the area is a door
 --   dwell_s         from the entry to the exit, or to the last record inside; see `stitched`
---   is_counted      this camera counts the place of the first record; else another camera counts the visit
---   is_exit_counted this camera counts the place of the last record
+--   is_counted      a camera that saw the stay counts the place of its first record there; else another camera counts the visit
+--   is_exit_counted a camera that saw the stay counts the place of its last record there
 -- figure: M35 Visits
 --   definition   visits of each area with visits = true whose entry was seen, in opening hours
 --   unit         visits per open hour
@@ -34,13 +34,16 @@
 -- steps:
 --   marked    a stay goes on over the hour where it does not stop for longer than gap_ms
 --   numbered  a running number per visit of a track to an area
+--   spanned   of a person in several views, the first view says whether the entry was seen, or one that saw them outside before it
 --   stitched  an entry is half way between the last frame outside and the first inside, an exit likewise; in a door it is half a frame
 --             interval before the first record, or after the last
--- assumes: segments of the hours around a range are loaded, so that a visit is whole; a track is a person's time in one camera's view
+-- assumes: segments of the hours around a range are loaded, so that a visit is whole; a track, or what join_views joins, is a person
 with marked as (
     select
         camera_id,
         track_id,
+        seen_by,
+        seen_as,
         area_id,
         started_ms,
         ended_ms,
@@ -50,7 +53,7 @@ with marked as (
         is_entry_owned,
         is_exit_owned,
         case when started_ms - max(ended_ms) over earlier <= gap_ms then 0 else 1 end as is_start
-    from area_stays
+    from person_stays
     window
         earlier as (
             partition by camera_id, track_id, area_id order by started_ms
@@ -62,6 +65,8 @@ numbered as (
     select
         camera_id,
         track_id,
+        seen_by,
+        seen_as,
         area_id,
         started_ms,
         ended_ms,
@@ -78,6 +83,35 @@ numbered as (
     from marked
 ),
 
+spanned as (
+    select
+        camera_id,
+        track_id,
+        area_id,
+        visit_no,
+        started_ms,
+        ended_ms,
+        before_ms,
+        after_ms,
+        interval_ms,
+        is_entry_owned,
+        is_exit_owned,
+        min(started_ms) over visit as first_ms,
+        max(ended_ms) over visit as last_ms,
+        started_ms = min(started_ms) over view as is_first,
+        ended_ms = max(ended_ms) over view as is_last,
+        (seen_by, seen_as) = first_value((seen_by, seen_as)) over (
+            partition by camera_id, track_id, area_id, visit_no order by started_ms, seen_by, seen_as
+        ) as began_it,
+        (seen_by, seen_as) = first_value((seen_by, seen_as)) over (
+            partition by camera_id, track_id, area_id, visit_no order by ended_ms desc, seen_by, seen_as
+        ) as ended_it
+    from numbered
+    window
+        visit as (partition by camera_id, track_id, area_id, visit_no),
+        view as (partition by camera_id, track_id, area_id, visit_no, seen_by, seen_as)
+),
+
 stitched as (
     select
         camera_id,
@@ -85,12 +119,12 @@ stitched as (
         area_id,
         min(started_ms) as started_ms,
         max(ended_ms) as ended_ms,
-        min(before_ms) as before_ms,
-        max(after_ms) as after_ms,
+        min(before_ms) filter (where began_it or before_ms < first_ms) as before_ms,
+        max(after_ms) filter (where ended_it or after_ms > last_ms) as after_ms,
         max(interval_ms) as interval_ms,
-        min_by(is_entry_owned, started_ms) as is_entry_owned,
-        max_by(is_exit_owned, started_ms) as is_exit_owned
-    from numbered
+        bool_or(is_entry_owned) filter (where is_first) as is_entry_owned,
+        bool_or(is_exit_owned) filter (where is_last) as is_exit_owned
+    from spanned
     group by camera_id, track_id, area_id, visit_no
 )
 

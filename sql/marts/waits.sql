@@ -1,7 +1,7 @@
 -- name: marts/waits
 -- One row per stay of a track in a queue that leads to an area: how long it waited, and how that ended.
 -- grain: camera_id, track_id, area_id, started_ms
--- reads: visits, area_stays, areas
+-- reads: visits, person_stays, areas
 -- columns:
 --   floor_id
 --   area_id         the queue, an area of vsd.toml with served_in
@@ -30,7 +30,7 @@
 -- steps:
 --   ended    the last stay of a visit tells when the track was next seen, and how long it may be away
 --   reached  a step over the border and back is no service: the stay there must outlast that in the queue
--- assumes: queue and area of service lie in one camera's view, and touch or are at most visit_gap_s apart
+-- assumes: queue and area of service lie in one camera's view, or in joined ones, and touch or are at most visit_gap_s apart
 with queued as (
     select
         visits.floor_id,
@@ -68,15 +68,16 @@ ended as (
         queued.dwell_s,
         queued.is_counted,
         queued.served_in,
-        area_stays.gap_ms,
-        area_stays.after_ms
+        max(person_stays.gap_ms) as gap_ms,
+        max(person_stays.after_ms) as after_ms
     from queued
-    inner join area_stays
+    inner join person_stays
         on
-            queued.camera_id = area_stays.camera_id
-            and queued.track_id = area_stays.track_id
-            and queued.area_id = area_stays.area_id
-            and queued.ended_ms = area_stays.ended_ms
+            queued.camera_id = person_stays.camera_id
+            and queued.track_id = person_stays.track_id
+            and queued.area_id = person_stays.area_id
+            and queued.ended_ms = person_stays.ended_ms
+    group by all
 ),
 
 reached as (

@@ -43,6 +43,7 @@ REASONS: Final[Mapping[str, Mapping[str, str]]] = {
         "3": "a stretch of at most 4 s holds at most four whole seconds",
         "2000": "twice the side of the squares, 1 m, that candidates are looked for in; no threshold",
     },
+    "facts/joined_tracks": {"3": "a stretch of at most 4 s holds at most four whole seconds"},
     "facts/sequence_runs": {
         "5": "a count below 5 is too short to say that a fall to 0 or 1 is a new count",
         "60000": "a number that falls after a minute of silence is a new count of the engine",

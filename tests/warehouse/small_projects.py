@@ -28,8 +28,9 @@ DAY = 24 * HOUR
 
 
 FACTS_OF_AREAS = ["area_counts", "area_stays", "area_tracks", "track_ends", "walk_cells"]
-FACTS_WITHOUT_AREAS = [r.name for r in relations("facts").values() if r.unit == "hour" and r.name not in FACTS_OF_AREAS]
-"""Hourly facts that have files where vsd.toml draws no area."""
+ASKED_FACTS = [*FACTS_OF_AREAS, "joined_tracks"]
+FACTS_WITHOUT_AREAS = [r.name for r in relations("facts").values() if r.unit == "hour" and r.name not in ASKED_FACTS]
+"""Hourly facts that have files where vsd.toml draws no area and joins no views."""
 
 
 def at(text: str) -> int:

@@ -196,6 +196,7 @@ def test_arrays_give_the_rows_of_the_queries(scene: Scene) -> None:
         assert set(found["area_tracks"]["area_id"].to_pylist()) == {"area-0", "area-1", None}
         assert {name for name, rows in found.items() if not rows.num_rows} == {
             "area_stays",
+            "joined_tracks",
             "area_counts",
             "walk_cells",
             "track_ends",

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from benchmarks.made_up_site import write_site
 from warehouse.small_projects import (
-    FACTS_OF_AREAS,
     FACTS_WITHOUT_AREAS,
     HOUR,
     T0,
@@ -146,7 +145,7 @@ def test_facts_behind_a_mart_are_those_whose_files_are_read() -> None:
     assert facts_behind(["heatmap"]) == {"floor_cells"}
     assert facts_behind(["outages", "exposure"]) == {"recorded_spans", "exposure"}
     assert facts_behind(["calendar", "camera_days"]) == set()
-    assert facts_behind([*relations("facts", "marts")]) == {*FACTS, *FACTS_OF_AREAS}
+    assert facts_behind([*relations("facts", "marts")]) == {*FACTS, *ASKED_FACTS}
 
 
 COMMANDS = {

@@ -144,6 +144,7 @@ def site_relations(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, pa.Tabl
         "count_cells": _of_areas(cells, areas_with_counts(site)),
         "count_floors": _table(_FLOORS, [(f.floor_id,) for f in site.floors if f.capacity is not None]),
         "staff": STAFF.empty_table(),
+        "joined_floors": _table(_FLOORS, [(floor_id,) for floor_id in joined_floors(site)]),
     }
 
 
@@ -301,7 +302,13 @@ def areas_with_counts(site: Site) -> frozenset[str]:
     return frozenset(a.area_id for a in site.areas if a.is_queue or a.capacity is not None)
 
 
-ASKED_TABLES = ("area_cells", "visit_cells", "count_cells", "count_floors")
+def joined_floors(site: Site) -> list[str]:
+    """Return the floors on which people are followed from camera to camera: with `join_views`, of several cameras."""
+    cameras = [c.floor_id for c in site.cameras] if site.settings.join_views else []
+    return [f.floor_id for f in site.floors if cameras.count(f.floor_id) > 1]
+
+
+ASKED_TABLES = ("area_cells", "visit_cells", "count_cells", "count_floors", "joined_floors")
 """Tables of the areas and floors that vsd.toml draws or asks something about. Facts that read them have no rows where
 all they read of these are empty."""
 
@@ -313,6 +320,7 @@ def asked_tables(site: Site) -> frozenset[str]:
         areas_with_stays(site),
         areas_with_counts(site),
         any(f.capacity is not None for f in site.floors),
+        joined_floors(site),
     )
     return frozenset(name for name, is_asked in zip(ASKED_TABLES, has_rows, strict=True) if is_asked)
 

@@ -29,7 +29,7 @@ NULL = -(2**62)
 ENUMS = {
     **dict.fromkeys(("camera_id", "other_camera_id"), "camera_name"),
     **dict.fromkeys(("track_id", "track_a", "track_b", "other_track_a", "other_track_b", "group_id"), "track_name"),
-    **dict.fromkeys(("first_other_id", "last_other_id"), "track_name"),
+    **dict.fromkeys(("other_track_id", "first_other_id", "last_other_id"), "track_name"),
 }
 """Columns of ids, and the enum type they have while facts are computed. An enum is a small integer in the order of its
 names: joins, groups and orders of ids cost a fraction of those of texts, and the queries read the same."""

@@ -23,6 +23,7 @@ from vsd_analytics.warehouse.dimensions import (
     areas_with_counts,
     areas_with_stays,
     calibration_rows,
+    joined_floors,
     owner_spans,
     params,
 )
@@ -44,6 +45,7 @@ STALE_REASONS: Final = {
     "areas": "areas changed",
     "counted areas": "areas or capacities changed",
     "staff": "staff changed",
+    "joined views": "join_views changed",
 }
 _KIND_OF_RELATION = {
     "cameras": "cameras",
@@ -55,6 +57,7 @@ _KIND_OF_RELATION = {
     "count_cells": "counted areas",
     "count_floors": "counted areas",
     "staff": "staff",
+    "joined_floors": "joined views",
 }
 
 
@@ -185,6 +188,7 @@ class SiteInputs:
                 DRAWN_AREAS: text_hash([area[:-1] for area in self._drawn if area[0] in floors]),
                 "areas": text_hash([area for area in self._visited if area[0] in floors]),
                 "counted areas": text_hash([area for area in self._counted if area[0] in floors]),
+                "joined views": text_hash([floor for floor in joined_floors(self._site) if floor in floors]),
             }
         return self._computed[key]
 

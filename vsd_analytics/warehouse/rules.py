@@ -28,6 +28,15 @@ RULES: Final[Mapping[str, int]] = {
     "same_step_ms": 4000,
     # How long a pair stays where it was last seen.
     "same_stay_ms": 1000,
+    # Two tracks of two cameras are one person where both place it within 0.35 m for 3 s, and a third track is 0.3 m
+    # farther away. Cameras whose nearest tracks are more than 0.25 m apart in the middle join nothing: their places or
+    # clocks disagree. Proven on real and simulated cameras (tests/realdata/prove_joined_views.py).
+    "view_place_mm": 350,
+    "view_margin_mm": 300,
+    "view_error_mm": 250,
+    "view_seconds": 3,
+    # A person has two tracks of one camera at once for no longer than this.
+    "view_twice_ms": 1000,
     # A cut track id begins again within 1.5 frame intervals, from 1 s to 10 s.
     "cut_half_intervals": 3,
     "cut_least_ms": 1000,
