@@ -1,8 +1,9 @@
 """Follows WILDTRACK's and simulated people from camera to camera; prints how often that is wrong and what it brings.
 
 Run `VSD_REALDATA=... python tests/realdata/prove_joined_views.py`; the tables are in docs/statistics.md. Records go
-through store, facts and marts as in a project. WILDTRACK's truth is its positions fused from all views; its boxes are made from
-them, so they agree better than boxes of detectors do. Simulated cameras have biases, clocks, occlusion and cut tracks.
+through store, facts and marts as in a project. WILDTRACK's truth is its positions fused from all views; its boxes are
+made from them, so they agree better than boxes of detectors do. Simulated cameras have biases, clocks, occlusion and
+cut tracks.
 """
 
 from __future__ import annotations
@@ -56,8 +57,9 @@ class Outcome:
     waits: Counter[str]
 
 
-def outcome(site: Site) -> Outcome:
-    """Return what the marts of a project say."""
+def outcome(site: Site, records: Sequence[Person]) -> Outcome:
+    """Return what the marts of a new project say of records, each of whose instants has a heartbeat."""
+    put(site, [*records, *(Frame(ts, camera) for camera, ts in sorted({(r.camera, r.ts) for r in records}))])
     with open_days(site) as warehouse:
         joined = warehouse.rows("select * from joined_tracks")
         persons = warehouse.rows("select * from joined_persons")
@@ -132,10 +134,7 @@ def runs(site: Site, truth: Site, records: Sequence[Person], true_records: Seque
         ("one camera that sees all", truth, true_records),
     ):
         with tempfile.TemporaryDirectory() as root:
-            here = replace(own, root=Path(root))
-            instants = {(r.camera, r.ts) for r in rows}
-            put(here, [*rows, *(Frame(ts, camera) for camera, ts in sorted(instants))])
-            print(f"| {name} | {said(outcome(here))}", flush=True)
+            print(f"| {name} | {said(outcome(replace(own, root=Path(root)), rows))}", flush=True)
 
 
 def rectangle(x0: float, y0: float, x1: float, y1: float) -> tuple[tuple[float, float], ...]:
@@ -153,8 +152,8 @@ def areas(x: Sequence[float], y: Sequence[float]) -> tuple[Area, ...]:
 NAMES = ("hall", "queue", "till")
 
 
-def wildtrack(folder: Path, *, cut_every: int) -> None:
-    """Print WILDTRACK's rows; a track of a view is cut after so many records (0: never)."""
+def wildtrack(folder: Path, *, cut_every: int) -> tuple[Site, Site, list[Person], list[Person]]:
+    """Return what `runs` takes for WILDTRACK; a track of a view is cut after so many records (0: never)."""
     matrices = json.loads((folder / "H_image_to_ground_m.json").read_text())
     who, view, xy = load(folder, per_camera=True)
     true_who, _, true_xy = load(folder, per_camera=False)
@@ -180,8 +179,7 @@ def wildtrack(folder: Path, *, cut_every: int) -> None:
         for v in VIEWS
     ]
     site = replace(make_site(Path(), cameras=cameras), areas=areas((-3, 1, 5, 9), (-9, 27)))
-    truth = replace(make_site(Path()), areas=site.areas)
-    runs(site, truth, records, true_records)
+    return site, replace(make_site(Path()), areas=site.areas), records, true_records
 
 
 def hall(*, people: int, couples: float, bias_m: float, clock_s: float, seed: int = 1) -> None:
@@ -204,7 +202,7 @@ def main() -> None:
     folder = Path(os.environ["VSD_REALDATA"]) / "wildtrack"
     for cut_every in (0, 20):
         print(f"\nWILDTRACK, tracks {f'cut after {cut_every} records' if cut_every else 'whole'}\n\n{HEAD}")
-        wildtrack(folder, cut_every=cut_every)
+        runs(*wildtrack(folder, cut_every=cut_every))
     for people, couples in ((8, 0.0), (8, 1.0), (25, 0.3), (60, 0.3)):
         for bias_m, clock_s in ((0.1, 0.0), (0.2, 0.0), (0.3, 0.0), (0.5, 0.0), (0.1, 0.3), (0.1, 1.0)):
             print(f"\nHall, {people} people, {couples:.0%} couples, bias {bias_m} m, clocks {clock_s} s off\n\n{HEAD}")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from benchmarks.made_up_site import write_site
 from warehouse.small_projects import (
+    ASKED_FACTS,
     FACTS_WITHOUT_AREAS,
     HOUR,
     T0,
