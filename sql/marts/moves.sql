@@ -24,6 +24,7 @@
 --   until_next_s      from leaving to entering the next area, or to the end of the track
 --   since_began_s     from the start of the track to its end
 --   is_door           people come into the space and leave it there
+--   counted_by        camera that counts the visit, as in visits
 -- figure: M37 Flow between areas
 --   definition   of those who leave an area, the share whose next area is this one; tracks lost on the way are censored
 --   unit         share of those who leave; per open hour
@@ -71,6 +72,7 @@ stayed as (
         visits.hour_start_ms,
         visits.is_open,
         visits.is_counted,
+        visits.counted_by,
         visits.is_exit_counted,
         max(visits.ended_ms) over (
             partition by visits.camera_id, visits.track_id, site_days.site_day order by visits.started_ms, visits.area_id
@@ -93,6 +95,7 @@ numbered as (
         stayed.hour_start_ms,
         stayed.is_open,
         stayed.is_counted,
+        stayed.counted_by,
         stayed.is_exit_counted,
         persons.first_ms,
         persons.last_ms,
@@ -133,7 +136,8 @@ select
     numbered.next_area_id,
     greatest(coalesce(numbered.next_ms, numbered.last_ms) - numbered.ended_ms, 0) / 1000 as until_next_s,
     (numbered.last_ms - numbered.first_ms) / 1000 as since_began_s,
-    areas.is_door
+    areas.is_door,
+    numbered.counted_by
 from numbered
 inner join areas on numbered.area_id = areas.area_id
 inner join calendar on floor(numbered.ended_ms / 900000) = calendar.quarter

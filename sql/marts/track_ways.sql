@@ -17,6 +17,8 @@
 --   last_area_id   area that the person leaves last, seen and counted by this camera, before the track ends elsewhere; null where none
 --   left_hour_ms   UTC instant of the local hour in which they leave it
 --   entered_hour_ms  UTC instant of the local hour in which they enter the first one
+--   began_by       camera of the first record
+--   ended_by       camera of the last record
 -- steps:
 --   ends     a track of several hours has one first and one last record
 --   outside  areas at either end of the way that this camera counts; people there came from, or go to, floor outside of it
@@ -26,6 +28,8 @@ with ends as (
         coalesce(joined_persons.person_camera_id, track_ends.camera_id) as camera_id,
         site_days.site_day,
         coalesce(joined_persons.person_track_id, track_ends.track_id) as track_id,
+        min_by(track_ends.camera_id, (track_ends.first_ms, track_ends.camera_id)) as began_by,
+        max_by(track_ends.camera_id, (track_ends.last_ms, track_ends.camera_id)) as ended_by,
         min(track_ends.first_ms) as first_ms,
         min_by(track_ends.first_x_mm, track_ends.first_ms) as first_x_mm,
         min_by(track_ends.first_y_mm, track_ends.first_ms) as first_y_mm,
@@ -71,7 +75,9 @@ select
     ends.last_y_mm / 1000.0 as ended_y_m,
     case when outside.goes_on then outside.last_area_id end as last_area_id,
     outside.left_hour_ms,
-    outside.entered_hour_ms
+    outside.entered_hour_ms,
+    ends.began_by,
+    ends.ended_by
 from ends
 inner join cameras on ends.camera_id = cameras.camera_id
 inner join outside

@@ -17,6 +17,7 @@
 --   dwell_s         from the entry to the exit, or to the last record inside; see `stitched`
 --   is_counted      a camera that saw the stay counts the place of its first record there; else another camera counts the visit
 --   is_exit_counted a camera that saw the stay counts the place of its last record there
+--   counted_by      the camera that counts the place of the first record; of several, the first; else the first that saw the stay
 -- figure: M35 Visits
 --   definition   visits of each area with visits = true whose entry was seen, in opening hours
 --   unit         visits per open hour
@@ -96,6 +97,7 @@ spanned as (
         interval_ms,
         is_entry_owned,
         is_exit_owned,
+        seen_by,
         min(started_ms) over visit as first_ms,
         max(ended_ms) over visit as last_ms,
         started_ms = min(started_ms) over view as is_first,
@@ -123,7 +125,11 @@ stitched as (
         max(after_ms) filter (where ended_it or after_ms > last_ms) as after_ms,
         max(interval_ms) as interval_ms,
         bool_or(is_entry_owned) filter (where is_first) as is_entry_owned,
-        bool_or(is_exit_owned) filter (where is_last) as is_exit_owned
+        bool_or(is_exit_owned) filter (where is_last) as is_exit_owned,
+        coalesce(
+            min_by(seen_by, (started_ms, seen_by)) filter (where is_first and is_entry_owned),
+            min_by(seen_by, (started_ms, seen_by))
+        ) as counted_by
     from spanned
     group by camera_id, track_id, area_id, visit_no
 )
@@ -146,7 +152,8 @@ select
         + coalesce(stitched.started_ms - stitched.before_ms, case when areas.is_door then stitched.interval_ms else 0 end) / 2
     ) / 1000 as dwell_s,
     stitched.is_entry_owned as is_counted,
-    stitched.is_exit_owned as is_exit_counted
+    stitched.is_exit_owned as is_exit_counted,
+    stitched.counted_by
 from stitched
 inner join areas on stitched.area_id = areas.area_id
 inner join calendar on floor(stitched.started_ms / 900000) = calendar.quarter

@@ -17,6 +17,7 @@
 --   outcome         served: it stepped into the area of service; left: it went elsewhere; cut: the track ends inside the queue
 --   dwell_s         from the entry to the exit, or to the last record inside, as in visits
 --   wait_s          from the entry to the first record in the area of service; else dwell_s
+--   counted_by      camera that counts it, as in visits
 -- figure: M40 Waiting time
 --   definition   of those who enter an area with queue = true and served_in: time from the entry to reaching the area of service, median
 --                and 90 % quantile of those served, share who leave before; Aalen-Johansen, those who leave are a competing end, lost
@@ -46,6 +47,7 @@ with queued as (
         visits.has_exit,
         visits.dwell_s,
         visits.is_counted,
+        visits.counted_by,
         areas.served_in
     from visits
     inner join areas on visits.area_id = areas.area_id
@@ -67,6 +69,7 @@ ended as (
         queued.has_exit,
         queued.dwell_s,
         queued.is_counted,
+        queued.counted_by,
         queued.served_in,
         max(person_stays.gap_ms) as gap_ms,
         max(person_stays.after_ms) as after_ms
@@ -114,7 +117,8 @@ select
     coalesce(reached.was_served, false) as was_served,
     case when reached.reached_ms is not null then 'served' when ended.has_exit then 'left' else 'cut' end as outcome,
     ended.dwell_s,
-    ended.dwell_s + greatest(coalesce(reached.reached_ms - ended.after_ms, 0), 0) / 1000 as wait_s
+    ended.dwell_s + greatest(coalesce(reached.reached_ms - ended.after_ms, 0), 0) / 1000 as wait_s,
+    ended.counted_by
 from ended
 left join reached
     on

@@ -36,6 +36,7 @@ MAX_ROUTES: Final = 12
 _MOVES: Final = """
 select
     area_id,
+    counted_by,
     camera_id,
     track_id,
     site_day,
@@ -220,7 +221,7 @@ class _Moves:
         def column(name: str) -> np.ndarray:
             return np.asarray(rows[name].to_numpy(zero_copy_only=False))
 
-        camera = positions(rows["camera_id"], period.data.ids, otherwise=-1)
+        camera = positions(rows["counted_by"], period.data.ids, otherwise=-1)
         hour, left_hour = (np.searchsorted(hours.start_ms, column(n)) for n in ("hour_start_ms", "left_hour_ms"))
         at, left_at = (np.minimum(h, len(hours.start_ms) - 1) for h in (hour, left_hour))
         used, used_then = hours.is_counted[camera, at], hours.is_counted[camera, left_at]

@@ -18,7 +18,8 @@ from vsd_analytics.stats.track_links import IN_WAVES, LinkedShare, TrackEnds, li
 
 _WAYS: Final = """
 select
-    camera_id,
+    began_by,
+    ended_by,
     began_ms,
     began_x_m::double as began_x_m,
     began_y_m::double as began_y_m,
@@ -102,7 +103,7 @@ def links(period: Period) -> Links:
             column(f"{when}_x_m")[chosen],
             column(f"{when}_y_m")[chosen],
             of_area[chosen],
-            positions(rows["camera_id"], data.ids, otherwise=-1)[chosen],
+            positions(rows[f"{when}_by"], data.ids, otherwise=-1)[chosen],
             day[chosen],
         )
 

@@ -37,7 +37,7 @@ _OUTCOMES: Final = {"cut": CUT, "served": SERVED, "left": LEFT}
 _WAITS: Final = """
 select
     area_id,
-    camera_id,
+    counted_by,
     hour_start_ms,
     outcome,
     was_served,
@@ -135,7 +135,7 @@ def queues(period: Period) -> tuple[Answer, Answer]:
     rows = data.warehouse.table(_WAITS, {"floor": data.floor.floor_id, "first": period.first, "last": period.last})
     waits = _Waits(
         positions(rows["area_id"], [a.area_id for a in asked], otherwise=-1),
-        positions(rows["camera_id"], data.ids, otherwise=-1),
+        positions(rows["counted_by"], data.ids, otherwise=-1),
         np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy()),
         np.array([_OUTCOMES[o] for o in rows["outcome"].to_pylist()], dtype=np.int64),
         rows["was_served"].to_numpy(zero_copy_only=False).astype(np.bool_),

@@ -30,7 +30,7 @@ _OWN_WORDS: Final = frozenset({"level.none_per_open_h", "level.events", "level.c
 _VISITS: Final = """
 select
     area_id,
-    camera_id,
+    counted_by,
     hour_start_ms,
     has_entry,
     has_exit,
@@ -106,7 +106,7 @@ def visits(period: Period) -> Answer:
         return Answer("visits", COLUMNS, (), period.holds_for, nothing=Reason("visits.not_asked"))
     rows = data.warehouse.table(_VISITS, {"floor": data.floor.floor_id, "first": period.first, "last": period.last})
     area = positions(rows["area_id"], [a.area_id for a in asked], otherwise=-1)
-    camera = positions(rows["camera_id"], data.ids, otherwise=-1)
+    camera = positions(rows["counted_by"], data.ids, otherwise=-1)
     hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
     is_used = data.hours.is_counted[camera, hour]
     stays = _Stays(
