@@ -54,3 +54,9 @@ def fixtures_at(site: Site, floor_id: str, day: date) -> tuple[Fixture, ...]:
     """Return the fixtures that stand on a floor at the end of a local day."""
     end = datetime.combine(day + timedelta(days=1), time(), tzinfo=site.zone) - timedelta(seconds=1)
     return tuple(f for f in site.fixtures if f.floor_id == floor_id and f.is_there(end))
+
+
+def joined_floors(site: Site) -> list[str]:
+    """Return the floors on which people are followed from camera to camera: with `join_views`, of several cameras."""
+    cameras = [c.floor_id for c in site.cameras] if site.settings.join_views else []
+    return [f.floor_id for f in site.floors if cameras.count(f.floor_id) > 1]

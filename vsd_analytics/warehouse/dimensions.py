@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from vsd_analytics.settings import BY_NAME, DEFAULTS, FLOOR_CELL_M, OWNER_CELL_M, SETTINGS
 from vsd_analytics.site.calendar import Opening
 from vsd_analytics.site.model import Calibration, Camera, Floor, Point, Site
+from vsd_analytics.site.places import joined_floors
 from vsd_analytics.warehouse.rules import RULES
 
 if TYPE_CHECKING:
@@ -300,12 +301,6 @@ def areas_with_stays(site: Site) -> frozenset[str]:
 def areas_with_counts(site: Site) -> frozenset[str]:
     """Return the areas whose people are counted instant by instant: queues, and those with a capacity."""
     return frozenset(a.area_id for a in site.areas if a.is_queue or a.capacity is not None)
-
-
-def joined_floors(site: Site) -> list[str]:
-    """Return the floors on which people are followed from camera to camera: with `join_views`, of several cameras."""
-    cameras = [c.floor_id for c in site.cameras] if site.settings.join_views else []
-    return [f.floor_id for f in site.floors if cameras.count(f.floor_id) > 1]
 
 
 ASKED_TABLES = ("area_cells", "visit_cells", "count_cells", "count_floors", "joined_floors")

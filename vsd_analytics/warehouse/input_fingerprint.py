@@ -16,6 +16,7 @@ from typing import Any, Final
 
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
+from vsd_analytics.site.places import joined_floors
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.warehouse.dimensions import (
     ASKED_TABLES,
@@ -23,7 +24,6 @@ from vsd_analytics.warehouse.dimensions import (
     areas_with_counts,
     areas_with_stays,
     calibration_rows,
-    joined_floors,
     owner_spans,
     params,
 )
