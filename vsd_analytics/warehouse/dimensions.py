@@ -304,8 +304,7 @@ def areas_with_counts(site: Site) -> frozenset[str]:
 
 
 ASKED_TABLES = ("area_cells", "visit_cells", "count_cells", "count_floors", "joined_floors")
-"""Tables of the areas and floors that vsd.toml draws or asks something about. Facts that read them have no rows where
-all they read of these are empty."""
+"""Tables of what vsd.toml draws or asks. Facts that read some of them have no rows where all of these are empty."""
 
 
 def asked_tables(site: Site) -> frozenset[str]:
