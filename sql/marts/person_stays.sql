@@ -16,8 +16,8 @@
 --   before_ms       the track's last record outside, as in area_stays
 --   after_ms        the track's next record outside, as in area_stays
 --   is_entry_owned  the camera that saw it counts the place of the first record
---   is_exit_owned   likewise of the last record
--- assumes: a track of which nobody else is known to be the same person stays as it is
+--   is_exit_owned   the camera that saw it counts the place of the last record
+-- assumes: a track that is joined with no other one has its own id
 select
     area_stays.hour,
     coalesce(joined_persons.person_camera_id, area_stays.camera_id) as camera_id,
