@@ -13,9 +13,9 @@ import pandas as pd
 import pyarrow as pa
 
 from vsd_analytics.api.heatmap import Heatmap, as_heatmap
+from vsd_analytics.api.settings_asked import site_with
 from vsd_analytics.api.table import Table
 from vsd_analytics.errors import UsageError
-from vsd_analytics.settings import BY_NAME
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
@@ -36,8 +36,10 @@ COMPUTED_TABLES: Final = {
     "flow_links": "One row per estimated link over floor that no camera sees.",
     "hotspots": "One row per hotspot (M20) of the 28 days that end with the days asked for.",
     "changes": "One row per entry of the change log that was made in the days asked for.",
+    "context": "One row per series of `vsd context add`, such as sales or weather, and local hour.",
+    "context_days": "The same by local day.",
 }
-"""Tables that are figures with their statistics, or the change log: no SQL file."""
+"""Tables that are figures with their statistics, the change log or added context: no SQL file."""
 COMPUTED: Final = tuple(COMPUTED_TABLES)
 _NOTES: Final = {
     "violations": "numbers at different distances do not compare: a short distance cuts one meeting into several"
@@ -80,15 +82,7 @@ class Days:
         Example:
             >>> site.week("2026-W46").at(distance_m=1.0).hours.df()  # doctest: +SKIP
         """
-        for name, value in settings.items():
-            _check_setting(name, value)
-        site = self.site.with_settings(**settings)
-        if site.settings.pair_max_m < site.settings.distance_m:
-            raise UsageError(
-                f"distance_m = {site.settings.distance_m:g} is more than pair_max_m = {site.settings.pair_max_m:g}",
-                why="pairs farther apart than pair_max_m are not stored, so violations would be lost",
-                fix=f"give pair_max_m={site.settings.distance_m + 0.5:g} too",
-            )
+        site = site_with(self.site, settings)
         shown = ", ".join(
             f"{name} = {value if isinstance(value, str) else f'{value:g}'}" for name, value in settings.items()
         )
@@ -208,6 +202,30 @@ class Days:
         from vsd_analytics.api.figure_tables import change_table
 
         return change_table(self.site, self.first, self.last)
+
+    @cached_property
+    def context(self) -> Table:
+        """Return what was added with `vsd context add`, by local hour: `name`, `start`, `value`; null is unknown.
+
+        Example:
+            >>> len(week.context)  # nothing was added
+            0
+        """
+        from vsd_analytics.api.context_tables import context_table
+
+        return context_table(self.site, self.first, self.last, per="hour")
+
+    @cached_property
+    def context_days(self) -> Table:
+        """Return what was added with `vsd context add`, by local day: `name`, `local_date`, `value`.
+
+        Example:
+            >>> "value" in week.context_days
+            True
+        """
+        from vsd_analytics.api.context_tables import context_table
+
+        return context_table(self.site, self.first, self.last, per="day")
 
     @cached_property
     def coverage(self) -> Table:
@@ -431,19 +449,3 @@ class Days:
     def _warehouse(self, first: date | None = None, last: date | None = None) -> Iterator[Warehouse]:
         with open_warehouse(self.site, first or self.first, last or self.last) as warehouse:
             yield warehouse
-
-
-def _check_setting(name: str, value: float | str) -> None:
-    setting = BY_NAME.get(name)
-    if setting is not None and setting.is_in_sql and setting.choices:
-        if value not in setting.choices:
-            raise UsageError(f"{name} = {value!r} is not one of {', '.join(setting.choices)}")
-        return
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise UsageError(f"{name} = {value!r} is no number", fix=f"{name}=1.0")
-    if setting is None or setting.minimum is None or setting.maximum is None or not setting.is_in_sql:
-        known = ", ".join(s.name for s in BY_NAME.values() if s.is_in_sql and s.minimum is not None)
-        raise UsageError(f"{name} is no setting of figures", why=f"these are {known}")
-    if not setting.minimum <= value <= setting.maximum:
-        allowed = f"{setting.minimum:g} and {setting.maximum:g} {setting.unit}".strip()
-        raise UsageError(f"{name} = {value:g} is not between {allowed}")

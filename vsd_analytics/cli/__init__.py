@@ -17,7 +17,7 @@ from vsd_analytics.site.instants import instant
 from vsd_analytics.version import VERSION
 
 COMMANDS = (
-    *("demo", "init", "calibrate", "engine", "evaluate", "log", "check", "ingest", "imports", "quarantine"),
+    *("demo", "init", "calibrate", "engine", "evaluate", "log", "context", "check", "ingest", "imports", "quarantine"),
     *("listen", "node", "alarms"),
     *("build", "fetch", "coverage", "hours", "heatmap", "hotspots", "groups", "visits", "flow", "queue", "capacity"),
     *("compare", "plan", "whatif", "selfcheck", "forecast"),

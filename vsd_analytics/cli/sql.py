@@ -105,7 +105,7 @@ def _text_of(name: str) -> str:
     behind = {**relations("staging"), **queried_relations()}
     relation = (sql_tables() if bare == name else {}).get(bare) or behind.get(bare)
     if bare == name and name in COMPUTED_TABLES:
-        why = "it is a figure with its statistics, or the change log, computed in Python"
+        why = "it is a figure with its statistics, the change log or added context, computed in Python"
         raise UsageError(f"{name} has no SQL file", why=why, fix=f'vsd sql "select * from {name}"')
     if relation is None:
         raise UsageError(f"no table or relation is called {name!r}", fix="vsd sql --list")

@@ -1,0 +1,145 @@
+"""`vsd context`: what else happened at the site, such as sales, weather or footfall."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.output import count, emit_json, plain, table
+from vsd_analytics.cli.project import Project, pass_project
+
+if TYPE_CHECKING:
+    from vsd_analytics.config.context_series import Adds, ContextSeries
+
+_SHOWN = 10
+
+
+@click.group()
+def context() -> None:
+    """Add series of what else happened: sales, weather, footfall. They stand beside figures; no figure changes.
+
+    \b
+    Example:
+      vsd context add sales.csv --name sales --unit EUR --sum --every 1h
+      vsd context list
+      vsd sql "select * from context_days where name = 'sales'" --week last
+    """
+
+
+@context.command("add")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--name", required=True, metavar="NAME", help="The series: sales, temperature.")
+@click.option("--unit", metavar="UNIT", help="Unit of the values; a new series needs one.")
+@click.option("--sum", "adds", flag_value="sum", help="Values of hours add up, as sales do.")
+@click.option("--mean", "adds", flag_value="mean", help="Values of hours are averaged, as temperatures are.")
+@click.option("--every", metavar="LENGTH", help="Length of each interval: 15min, 1h, 1d (default: the file has ends).")
+@click.option("--time", "time_column", default="time", show_default=True, metavar="COLUMN", help="Column of starts.")
+@click.option("--end", "end_column", default="end", show_default=True, metavar="COLUMN", help="Column of ends.")
+@click.option("--value", "value_column", default="value", show_default=True, metavar="COLUMN", help="Column of values.")
+@click.option("--zone", metavar="ZONE", help="Zone of times without an offset (default: the site's).")
+@click.option("--place", metavar="ID", help="Area or floor it concerns (default: site, the whole site).")
+@click.option("--replace", "is_replacing", is_flag=True, help="Take the file's value where the series has another one.")
+@json_option
+@pass_project
+def context_add(
+    project: Project,
+    file: Path,
+    name: str,
+    unit: str | None,
+    adds: Adds | None,
+    every: str | None,
+    time_column: str,
+    end_column: str,
+    value_column: str,
+    zone: str | None,
+    place: str | None,
+    is_replacing: bool,
+    as_json: bool,
+) -> int:
+    """Add the intervals of a CSV file to a series. What the series has already is not added again.
+
+    Lines that cannot be used are listed with the reason; the other lines are added, and the exit code is 1.
+
+    \b
+    Example:
+      vsd context add sales.csv --name sales --unit EUR --sum --every 1h
+      vsd context add weather.csv --name temperature --unit degC --mean --every 1h --zone UTC
+    """
+    from vsd_analytics.config.context_file import ContextColumns, zone_named
+    from vsd_analytics.config.context_series import add_context
+
+    site = project.site
+    columns = ContextColumns(
+        time_column, value_column, end_column, every, site.zone if zone is None else zone_named(zone)
+    )
+    added = add_context(
+        site, file, columns,
+        name=name, at=project.now, unit=unit, place=place, adds=adds, is_replacing=is_replacing,
+    )  # fmt: skip
+    if as_json:
+        refused = [{"line": row.line, "why": row.why, "fix": row.fix} for row in added.refused]
+        counts = {"n_new": added.n_new, "n_known": added.n_known, "n_replaced": added.n_replaced}
+        emit_json({**_described(project, added.series), **counts, "refused": refused})
+        return 1 if added.refused else 0
+    known = f", {added.n_known:,} were there already" if added.n_known else ""
+    replaced = f", {added.n_replaced:,} of them replaced" if added.n_replaced else ""
+    click.echo(f"{name}: {count(added.n_new, 'interval')} added{replaced}{known}")
+    for row in added.refused[:_SHOWN]:
+        click.echo(plain(f"line {row.line} not added: {row.why} (fix: {row.fix})"), err=True)
+    if len(added.refused) > _SHOWN:
+        click.echo(f"{len(added.refused) - _SHOWN:,} more lines not added: --json lists all", err=True)
+    return 1 if added.refused else 0
+
+
+@context.command("list")
+@json_option
+@pass_project
+def context_list(project: Project, as_json: bool) -> None:
+    """List the series: unit, place, how they add, first and last local day, intervals.
+
+    \b
+    Example:
+      vsd context list
+    """
+    from vsd_analytics.config.context_series import context_series
+
+    series = list(context_series(project.site).values())
+    rows = [_described(project, each) for each in series]
+    if as_json:
+        emit_json({"series": rows})
+    elif rows:
+        for line in table([[f"{v:,}" if isinstance(v, int) else str(v) for v in row.values()] for row in rows]):
+            click.echo(line)
+    else:
+        project.say("nothing was added yet; vsd context add sales.csv --name sales --unit EUR --sum --every 1h")
+
+
+@context.command("remove")
+@click.argument("name")
+@json_option
+@pass_project
+def context_remove(project: Project, name: str, as_json: bool) -> None:
+    """Take a series back. Its lines stay in context.jsonl; to have it again, add its file again.
+
+    \b
+    Example:
+      vsd context remove sales
+    """
+    from vsd_analytics.config.context_series import remove_context
+
+    is_new = remove_context(project.site, name, at=project.now)
+    if as_json:
+        emit_json({"removes": name, "is_new": is_new})
+        return
+    click.echo(f"{'removed' if is_new else 'was removed before'}  {name}")
+
+
+def _described(project: Project, series: ContextSeries) -> dict[str, Any]:
+    first, last = (datetime.fromtimestamp(ms / 1000, tz=UTC).astimezone(project.site.zone).date()
+                   for ms in (int(series.from_ms[0]), int(series.to_ms[-1]) - 1))  # fmt: skip
+    return {"name": series.name, "unit": series.unit, "place": series.place, "adds": series.adds,
+            "first": first.isoformat(), "last": last.isoformat(), "n_intervals": len(series.values)}  # fmt: skip

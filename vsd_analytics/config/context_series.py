@@ -1,0 +1,281 @@
+"""What else happened at a site: series such as sales or weather, one added file or removal a line in `context.jsonl`.
+
+No line is ever changed. A removal hides all earlier lines of its series.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from vsd_analytics.config.append_only import AppendOnlyFile
+from vsd_analytics.config.context_file import ContextColumns, ContextRow, RefusedRow, read_context_file
+from vsd_analytics.config.reader import nearest
+from vsd_analytics.errors import CONTROL, UsageError
+from vsd_analytics.site.model import Site
+
+FILE: Final = "context.jsonl"
+SITE: Final = "site"
+UNIT_MAX_CHARS: Final = 20
+Adds = Literal["sum", "mean"]
+_NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,39}")
+_FIX: Final = "vsd context add sales.csv --name sales --unit EUR --sum --every 1h"
+
+
+@dataclass(frozen=True, slots=True)
+class ContextRecord:
+    """One line of the file.
+
+    Attributes:
+        at: When it was added.
+        name: The series.
+        unit: Unit of the values.
+        place: Id of an area or floor, or "site".
+        adds: How values of several intervals become one: their sum, or their mean weighted by time.
+        from_ms, to_ms: Ends of the intervals, UTC milliseconds, end exclusive.
+        values: A value for each.
+        is_removal: It takes the series back, and has nothing but its name.
+    """
+
+    at: datetime
+    name: str
+    unit: str = ""
+    place: str = SITE
+    adds: Adds = "sum"
+    from_ms: tuple[int, ...] = ()
+    to_ms: tuple[int, ...] = ()
+    values: tuple[float, ...] = ()
+    is_removal: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse a line whose lists differ in length."""
+        if not len(self.from_ms) == len(self.to_ms) == len(self.values):
+            raise ValueError("from_ms, to_ms and values differ in length")
+
+
+@dataclass(frozen=True, slots=True)
+class ContextSeries:
+    """A series in force: its intervals by time, which do not overlap; attributes as of `ContextRecord`."""
+
+    name: str
+    unit: str
+    place: str
+    adds: Adds
+    from_ms: NDArray[np.int64]
+    to_ms: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class AddedContext:
+    """What became of a file.
+
+    Attributes:
+        series: The series with it.
+        n_new: Intervals that were added.
+        n_known: Intervals that the series had already, with the same value.
+        n_replaced: Intervals of `n_new` that had another value before.
+        refused: Lines that were not taken.
+    """
+
+    series: ContextSeries
+    n_new: int
+    n_known: int
+    n_replaced: int
+    refused: tuple[RefusedRow, ...]
+
+
+def _written(record: ContextRecord) -> dict[str, Any]:
+    written: dict[str, Any] = msgspec.to_builtins(record)
+    return written
+
+
+_RECORDS: Final = AppendOnlyFile(
+    FILE, ContextRecord, written=_written, what="a series of context", fix="vsd context add adds the file again",
+)  # fmt: skip
+
+
+def context_series(site: Site) -> dict[str, ContextSeries]:
+    """Return the series in force by name.
+
+    Raises:
+        InputError: E110, a line of the file is none.
+    """
+    heads: dict[str, ContextRecord] = {}
+    values: dict[str, dict[tuple[int, int], float]] = {}
+    for record in _RECORDS.read(site):
+        if record.is_removal:
+            heads.pop(record.name, None)
+            values.pop(record.name, None)
+            continue
+        heads.setdefault(record.name, record)
+        pairs = zip(record.from_ms, record.to_ms, strict=True)
+        values.setdefault(record.name, {}).update(zip(pairs, record.values, strict=True))
+    return {name: _series(heads[name], values[name]) for name in sorted(heads)}
+
+
+def _series(head: ContextRecord, values: dict[tuple[int, int], float]) -> ContextSeries:
+    ends = sorted(values)
+    times = np.array(ends, np.int64).reshape(-1, 2)
+    found = np.array([values[pair] for pair in ends], np.float64)
+    return ContextSeries(head.name, head.unit, head.place, head.adds, times[:, 0], times[:, 1], found)
+
+
+def add_context(
+    site: Site,
+    path: Path,
+    columns: ContextColumns,
+    *,
+    name: str,
+    at: datetime,
+    unit: str | None = None,
+    place: str | None = None,
+    adds: Adds | None = None,
+    is_replacing: bool = False,
+) -> AddedContext:
+    """Add the intervals of a CSV file to a series, durably.
+
+    Args:
+        site: The project.
+        path: The file.
+        columns: How it says its intervals.
+        name: The series; a new one needs unit and adds.
+        at: Now.
+        unit: Unit of the values; None = that of the series.
+        place: Id of an area or floor, or "site"; None = that of the series, or the site.
+        adds: How values of several intervals become one; None = as the series does.
+        is_replacing: An interval that the series has with another value gets the new one; else the line is refused.
+
+    Raises:
+        UsageError: E101, a name, unit or place that cannot be, or another one than the series has.
+        InputError: E110 a line of context.jsonl is wrong, E201 to E209 the file cannot be used, E202 no line of it can.
+    """
+    from vsd_analytics.store.durable import exclusive
+
+    rows, refused = read_context_file(path, columns)
+    with exclusive(site.root / "status" / "context-add.lock"):  # two files that overlap are not both taken
+        known = context_series(site)
+        head = _head(site, known.get(name), name=name, at=at, unit=unit, place=place, adds=adds)
+        before = {} if name not in known else _values(known[name])
+        new, n_known, n_replaced = [], 0, 0
+        for row in rows:
+            stored = before.get((row.from_ms, row.to_ms))
+            if stored == row.value:
+                n_known += 1
+            elif stored is not None and not is_replacing:
+                why = f"the series has {stored:g} for this interval, and the line says {row.value:g}"
+                refused.append(RefusedRow(row.line, why, "--replace takes the values of the file"))
+            else:
+                new.append(row)
+                n_replaced += stored is not None
+        new = _beside(new, before, refused)
+        if not new and not n_known:
+            raise _nothing_usable(path, refused)
+        if new:
+            from_ms, to_ms, values = zip(*((r.from_ms, r.to_ms, r.value) for r in new), strict=True)
+            _RECORDS.add(site, replace(head, from_ms=from_ms, to_ms=to_ms, values=values))
+        refused.sort(key=lambda row: row.line)
+        return AddedContext(context_series(site)[name], len(new), n_known, n_replaced, tuple(refused))
+
+
+def remove_context(site: Site, name: str, *, at: datetime) -> bool:
+    """Take a series back, durably. Returns False where it is not there; its lines stay in the file.
+
+    Raises:
+        UsageError: E101, no series ever had this name.
+        InputError: E110, a line of the file is none.
+    """
+    ever = {record.name for record in _RECORDS.read(site)}
+    if name not in ever:
+        close = nearest(name, sorted(ever))
+        why = f"there are {', '.join(sorted(ever))}" if ever else "nothing was added yet"
+        fix = f"vsd context remove {close}" if close else "vsd context list"
+        raise UsageError(f"there is no series {name!r}", why=why, fix=fix)
+    if name not in context_series(site):
+        return False
+    return _RECORDS.add(site, ContextRecord(at, name, is_removal=True))
+
+
+def _head(
+    site: Site,
+    known: ContextSeries | None,
+    *,
+    name: str,
+    at: datetime,
+    unit: str | None,
+    place: str | None,
+    adds: Adds | None,
+) -> ContextRecord:
+    """Return the record without intervals, or refuse what it says of the series."""
+    if known is None:
+        if not _NAME.fullmatch(name):
+            why = "a name has small letters without accents, digits and _, 40 at most"
+            raise UsageError(f"--name: {name[:60]!r} is no name of a series", why=why, fix="--name sales")
+        if unit is None or adds is None:
+            missing = "--unit" if unit is None else "--sum or --mean"
+            raise UsageError(f"a new series needs {missing}", why="a number without it says nothing", fix=_FIX)
+        return ContextRecord(at, name, _unit(unit), _place(site, place or SITE), adds)
+    for option, asked, has in (("--unit", unit, known.unit), ("--place", place, known.place), ("", adds, known.adds)):
+        if asked is not None and asked != has:
+            raise UsageError(
+                f"the series {name} has {option or 'how it adds:'} {has}, and not {asked}",
+                why="values that mean different things are not one series",
+                fix=f"leave {option or f'--{asked}'} out if the file has {has}; else --name {name}_2",
+            )
+    return ContextRecord(at, name, known.unit, known.place, known.adds)
+
+
+def _unit(unit: str) -> str:
+    if not unit.strip() or len(unit) > UNIT_MAX_CHARS or CONTROL.search(unit) or "\t" in unit:
+        raise UsageError(f"--unit must be 1 to {UNIT_MAX_CHARS} printable characters", fix="--unit EUR, or --unit 1")
+    return unit.strip()
+
+
+def _place(site: Site, place: str) -> str:
+    known = [SITE, *(floor.floor_id for floor in site.floors), *(area.area_id for area in site.areas)]
+    if place in known:
+        return place
+    close = nearest(place, known)
+    why = f"there are {', '.join(known)}"
+    raise UsageError(f"--place: there is no area or floor {place!r}", why=why, fix=f"--place {close or SITE}")
+
+
+def _values(series: ContextSeries) -> dict[tuple[int, int], float]:
+    pairs = zip(series.from_ms.tolist(), series.to_ms.tolist(), strict=True)
+    return dict(zip(pairs, series.values.tolist(), strict=True))
+
+
+def _beside(new: list[ContextRow], before: dict[tuple[int, int], float], refused: list[RefusedRow]) -> list[ContextRow]:
+    """Return the rows that do not overlap another interval of the series; the others are added to `refused`."""
+    ends = np.array(sorted(before), np.int64).reshape(-1, 2)
+    chosen = []
+    for row in new:
+        at = int(np.searchsorted(ends[:, 1], row.from_ms, side="right"))  # the first that ends after its start
+        is_free = at == len(ends) or ends[at, 0] >= row.to_ms
+        if is_free or (row.from_ms, row.to_ms) in before:
+            chosen.append(row)
+        else:
+            why = "its interval overlaps one of another length that the series has"
+            refused.append(RefusedRow(row.line, why, "the --every of the first file, or vsd context remove"))
+    return chosen
+
+
+def _nothing_usable(path: Path, refused: list[RefusedRow]) -> Exception:
+    from vsd_analytics.errors import InputError, Where
+
+    if not refused:
+        return InputError(f"{path} has no line below its header", code="E202", fix="export it again")
+    first = min(refused, key=lambda row: row.line)
+    where = Where(str(path), first.line)
+    what = f"no line of {path} can be used"
+    return InputError(what, code="E202", where=where, why=f"line {first.line}: {first.why}", fix=first.fix)
+
+
+__all__ = ["AddedContext", "Adds", "ContextSeries", "add_context", "context_series", "remove_context"]
