@@ -83,9 +83,7 @@ class Days:
             >>> site.week("2026-W46").at(distance_m=1.0).hours.df()  # doctest: +SKIP
         """
         site = site_with(self.site, settings)
-        shown = ", ".join(
-            f"{name} = {value if isinstance(value, str) else f'{value:g}'}" for name, value in settings.items()
-        )
+        shown = ", ".join(f"{k} = {v if isinstance(v, str) else f'{v:g}'}" for k, v in settings.items())
         return Days(site, self.first, self.last, name=f"{self.name} at {shown}")
 
     def _repr_html_(self) -> str:
