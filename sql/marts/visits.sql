@@ -1,5 +1,5 @@
 -- name: marts/visits
--- One row per stay of a track, or of a person in joined ones, in an area that asks for visits: when it came and went, and what was seen of it.
+-- One row per stay of a track, or of a person in joined ones, in an area that asks for visits: when it came and went, as far as seen.
 -- grain: camera_id, track_id, area_id, started_ms
 -- reads: person_stays, areas, calendar
 -- columns:
@@ -106,7 +106,7 @@ spanned as (
             partition by camera_id, track_id, area_id, visit_no order by started_ms, seen_by, seen_as
         ) as began_it,
         (seen_by, seen_as) = first_value((seen_by, seen_as)) over (
-            partition by camera_id, track_id, area_id, visit_no order by ended_ms desc, seen_by, seen_as
+            partition by camera_id, track_id, area_id, visit_no order by ended_ms desc, seen_by asc, seen_as asc
         ) as ended_it
     from numbered
     window

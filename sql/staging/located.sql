@@ -1,5 +1,5 @@
 -- name: staging/located
--- One row per stored person record of the people who are counted, with its floor position: as sent, or its foot point through the calibration in force.
+-- One row per stored record of a person who is counted, with its floor position: as sent, or by the calibration in force.
 -- grain: camera_id, ts_ms, member
 -- reads: stored_observations, calibrations, cameras, owner_cells, instants, staff
 -- params: coordinate_max_mm, owner_cell_mm, people
