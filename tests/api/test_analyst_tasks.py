@@ -110,8 +110,8 @@ def recorded(demo_project: Path) -> pd.DataFrame:
     return counts.mul(interval_s, axis="columns") / 3600
 
 
-def test_twelve_tasks_take_at_most_three_lines_each() -> None:
-    assert len(TASKS) == 12
+def test_thirteen_tasks_take_at_most_three_lines_each() -> None:
+    assert len(TASKS) == 13
     assert max(block.count("\n") for block in TASKS) <= 3
 
 
@@ -119,6 +119,12 @@ def test_a_strict_type_checker_passes_the_tasks(tmp_path: Path) -> None:
     path = tmp_path / "tasks.py"
     path.write_text("\n".join([BEGIN, *TASKS, *SHOWN]), encoding="utf-8")
     assert "Success" in check(path)
+
+
+def test_the_time_of_visitors_and_that_of_staff_is_the_time_of_all(done: dict[str, Any]) -> None:
+    week = done["week"]
+    staff_s = week.at(people="staff").hours.total("exposure_s") or 0.0
+    assert done["visitors_s"] + staff_s == pytest.approx(week.hours.total("exposure_s"), rel=1e-9)
 
 
 def test_an_average_per_hour_counts_quiet_hours_and_leaves_out_those_hardly_recorded(
