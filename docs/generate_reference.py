@@ -95,10 +95,14 @@ def _toml(value: Any) -> str:
 
 def cli_markdown() -> str:
     """Return `docs/cli.md`: every command with its help, arguments, options and examples, from the program itself."""
-    from vsd_analytics.cli import cli
+    from vsd_analytics.cli import JOBS, cli
 
     commands = list(every_command())
-    rows = [(f"[`{name}`](#{_anchor(name)})", _prose(c.help or "")[0].split("\n")[0]) for name, c in commands]
+    rows = {name: (f"[`{name}`](#{_anchor(name)})", _prose(c.help or "")[0].split("\n")[0]) for name, c in commands}
+    jobs = list[str]()
+    for title, names in JOBS.values():
+        job_rows = [row for name, row in rows.items() if name.split()[1] in names]
+        jobs += [f"**{title}**", _table(("command", "what it does"), job_rows)]
     parts = [
         "# Commands",
         NOTE,
@@ -107,7 +111,7 @@ Results go to standard output, messages to standard error. `--json` prints one o
 also for errors. Weeks are ISO weeks (`2026-W46`, `last`, `last-2`); ranges are `2026-11-09..2026-11-15`; without
 either, everything stored is meant.""",
         "Exit codes: **0** done, **1** done and something needs you, **2** could not run, **130** interrupted.",
-        _table(("command", "what it does"), rows),
+        *jobs,
         "## Options of every command",
         "They come before the command: `vsd -C shop hours`.",
         _table(("option", "meaning"), _options(cli.params)),

@@ -6,6 +6,7 @@ import contextlib
 import importlib
 import os
 import sys
+from typing import Final
 
 import click
 
@@ -16,32 +17,35 @@ from vsd_analytics.cli.project import Project
 from vsd_analytics.site.instants import instant
 from vsd_analytics.version import VERSION
 
-COMMANDS = (
-    *("demo", "init", "calibrate", "engine", "evaluate", "log", "context", "check", "ingest", "imports", "quarantine"),
-    *("listen", "node", "alarms"),
-    *("build", "fetch", "coverage", "hours", "heatmap", "hotspots", "groups", "visits", "flow", "queue", "capacity"),
-    *("compare", "plan", "whatif", "selfcheck", "forecast"),
-    *(
-        "today",
-        "report",
-        "target",
-        "opening",
-        "mark",
-        "inbox",
-        "planner",
-        "site",
-        "serve",
-        "mcp",
-        "export",
-        "purge",
-        "sql",
-        "schema",
-        "verify",
-        "doctor",
+JOBS: Final = {
+    "week": ("Every week", ("ingest", "coverage", "report", "planner", "log", "compare", "doctor")),
+    "start": ("Start a site", ("demo", "init", "check", "calibrate", "mark", "opening", "schema")),
+    "cameras": ("Read cameras and engines", ("engine", "evaluate", "listen", "node", "imports", "quarantine")),
+    "space": (
+        "How a space is used",
+        (
+            "today",
+            "hours",
+            "heatmap",
+            "hotspots",
+            "groups",
+            "visits",
+            "flow",
+            "queue",
+            "capacity",
+            "context",
+            "forecast",
+        ),
     ),
-    "explain",
-)
-"""The commands, each in the module of its name, in the order in which a new user needs them."""
+    "change": ("Change the room", ("plan", "whatif", "target", "selfcheck", "inbox", "alarms")),
+    "share": ("Publish and query", ("site", "serve", "mcp", "export", "sql")),
+    "store": ("Keep the store", ("build", "fetch", "purge", "verify")),
+    "manual": ("Get help", ("help", "explain")),
+}
+"""What the program is used for: the title of a job, and its commands in the order in which they are used."""
+
+COMMANDS: Final = tuple(command for _, commands in JOBS.values() for command in commands)
+"""The commands, each in the module of its name."""
 
 
 class LazyGroup(click.Group):
@@ -59,10 +63,18 @@ class LazyGroup(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write each command with its whole first sentence, wrapped rather than cut off."""
-        commands = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
+        """Write the commands of a week with what they do, and the names of the others by job."""
+        self.write_job(ctx, formatter, "week")
+        rows = [(job, f"{title}: {', '.join(names)}") for job, (title, names) in JOBS.items() if job != "week"]
+        with formatter.section("More, by job (vsd help JOB says what each does)"):
+            formatter.write_dl(rows)
+
+    def write_job(self, ctx: click.Context, formatter: click.HelpFormatter, job: str) -> None:
+        """Write the commands of a job, each with its whole first sentence, wrapped rather than cut off."""
+        title, names = JOBS[job]
+        commands = {name: self.get_command(ctx, name) for name in names}
         rows = [(name, _first_sentence(c.help or "")) for name, c in commands.items() if c is not None]
-        with formatter.section("Commands"):
+        with formatter.section(title):
             formatter.write_dl(rows)
 
     def resolve_command(
@@ -131,4 +143,4 @@ def main(arguments: list[str] | None = None) -> None:
     os._exit(0)
 
 
-__all__ = ["COMMANDS", "cli", "main", "render_error"]
+__all__ = ["COMMANDS", "JOBS", "cli", "main", "render_error"]
