@@ -1,4 +1,4 @@
-"""Draws the four charts of docs/statistics.md from the tables behind them: `python docs/charts.py`.
+"""Draws the four charts of docs/statistics.md from the tables of docs/methods/: `python docs/charts.py`.
 
 A chart has no number of its own: each is read from the row named here, so that a table and its picture cannot differ.
 """
@@ -15,11 +15,16 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 DOCS = Path(__file__).resolve().parent
-TABLES = DOCS / "statistics.md"
+METHODS = DOCS / "methods"
 BEFORE, AFTER, INK, BAR = "#b9bdc4", "#1f5fa8", "#22262b", "#8a2f2f"
 ON_WHITE: Final = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
 _NUMBER: Final = re.compile(r"-?\d+(?:\.\d+)?")
 STYLE: Final = {"svg.hashsalt": "charts", "svg.fonttype": "path", "font.size": 10.5, "font.family": "DejaVu Sans"}
+
+
+def tables() -> str:
+    """Return the text of all pages of methods, by name."""
+    return "\n".join(path.read_text(encoding="utf-8") for path in sorted(METHODS.glob("*.md")))
 
 
 def rows_of(text: str) -> list[list[str]]:
@@ -32,7 +37,7 @@ def row(rows: Sequence[Sequence[str]], *starts: str) -> Sequence[str]:
     """Return the one row whose first cells are these; ValueError where none or several are."""
     found = [r for r in rows if tuple(r[: len(starts)]) == starts]
     if len(found) != 1:
-        raise ValueError(f"{len(found)} rows of {TABLES.name} begin with {starts}")
+        raise ValueError(f"{len(found)} rows of {METHODS.name} begin with {starts}")
     return found[0]
 
 
@@ -194,7 +199,7 @@ def drawn(name: str) -> bytes:
 
     with mpl.rc_context(STYLE):
         out = BytesIO()
-        CHARTS[name](rows_of(TABLES.read_text(encoding="utf-8"))).savefig(out, format="svg", metadata={"Date": None})
+        CHARTS[name](rows_of(tables())).savefig(out, format="svg", metadata={"Date": None})
     return out.getvalue()
 
 

@@ -25,7 +25,7 @@ PAGES = sorted(
     [
         REPOSITORY / "README.md",
         REPOSITORY / "CONTRIBUTING.md",
-        *(p for p in DOCS.glob("*.md") if p.name not in FROM_SQL),
+        *(p for p in DOCS.rglob("*.md") if p.name not in FROM_SQL),
     ]
 )
 
@@ -132,7 +132,7 @@ def test_people_may_stand_and_code_may_say_anything() -> None:
 def test_every_term_of_the_glossary_is_used() -> None:
     page = (DOCS / "glossary.md").read_text(encoding="utf-8")
     terms = [t.lower() for t in re.findall(r"\*\*([^*]+)\*\*", page)]
-    texts = [p.read_text(encoding="utf-8") for p in DOCS.glob("*.md") if p.name != "glossary.md"]
+    texts = [p.read_text(encoding="utf-8") for p in DOCS.rglob("*.md") if p.name != "glossary.md"]
     texts += [p.read_text(encoding="utf-8") for folder in ("vsd_analytics", "sql") for p in sources(folder)]
     everything = " ".join(re.sub(r"[\s_-]+|\s*\n\s*(?:--|#)?\s*", " ", text.lower()) for text in texts)
     assert len(terms) > 40

@@ -1,4 +1,4 @@
-"""How often `vsd check` doubts the clock of a file by opening hours (W223): prints a table of docs/statistics.md.
+"""How often `vsd check` doubts the clock of a file by opening hours (W223): prints a table of docs/methods/imports.md.
 
 Run `python tests/ingest/prove_opening_hours.py --files 200`. Each file is a day of a made-up shop in one of six zones,
 with opening hours of its own. Its times are right, or its program counted local time as UTC (off by one offset), or it

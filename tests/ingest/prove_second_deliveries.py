@@ -3,7 +3,7 @@
     python tests/ingest/prove_second_deliveries.py                 # made-up recordings
     VSD_REALDATA=... python tests/ingest/prove_second_deliveries.py  # real ones too
 
-Prints the tables of docs/statistics.md, and ends with 1 where a second delivery of the twelve spellings is silent, or
+Prints the tables of docs/methods, and ends with 1 where a second delivery of the twelve spellings is silent, or
 another recording is taken for one.
 """
 

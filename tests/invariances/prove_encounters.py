@@ -1,6 +1,6 @@
 """Counts violations of people whose track ids switch, double and flicker, and prints how far from those of true ids.
 
-Run `python tests/invariances/prove_encounters.py`; the tables are in docs/statistics.md. Floors and trackers are those
+Run `python tests/invariances/prove_encounters.py`; the tables are in docs/methods. Floors and trackers are those
 of `encounter_worlds.py`; all goes the way of real data: store, facts, marts. Real recordings with true ids:
 `tests/realdata/prove_recorded_encounters.py`.
 """

@@ -1,4 +1,4 @@
-"""Counts violations of the same people at many frame rates and prints how far from the truth: docs/statistics.md.
+"""Counts violations of the same people at many frame rates and prints how far from the truth: docs/methods.
 
 Run `python tests/invariances/prove_frame_rate.py`. People walk between places of a floor (`seen_worlds.shoppers`), or
 through the simulated shop, at their true positions or with 5 cm of noise, with a frame every 0.4 to 4 s. All goes the

@@ -1,6 +1,6 @@
 """Every figure of the catalogue on a real morning: the ATC shopping centre, Wednesday 24 October 2012, hours 9 to 11.
 
-Run `VSD_REALDATA=... python tests/realdata/prove_atc.py`; the table is in docs/statistics.md. The recording goes
+Run `VSD_REALDATA=... python tests/realdata/prove_atc.py`; the table is in docs/methods/atc.md. The recording goes
 through ingest, store, facts and report as any engine's output does; what three hours cannot tell is refused with its
 reason. Beside them stands what plain numpy counted of the same files, where it did.
 """
@@ -84,7 +84,7 @@ def said(metric: str, figure: Mapping[str, Any]) -> str:
         limits = f" ({number(figure['lo'])} to {number(figure['hi'])})" if figure["lo"] is not None else ""
         parts.append(f"**{number(figure['value'])}**{limits} {UNITS.get(metric, figure['unit'])}")
     if figure["rows"] is not None:
-        parts.append(ROWS.get(metric, few)(figure["rows"]))
+        parts.append(ROWS.get(metric, named())(figure["rows"]))
     if figure["lo"] is None and figure["reason"]:
         parts.append(f"*{figure['reason']}*")
     return "; ".join(p for p in parts if p)
@@ -102,11 +102,6 @@ UNITS = {
 }
 
 
-def few(rows: Rows) -> str:
-    """Return the rows of a short list, one after the other."""
-    return " / ".join(" ".join(str(v) for v in row.values() if v is not None) for row in rows[:5]) or "none"
-
-
 def cells(rows: Rows) -> str:
     """Return how many cells a map has, and its range."""
     values = sorted(row["value"] for row in rows)
@@ -121,40 +116,34 @@ def shares(rows: Rows) -> str:
         low, high = (row[k] for k in (("least", "most") if "least" in row else ("from_m", "to_m")))
         unit = "" if "least" in row else " m"
         named = f"{low}" if low == high else f"{low} and more" if high is None else f"{low:g} to {high:g}{unit}"
-        said.append(f"{named}: {row['share']:.0%}")
+        said.append(f"{named}: {row['value']:.0%}")
     return ", ".join(said)
 
 
-def named(key: str, *values: str) -> Callable[[Rows], str]:
-    """Return what says rows by a name and some of their values."""
+def named(*keys: str) -> Callable[[Rows], str]:
+    """Return what says rows by some of their keys, what they are, and their value."""
 
     def tell(rows: Rows) -> str:
-        told = []
-        for row in rows:
-            kept = [
-                f"{number(row[v])}{unit}" for v, _, unit in (v.partition("|") for v in values) if row[v] is not None
-            ]
-            told.append(f"{row[key]} {', '.join(kept)}" if kept else "")
-        return " / ".join(t for t in told if t)
+        return " / ".join(
+            " ".join([*(str(row[key]) for key in keys), row["what"], number(row["value"])])
+            for row in rows
+            if row["value"] is not None
+        )
 
     return tell
 
 
 ROWS: Mapping[str, Callable[[Rows], str]] = {
-    "M2": named("start", "open_h| h"),
-    "M5": named("what", "people"),
-    "M6": named("reading", "value"),
-    "M8": named("what", "n"),
-    "M9": named("reading", "violation_rate| an hour", "encounter_rate| a person-hour"),
-    "M10": named("what", "value"),
+    "M2": named("start"),
+    "M6": named("reading"),
+    "M9": named("reading"),
     "M11": shares,
-    "M15": named("name", "violation_rate| an hour", "encounter_rate| a person-hour"),
+    "M15": named("name"),
     **dict.fromkeys(("M16", "M17", "M18", "M19"), cells),
     "M21": shares,
     "M22": lambda rows: f"the largest: {max(row['n_people'] for row in rows)} people",
-    "M23": named("what", "value"),
-    "M26": named("distance_m", "share"),
-    "M29": named("what", "value"),
+    "M26": named("distance_m"),
+    "M33": named("level"),
 }
 
 

@@ -1,6 +1,6 @@
 """Counts WILDTRACK's people once from seven cameras that see one floor, by several owner maps, and prints how well.
 
-Run `VSD_REALDATA=... python tests/realdata/prove_cameras.py`; the table is in docs/statistics.md. Records come from
+Run `VSD_REALDATA=... python tests/realdata/prove_cameras.py`; the table is in docs/methods. Records come from
 the adapter with `per_camera`, floor positions through each camera's calibration, and counting is plain numpy: nothing
 of the store or of the SQL takes part. Truth is the positions fused from all views, person by person and pair by pair.
 """

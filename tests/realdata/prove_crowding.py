@@ -1,6 +1,6 @@
 """How the two risk numbers move with people in view, and what two weeks of a workplace say: real recordings.
 
-Run `VSD_REALDATA=... python tests/realdata/prove_crowding.py`; the tables are in docs/statistics.md.
+Run `VSD_REALDATA=... python tests/realdata/prove_crowding.py`; the tables are in docs/methods/crowds.md.
 
 Crowding: three hours of a shopping centre in windows of five minutes. For a risk number r and people in view p,
 elasticity e means r ~ p^e: a number that does not depend on crowding has e = 0. Least squares of log r on log p; the

@@ -1,6 +1,6 @@
 """Follows WILDTRACK's and simulated people from camera to camera; prints how often that is wrong and what it brings.
 
-Run `VSD_REALDATA=... python tests/realdata/prove_joined_views.py`; the tables are in docs/statistics.md. Records go
+Run `VSD_REALDATA=... python tests/realdata/prove_joined_views.py`; the tables are in docs/methods. Records go
 through store, facts and marts as in a project. WILDTRACK's truth is its positions fused from all views; its boxes are
 made from them, so they agree better than boxes of detectors do. Simulated cameras have biases, clocks, occlusion and
 cut tracks.

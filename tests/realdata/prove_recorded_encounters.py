@@ -1,4 +1,4 @@
-"""Counts violations of real recordings with true ids, whole and with ids that a tracker cut: docs/statistics.md.
+"""Counts violations of real recordings with true ids, whole and with ids that a tracker cut: docs/methods.
 
 Run `VSD_REALDATA=... python tests/realdata/prove_recorded_encounters.py`. The true count is that of the whole
 recording. Where ids are joined that were not cut, the recording cut them itself, or two people were taken for one.

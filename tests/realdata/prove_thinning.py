@@ -1,6 +1,6 @@
 """Counts the violations of real recordings whole and with every k-th frame only, through store and warehouse.
 
-Run `VSD_REALDATA=... python tests/realdata/prove_thinning.py`; the tables are in docs/statistics.md. Each street
+Run `VSD_REALDATA=... python tests/realdata/prove_thinning.py`; the tables are in docs/methods. Each street
 scene is ingested from its file, once as it is (2.5 annotations a second) and once for each of the k phases of every
 k-th; three hours of a shopping centre likewise (one frame a second).
 """

@@ -1,6 +1,6 @@
 """Counts violations of recordings whose track ids were taken away, in several ways, beside those by id.
 
-Run `VSD_REALDATA=... python tests/realdata/prove_without_ids.py`; the table is in docs/statistics.md. Plain numpy
+Run `VSD_REALDATA=... python tests/realdata/prove_without_ids.py`; the table is in docs/methods. Plain numpy
 and scipy on true positions: an engine that sends no ids also misses people and places them with noise.
 """
 

@@ -1,4 +1,4 @@
-"""All figures of a real morning; the table is in docs/statistics.md (prove_atc.py)."""
+"""All figures of a real morning; the table is in docs/methods/atc.md (prove_atc.py)."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ def test_visits_dwell_and_flow_of_a_shopping_centre_are_those_of_its_raw_files(
         }
         gone_on = sum(n for (a, _), n in moves.items() if a == name), sum(to.share.n for to in moved.to)
         medians = f"{km_median(own):.1f} | {median:.1f}"
-        print(  # the table in docs/statistics.md
+        print(  # the table in docs/methods/visits-and-flow.md
             f"| {hour} | {name} | {len(own)} | {value_of(of, 'n_visits').value} | {medians} | {left[name]} "
             f"| {moved.following.n} | {gone_on[0]} | {gone_on[1]} |"
         )

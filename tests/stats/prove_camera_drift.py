@@ -159,7 +159,7 @@ def drifting() -> list[Site]:
 
 
 def main() -> None:
-    """Print the tables of docs/statistics.md."""
+    """Print the tables of docs/methods/camera-watch.md."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sites", type=int, default=1000)
     parser.add_argument("--decades", type=int, default=0, help="sites whose pages are read every week for ten years")

@@ -3,7 +3,7 @@
     python tests/stats/prove_cameras.py --sites 20
 
 Naive: whole pieces of tracks as visits, shares of those whose next area was seen, people counted in all open time.
-Each cell: bias, intervals that hold the truth; naive bias. The table is in docs/statistics.md.
+Each cell: bias, intervals that hold the truth; naive bias. The table is in docs/methods/several-cameras.md.
 """
 
 from __future__ import annotations

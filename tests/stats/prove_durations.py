@@ -1,4 +1,4 @@
-"""How often the interval of a duration holds the truth, on simulated weeks: prints the table of docs/statistics.md.
+"""How often the interval of a duration holds the truth, on simulated weeks: prints the table of docs/methods.
 
 Run `python tests/stats/prove_durations.py --weeks 1000`. Violations a day are Poisson with a gamma factor of sd .25 a
 day; durations are 3 s + lognormal(ln 5 s, 1), and a day moves their logarithm by a normal number of the stated sd.

@@ -2,7 +2,7 @@
 
     python tests/stats/prove_dwell.py --sites 500
 
-Naive: the quantiles of all pieces of tracks, as if each were a visit. The table is in docs/statistics.md.
+Naive: the quantiles of all pieces of tracks, as if each were a visit. The table is in docs/methods/visits-and-flow.md.
 """
 
 from __future__ import annotations

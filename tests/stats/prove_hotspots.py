@@ -3,7 +3,7 @@
 The floors are those of `floor_worlds`, 14 x 20 cells of 1 m over 28 days. `--floors` counts those whose cells are drawn
 at once, `--people` those of single people, counted pair by pair. `--stored` floors of single people go through import,
 store, facts and marts as positions in metres; `--stored 40` is the full proof. `--walls` smooths as the map of the week
-does, stopping at six shelves: what the test would be with it (docs/statistics.md says why it is not).
+does, stopping at six shelves: what the test would be with it (docs/methods/hotspots.md says why it is not).
 """
 
 from __future__ import annotations

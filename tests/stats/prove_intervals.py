@@ -1,6 +1,6 @@
 """Draws weeks with known truth and prints how often the intervals of `vsd_analytics.stats` hold it.
 
-Run `python tests/stats/prove_intervals.py --weeks 2000`; the tables are in docs/statistics.md.
+Run `python tests/stats/prove_intervals.py --weeks 2000`; the tables are in docs/methods/ranges.md.
 
 The world: a site with four cameras of unequal share, each with its own weekday profile, open 13 hours (8 on Sunday).
 A day moves all its violations by a common factor, gamma with mean 1 and sd `day_sd`; given that, each camera's daily
@@ -371,7 +371,7 @@ def people_table(*, judged: int, weeks: int, seed: int) -> None:
 
 
 def main() -> None:
-    """Print the tables of docs/statistics.md."""
+    """Print the tables of docs/methods/ranges.md."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--weeks", type=int, default=2000, help="weeks drawn per cell")
     parser.add_argument("--seed", type=int, default=20261109)

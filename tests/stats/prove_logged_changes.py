@@ -190,7 +190,7 @@ def cleared(usual: float, n: int) -> str:
 
 
 def main() -> None:
-    """Print the tables of docs/statistics.md."""
+    """Print the tables of docs/methods/logged-changes.md."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sites", type=int, default=2000)
     n = parser.parse_args().sites

@@ -4,7 +4,7 @@
 
 Naive: quantiles of whole tracks that were served, the share of whole tracks that left, and people counted in all hours,
 also those in which a camera was dead. Where it is always dead in the same hours, figures are of the other hours and
-have no interval ("unknown"). The tables are in docs/statistics.md.
+have no interval ("unknown"). The tables are in docs/methods/queues.md.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 
 Twelve weeks of a queue of queue_worlds.py, Saturdays a fifth busier, forecast the thirteenth. The limit is the number
 of people that a tenth of the hours exceeds in the long run. Naive: the same hour of the week before. The table is in
-docs/statistics.md.
+docs/methods/forecasts.md.
 """
 
 from __future__ import annotations

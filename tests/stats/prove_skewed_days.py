@@ -1,6 +1,6 @@
 """Draws weeks at places where a few days have much more than the others, and prints how often levels hold the truth.
 
-Run `python tests/stats/prove_skewed_days.py --weeks 2000`; the table is in docs/statistics.md. The generators share
+Run `python tests/stats/prove_skewed_days.py --weeks 2000`; the table is in docs/methods/ranges.md. The generators share
 nothing with the demo's or with `prove_intervals.py`: day effects are log-normal. What makes days skewed, by world:
 
 * coach parties: on a share of the days, drawn by coin, a gamma amount (shape 4) is added, a quarter of all violations;

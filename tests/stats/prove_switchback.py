@@ -2,7 +2,7 @@
 
 Sites of eight areas (`day_worlds`), of which one has a change on days that a coin chose, in pairs of one weekday in two
 weeks. Every place has days of its own besides, which resemble the day before; violations last a random time. The table
-of docs/statistics.md: how often nothing is called clear, how often a fall of 30 % is, how often the interval holds the
+of docs/methods: how often nothing is called clear, how often a fall of 30 % is, how often the interval holds the
 truth, and the power that 12 earlier weeks of each site promise.
 """
 

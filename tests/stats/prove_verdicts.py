@@ -1,6 +1,6 @@
 """Draws sites in which nothing, or something known, changes, and prints how often verdicts and levels are right.
 
-Run `python tests/stats/prove_verdicts.py`; the table is in docs/statistics.md. The worlds are those of
+Run `python tests/stats/prove_verdicts.py`; the table is in docs/methods/verdicts.md. The worlds are those of
 `day_worlds`. Unless a row says otherwise a site has twelve weeks of history. "Before" is what the method of May 2026
 did, which knew days and no weeks, in the measurements that asked for this one; a dash where none was made.
 """
@@ -227,7 +227,7 @@ TABLES = (null_rows, power_rows, word_rows, level_rows, family_rows, few_days_ro
 
 
 def main() -> None:
-    """Print the table of docs/statistics.md."""
+    """Print the table of docs/methods/verdicts.md."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--runs", type=int, default=1000, help="sites drawn per row")
     parser.add_argument("--seed", type=int, default=20261109)

@@ -1,6 +1,6 @@
 """Intervals over simulated weeks with known truth; bars with room for the error of 400 weeks (at most 1.3 points).
 
-Tables of all worlds over 3,000 weeks: `prove_intervals.py`, in docs/statistics.md.
+Tables of all worlds over 3,000 weeks: `prove_intervals.py`, in docs/methods/ranges.md.
 
 In these worlds days are independent and weeks alike, which no site is promised: intervals that allow for days in a row
 that resemble each other, and for weeks that differ, hold the truth more often than they say. What is promised of

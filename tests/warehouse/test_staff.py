@@ -67,7 +67,7 @@ def test_of_people_with_cut_tracks_hardly_a_visitor_is_called_staff(tmp_path: Pa
     put(site, of)
     found = judged(of, named(site, 1))
     assert found["precision"] >= 0.95
-    assert 0.25 <= found["recall"] < 1, "the limit that docs/statistics.md names"
+    assert 0.25 <= found["recall"] < 1, "the limit that docs/methods/staff.md names"
 
 
 def test_nothing_changes_while_nobody_asks(records: Records, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ def build(
     """Write index.html over all reports: which floors changed, which really differ, how certain, every earlier week.
 
     Floors are compared at the same crowding, over ten weeks, and never ranked: the page names those that differ beyond
-    chance (docs/statistics.md, section "Sites"). With --json the comparison is printed.
+    chance (docs/methods/sites.md). With --json the comparison is printed.
 
     It is made from the JSON files of the reports and links to them with relative addresses, so it works from a folder
     and from any web server. Reports that are not below the index are copied beside it, into a folder for each

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 WORKS_E: Final = 40.0
 """Evidence (e-value) from which it is said that a change works: twice that of a clear verdict. A site that logs a
-change a month then reads it wrongly in fewer than one year of twenty (docs/statistics.md, "A year of pages")."""
+change a month then reads it wrongly in fewer than one year of twenty (docs/methods/pages.md)."""
 WORKS_WEEKS: Final = 8
 """Weeks from which on it is said: a broken machine, or a school holiday that one area feels, is over by then."""
 MOSTLY_MOVED: Final = 0.5

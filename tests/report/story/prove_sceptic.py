@@ -291,7 +291,7 @@ def worst(found: Findings, n: int = 10) -> Iterator[str]:
 
 
 def main() -> None:
-    """Print the table of docs/statistics.md, what nobody judged, and the worst sentences."""
+    """Print the table of docs/methods/pages.md, what nobody judged, and the worst sentences."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sites", type=int, default=3, help="sites of each tale")
     parser.add_argument("--first", type=int, default=0, help="number of the first site: to go on where a run ended")

@@ -277,7 +277,7 @@ def running_alone(world: World, n_sites: int, *, seed: int, least_e: float) -> t
 
 
 def main() -> None:
-    """Print the table of docs/statistics.md."""
+    """Print the table of docs/methods/pages.md."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sites", type=int, default=40)
     parser.add_argument("--first", type=int, default=0, help="number of the first site: to go on where a run ended")
