@@ -22,6 +22,7 @@ import vsd_analytics
 from vsd_analytics.cli import COMMANDS, cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.cli.explain import explanations
+from vsd_analytics.errors import UsageError
 
 CONFIG = site_text("cam-1", "cam-2")
 HEADER = "ts,camera_id,track_id,x_m,y_m\n"
@@ -387,3 +388,11 @@ def test_doctor_finds_a_damaged_file_of_the_store(vsd: Vsd, tmp_path: Path) -> N
     part.write_bytes(part.read_bytes()[:-9])
     code, out, _ = vsd("doctor")
     assert (code, "1 damaged file(s)" in out, part.name in out) == (1, True, True)
+
+
+def test_the_demo_makes_a_project_of_its_own_and_refuses_another_ones_folder(tmp_path: Path) -> None:
+    """`-C` would be an option that is not used; the printed command is the one that was meant."""
+    with pytest.raises(UsageError) as refusal:
+        cli.main(["-C", str(tmp_path), "demo", "shop"], standalone_mode=False)
+    assert refusal.value.fix == f"vsd demo {tmp_path / 'shop'}"
+    assert not (tmp_path / "shop").exists()

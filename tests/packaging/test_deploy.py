@@ -24,23 +24,56 @@ UNITS = sorted((DEPLOY / "systemd").glob("vsd-*"))
 
 
 def unit(path: Path) -> configparser.ConfigParser:
-    found = configparser.ConfigParser(interpolation=None, strict=False)
-    found.optionxform = str  # type: ignore[assignment,method-assign]
-    found.read(path, encoding="utf-8")
-    return found
+    sections = configparser.ConfigParser(interpolation=None, strict=False)
+    sections.optionxform = str  # type: ignore[assignment,method-assign]
+    sections.read(path, encoding="utf-8")
+    return sections
+
+
+def commands(path: Path) -> list[list[str]]:
+    """Return the commands of a unit in their order, each as its words."""
+    return [line.partition("=")[2].split() for line in path.read_text().splitlines() if line.startswith("ExecStart=")]
 
 
 @pytest.mark.parametrize("path", [p for p in UNITS if p.suffix == ".service"], ids=lambda p: p.name)
 def test_a_unit_runs_a_command_that_exists_as_the_user_that_is_made(path: Path) -> None:
     service = unit(path)["Service"]
-    program, _, folder, name, *_ = service["ExecStart"].split()
-    assert (program, folder) == ("/opt/vsd/bin/vsd", "/var/lib/vsd/%i")
-    assert name in COMMANDS
+    for program, _, folder, name, *_ in commands(path):
+        assert (program, folder) == ("/opt/vsd/bin/vsd", "/var/lib/vsd/%i")
+        assert name in COMMANDS
     made = (DEPLOY / "systemd" / "sysusers.conf").read_text().splitlines()[-1].split()
     assert made[:2] == ["u", service["User"]]
     folders = [line.split() for line in (DEPLOY / "systemd" / "tmpfiles.conf").read_text().splitlines()[1:]]
     assert {f[1]: f[3] for f in folders} == {"/var/lib/vsd": service["User"], "/etc/vsd": "root"}
-    assert service["StateDirectory"] == "vsd/%i"
+    assert service["StateDirectory"].split()[0] == "vsd/%i"
+
+
+def test_the_index_finds_the_file_that_the_report_of_the_same_unit_writes() -> None:
+    report, index = commands(DEPLOY / "systemd" / "vsd-report@.service")
+    assert index[3:5] == ["site", "build"]
+    assert "json" in report[report.index("--format") + 1].split(",")
+    assert report[-1] == "$VSD_REPORT"  # the options of a site: unset, they are no word at all
+
+
+@pytest.mark.parametrize("path", [p for p in UNITS if p.suffix == ".service"], ids=lambda p: p.name)
+def test_options_of_a_unit_are_options_of_its_command(path: Path) -> None:
+    for _, _, _, *words in commands(path):
+        given = [word.replace("%i", "shop") for word in words if not word.startswith("$")]
+        command: click.Command = cli
+        while isinstance(command, click.Group):
+            name, given = given[0], given[1:]
+            inner = command.get_command(click.Context(command), name)
+            assert inner is not None, name
+            command = inner
+        command.make_parser(click.Context(command)).parse_args(given)
+
+
+def test_each_timer_starts_a_unit_and_the_page_on_timers_names_every_unit() -> None:
+    page = (REPOSITORY / "docs" / "timers.md").read_text(encoding="utf-8")
+    for path in UNITS:
+        assert path.suffix != ".timer" or path.with_suffix(".service").is_file()
+        is_started_by_timer = path.with_suffix(".timer").is_file()
+        assert path.name.replace("@", "@SITE").replace(".service", "") in page or is_started_by_timer, path.name
 
 
 def test_a_listener_that_another_one_replaced_is_not_started_again() -> None:

@@ -74,6 +74,7 @@ def demo(
       vsd demo my-demo --weeks 12 --reports all
       vsd demo vsd-canteen --place canteen
     """
+    import shlex
     import time
     from pathlib import Path
 
@@ -84,6 +85,12 @@ def demo(
     from vsd_analytics.simulate.demo_project import write_demo_project
 
     root = Path(folder)
+    if project.folder != ".":
+        raise UsageError(
+            f"-C {project.folder}: the demo makes a project of its own",
+            why="-C names a project that is there",
+            fix=f"vsd demo {shlex.quote(str(Path(project.folder) / folder))}",
+        )
     weeks = WEEKS[place] if weeks is None else weeks
     if root.exists() and (not root.is_dir() or any(root.iterdir())):
         raise UsageError(

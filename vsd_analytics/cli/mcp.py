@@ -19,7 +19,7 @@ def mcp(project: Project) -> None:
 
     \b
     Example:
-      vsd -C /srv/vsd/shop mcp
+      vsd -C /var/lib/vsd/shop mcp
     """
     from vsd_analytics.cli.explain import explanations
     from vsd_analytics.service.answers import ReportAnswers
