@@ -339,7 +339,7 @@ def test_a_camera_that_cannot_tell_is_left_out_and_named(tmp_path: Path) -> None
     with open_days(site) as warehouse:
         found = groups(warehouse)
         one = groups(warehouse, camera_id="side")
-        with pytest.raises(UsageError, match="no camera has the id"):
+        with pytest.raises(UsageError, match="the site has no camera"):
             groups(warehouse, camera_id="nope")
     assert (found.state, found.n_by_size, dict(found.left_out).keys()) == ("ok", {2: 2}, {"side"})
     assert (one.state, one.groups) == ("not_measurable", ())

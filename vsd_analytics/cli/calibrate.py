@@ -144,7 +144,8 @@ def calibrate(
 def _draw(project: Project, camera_id: str, *, picture: Path | None, is_opened: bool, as_json: bool) -> int:
     """Write the page to calibrate a camera by hand."""
     from vsd_analytics.calibration_page.page import render_calibration_page
-    from vsd_analytics.config.calibrate import FOLDER, camera_called
+    from vsd_analytics.config.calibrate import FOLDER
+    from vsd_analytics.site.cameras_by_name import camera_called
     from vsd_analytics.store.durable import publish
 
     project.speak()
@@ -177,18 +178,18 @@ def _from_people(
     project: Project, camera_id: str, people: Path, *, size: str | None, since: datetime | None, as_json: bool
 ) -> int:
     """Calibrate a camera from the people it sees while the result will be in force, and put it into force."""
-    from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.engine.ignored_parts import in_parts
     from vsd_analytics.engine.people_files import read_each_once
     from vsd_analytics.engine.pictures import is_picture_source
     from vsd_analytics.engine.plane_method import off_planes
+    from vsd_analytics.site.cameras_by_name import camera_called
 
     if people.exists() and is_picture_source(people):
         raise UsageError(
             f"{people.name} has pictures, and nothing has found people in them yet",
             fix=f"vsd engine run {people} --camera {camera_id} --detector MODEL.onnx --from-people",
         )
-    camera = calibration.camera_called(project.site, camera_id)
+    camera = camera_called(project.site, camera_id)
     picture_px = _picture_px(camera, size)
     every = read_each_once(people, size_px=picture_px)
     seen = off_planes(every.rows(~in_parts(every.outline, camera.ignore_px)), camera.planes)
@@ -226,10 +227,10 @@ def _from_lines(
     """Calibrate a camera from the straight lines of a picture, and put the result into force."""
     import numpy as np
 
-    from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.engine.vanishing_points import camera_from_lines
+    from vsd_analytics.site.cameras_by_name import camera_called
 
-    known = calibration.camera_called(project.site, camera_id).picture_px
+    known = camera_called(project.site, camera_id).picture_px
     found = camera_from_lines(picture, height_m=height_m)
     if known is not None and known != found.size_px:
         sizes = ["{}x{}".format(*size) for size in (found.size_px, known)]
@@ -273,8 +274,9 @@ def _from_camera_files(
     """Calibrate a camera from files that describe it, and put the result into force."""
     from vsd_analytics.config import calibrate as calibration
     from vsd_analytics.geometry.camera_files import floor_fit, read_camera
+    from vsd_analytics.site.cameras_by_name import camera_called
 
-    picture_px = _picture_px(calibration.camera_called(project.site, camera_id), size)
+    picture_px = _picture_px(camera_called(project.site, camera_id), size)
     fit = floor_fit(read_camera(files, unit_m={"m": 1.0, "cm": 0.01, "mm": 0.001}[unit]), picture_px=picture_px)
     done = _put_into_force(project, camera_id, fit.homography, since=since)
     calibration.state_error(project.site.root / done.file, calibration_id=done.calibration_id, error_m=fit.error_m)
@@ -304,9 +306,9 @@ def _put_into_force(
 def _check(project: Project, camera_id: str, source: Path, *, size: str | None, as_json: bool) -> int:
     """Tell whether a camera has moved since its latest calibration; 1 when it has, or when nobody can tell."""
     from vsd_analytics.cli import moved_cameras
-    from vsd_analytics.config.calibrate import camera_called
     from vsd_analytics.engine.ignored_parts import in_parts
     from vsd_analytics.engine.people_files import read_each_once
+    from vsd_analytics.site.cameras_by_name import camera_called
 
     camera = camera_called(project.site, camera_id)
     picture_px = _picture_px(camera, size)

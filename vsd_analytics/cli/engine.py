@@ -164,12 +164,12 @@ def run(
       vsd engine run joints/ --camera cam-1 --out frames.jsonl --overlay look/ --pictures door.mp4
       vsd engine run door.mp4 --camera cam-1 --detector model.onnx --start 2026-11-09T08:00 --track
     """
-    from vsd_analytics.config.calibrate import camera_called
     from vsd_analytics.engine.ignored_parts import engine_ignoring, in_parts
     from vsd_analytics.engine.messages import frame_messages, instants_ms
     from vsd_analytics.engine.monoloco_files import read_monoloco
     from vsd_analytics.engine.people_files import read_each_once, read_people
     from vsd_analytics.engine.seen import IGNORED
+    from vsd_analytics.site.cameras_by_name import camera_called
     from vsd_analytics.store.durable import publish
 
     if track and method == "paper":

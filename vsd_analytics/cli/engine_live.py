@@ -160,12 +160,11 @@ def _serve_look(project: Project, looked_at: Sequence[LiveCamera], port: int, op
 
 def _with_sources(project: Project, camera_ids: Sequence[str], *, is_looked_at: bool) -> list[Camera]:
     """Return the cameras to look at; one without a calibration only where somebody looks, who can make one."""
+    from vsd_analytics.site.cameras_by_name import camera_called
+
     site = project.site
-    known = {camera.camera_id: camera for camera in site.cameras}
     for camera_id in camera_ids:
-        if camera_id not in known:
-            raise UsageError(f"vsd.toml has no camera {camera_id!r}", fix=f"known: {', '.join(known)}")
-        if known[camera_id].source is None:
+        if camera_called(site, camera_id, option="--camera").source is None:
             fix = 'under its [[camera]]: source = "rtsp://192.168.1.20/stream1", "/dev/video0" or "door.mp4"'
             raise UsageError(f"camera {camera_id!r} has no source", fix=fix)
     today = project.now.astimezone(site.zone).date()

@@ -66,7 +66,12 @@ def print_source(project: Project, source: SourceResult, *, has_card: bool = Fal
             where=Where(source.source, example.line, example.text or None),
             why=example.detail[:300],
             fix=fix_of(
-                reason, format=source.format, mapping=source.mapping, sources=project.site.sources, row=example.row
+                reason,
+                format=source.format,
+                mapping=source.mapping,
+                sources=project.site.sources,
+                cameras=project.site.cameras,
+                row=example.row,
             ),
         )
         click.echo(render_error(warning, word="warning"), err=True)

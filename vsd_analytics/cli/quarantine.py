@@ -130,8 +130,14 @@ def _fix(project: Project, summary: ReasonSummary) -> str | None:
     first = summary.first
     if first is None:
         return fix_of(summary.reason)
-    sources = project.site.sources
-    return fix_of(summary.reason, format=first.format, mapping=first.options, sources=sources, row=first.row)
+    return fix_of(
+        summary.reason,
+        format=first.format,
+        mapping=first.options,
+        sources=project.site.sources,
+        cameras=project.site.cameras,
+        row=first.row,
+    )
 
 
 def _summary_dict(summary: ReasonSummary, fix: str | None) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import date, timedelta
@@ -11,19 +12,14 @@ import click
 
 from vsd_analytics.cli.output import facts_progress, render_error
 from vsd_analytics.cli.project import Project
-from vsd_analytics.errors import StoreError, VsdError
-from vsd_analytics.site.instants import parse_range, parse_week
+from vsd_analytics.errors import StoreError, UsageError, VsdError
+from vsd_analytics.site.cameras_by_name import nearest_camera_id
+from vsd_analytics.site.instants import instant, parse_range, parse_week
 
 if TYPE_CHECKING:
     from vsd_analytics.figures.periods import Period
     from vsd_analytics.site.model import Floor
     from vsd_analytics.warehouse.warehouse import Warehouse
-
-
-import re
-
-from vsd_analytics.errors import UsageError
-from vsd_analytics.site.instants import instant
 
 
 def resolve(project: Project, *, week: str | None, days: str | None) -> tuple[date, date]:
@@ -188,5 +184,10 @@ def camera_id_of(project: Project, camera: str | None) -> str | None:
         return None
     known = {name: c.camera_id for c in project.site.cameras for name in (c.camera_id, *c.engine_ids)}
     if camera not in known and not re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,62}", camera):
-        raise UsageError(f"--camera {camera!r} is no camera", fix=f"one of {', '.join(list(known)[:20])}")
+        near = nearest_camera_id(camera, project.site.cameras)
+        raise UsageError(
+            f"--camera {camera!r} is no camera",
+            why=f"known: {', '.join(list(known)[:20])}",
+            fix=f"--camera {near}" if near else "--camera with one of them",
+        )
     return known.get(camera, camera)

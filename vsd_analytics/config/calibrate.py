@@ -12,6 +12,7 @@ from vsd_analytics.errors import CalibrationError, UsageError
 from vsd_analytics.geometry.calibration_files import PointPair, load_calibration, read_matrix, read_points
 from vsd_analytics.geometry.calibration_picture import draw_overlay
 from vsd_analytics.geometry.stated_errors import ENOUGH_POINTS, beside, position_error_m
+from vsd_analytics.site.cameras_by_name import camera_called
 from vsd_analytics.site.model import Calibration, Camera, Site
 
 FOLDER = "calibration"
@@ -117,21 +118,6 @@ def errors_m(homography: Sequence[Sequence[float]], points: Sequence[PointPair])
     pairs = np.asarray(points)
     off = to_floor(homography, pairs[:, :2]) - pairs[:, 2:]
     return [float(e) for e in np.hypot(off[:, 0], off[:, 1])]
-
-
-def camera_called(site: Site, camera_id: str, *, option: str = "vsd calibrate") -> Camera:
-    """Return a camera of the site; UsageError E101 when there is none, with the nearest name behind `option`."""
-    from vsd_analytics.config.reader import nearest
-
-    known = {c.camera_id: c for c in site.cameras}
-    if camera_id in known:
-        return known[camera_id]
-    close = nearest(camera_id, known)
-    raise UsageError(
-        f"the site has no camera {camera_id!r}",
-        why=f"its cameras are: {', '.join(known)}",
-        fix=f"{option} {close}" if close else "describe it in vsd.toml with [[camera]]",
-    )
 
 
 def _latest(camera: Camera) -> Calibration:

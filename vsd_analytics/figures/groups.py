@@ -17,7 +17,6 @@ from typing import Any, Final
 import numpy as np
 
 from vsd_analytics.answer import Reason, State
-from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
 from vsd_analytics.figures.group_list import Group, groups_of
 from vsd_analytics.figures.panels import Array, FloorHours, Place
@@ -25,6 +24,7 @@ from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import encounter_rate_level, violation_rate_level
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.settings import IntervalRules
+from vsd_analytics.site.cameras_by_name import camera_called
 from vsd_analytics.site.model import Camera
 from vsd_analytics.stats.estimates import RateEstimate
 from vsd_analytics.stats.groups import KNOWN_ACCURACY, Accuracy, ShareEstimate, TrackLives, share_by_days, track_lives
@@ -259,12 +259,9 @@ def _of_cameras(period: Period, able: Collection[str]) -> Place:
 
 
 def _cameras(warehouse: Warehouse, camera_id: str | None) -> list[Camera]:
-    known = [c.camera_id for c in warehouse.site.cameras]
-    if camera_id is not None and camera_id not in known:
-        raise UsageError(
-            f"no camera has the id {camera_id!r}", why=f"this site has {', '.join(known)}", fix=f"--camera {known[0]}"
-        )
-    return [c for c in warehouse.site.cameras if camera_id in (None, c.camera_id)]
+    if camera_id is not None:
+        return [camera_called(warehouse.site, camera_id, option="--camera")]
+    return list(warehouse.site.cameras)
 
 
 def _between(periods: Sequence[Period], able: Collection[str], rules: IntervalRules) -> tuple[ShareEstimate, int]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -49,6 +48,7 @@ from vsd_analytics.ingest.reading.column_hints import differing_cameras
 from vsd_analytics.ingest.reading.limits import within_bounds
 from vsd_analytics.ingest.reading.raw import n_rows, without_zones
 from vsd_analytics.schema import TABLES, TableName
+from vsd_analytics.site.cameras_by_name import nearest_camera_id
 from vsd_analytics.site.model import ReadingRule, Site
 from vsd_analytics.store.erasures import notes_of_erased
 from vsd_analytics.store.imports import imports_of, next_run, note_import
@@ -412,11 +412,11 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
     if is_unsaid and len(site.cameras) == 1:
         camera = site.cameras[0].camera_id
     elif camera is not None and camera not in known:
-        near = difflib.get_close_matches(camera, known, n=1)
+        near = nearest_camera_id(camera, site.cameras)
         raise UsageError(
             f"--camera {camera!r} is no camera of vsd.toml",
             why=f"known: {', '.join(list(known)[:20]) or 'none'}",
-            fix=f"--camera {near[0]}" if near else "--camera with one of them, or add a [[camera]] to vsd.toml",
+            fix=f"--camera {near}" if near else "--camera with one of them, or add a [[camera]] to vsd.toml",
         )
     if options.engine is not None and not (
         0 < len(options.engine) <= ENGINE_MAX_CHARS and options.engine.isprintable()

@@ -6,7 +6,8 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from vsd_analytics.site.model import ReadingRule
+from vsd_analytics.site.cameras_by_name import camera_meant
+from vsd_analytics.site.model import Camera, ReadingRule
 
 NO_TIME: Final = "no-time"
 TOO_MANY: Final = "too-many"
@@ -71,6 +72,7 @@ def fix_of(
     format: str | None = None,
     mapping: Mapping[str, Any] | None = None,
     sources: Sequence[ReadingRule] = (),
+    cameras: Sequence[Camera] = (),
     row: Mapping[str, Any] | str | None = None,
 ) -> str | None:
     """Return what to do about a record in quarantine, or None when its detail says it.
@@ -80,13 +82,16 @@ def fix_of(
         format: Adapter that read it; None = unknown.
         mapping: `persons` and `map` that it was read by, for the format "json".
         sources: The `[[source]]` of vsd.toml, of which the one with this mapping is named.
+        cameras: The cameras of vsd.toml, of which the one that the raw record means is named.
         row: The raw record, also as JSON, whose camera is named.
     """
     if reason == "unknown-camera" and row is not None:
         name = (json.loads(row) if isinstance(row, str) else row).get("camera")
         if isinstance(name, str) and name.isprintable():
             known = f"engine_ids = [{json.dumps(name[:80], ensure_ascii=False)}]"
-            return f"add {known} to its [[camera]] in vsd.toml, or describe it in a new one"
+            meant = camera_meant(name, cameras)
+            its = "its [[camera]]" if meant is None else f'[[camera]] id = "{meant.camera_id}"'
+            return f"add {known} to {its} in vsd.toml, or describe it in a new one"
     if reason != "bad-message" or format in (None, "frames"):
         return FIXES.get(reason)
     if format != "json":
