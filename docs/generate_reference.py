@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 NOTE: Final = "<!-- Made by `make docs` from the code; edit there. -->"
 _SECTIONS: Final = {
-    "site": "Describes the site itself. Its other keys: [guide](guide.md#vsdtoml-every-key).",
+    "site": "Describes the site itself. Its other keys: [every key](keys.md).",
     "rule": "What counts as what.",
     "report": "What a report needs before it judges, and how it looks.",
     "analysis": "When hotspots and other findings are reported.",
     "ingest": "Which records are refused.",
     "alarms": "When alarms are sent. The other keys of this table: [alarms](alarms.md#where-alarms-go).",
-    "staff": "Whom the figures count: [staff apart from visitors](guide.md#staff-apart-from-visitors).",
+    "staff": "Whom the figures count: [staff apart from visitors](space.md#staff-apart-from-visitors).",
     "privacy": "What is stored about people.",
 }
 
@@ -371,27 +371,27 @@ PART_BEGINS: Final = "<!-- Made by `make docs` from the headers of the SQL files
 PART_ENDS: Final = "<!-- Written by hand from here on. -->"
 
 
-README_BEGINS: Final = "<!-- Made by `make docs` from the adapters; edit there, and the headings of docs/guide.md. -->"
+README_BEGINS: Final = "<!-- Made by `make docs` from the adapters; edit there, and docs/formats.md. -->"
 
 
 def formats_markdown(guide: str) -> str:
     """Return the list of formats in `README.md`: every adapter, with what it reads and what its positions are.
 
     Args:
-        guide: Text of `docs/guide.md`, which has a heading `### NAME: WHAT` for each format.
+        guide: Text of `docs/formats.md`, which has a heading `### NAME: WHAT` for each format.
 
     Raises:
-        ValueError: The guide says nothing of a format.
+        ValueError: The page says nothing of a format.
     """
     from vsd_analytics.ingest.formats.adapters import GENERAL, SPECIFIC, adapter
 
     headings = dict(re.findall(r"(?m)^### ([\w-]+): (.+)$", guide))
     names = [name for name in (*SPECIFIC, *GENERAL) if name != "table"]  # it is positions or pairs
     if lacking := [name for name in names if name not in headings]:
-        raise ValueError(f"docs/guide.md has no heading of {', '.join(lacking)}")
+        raise ValueError(f"docs/formats.md has no heading of {', '.join(lacking)}")
     rows = [
         (
-            f"[`{name}`](docs/guide.md#{_anchor(f'{name}: {headings[name]}')})",
+            f"[`{name}`](docs/formats.md#{_anchor(f'{name}: {headings[name]}')})",
             headings[name],
             adapter(name).coordinates,
         )
@@ -438,7 +438,7 @@ def write_pages(folder: Path) -> list[Path]:
     for name, make in PARTS.items():
         if (folder / name).exists():
             made[name] = with_part((folder / name).read_text(encoding="utf-8"), make())
-    readme, guide = folder / "../README.md", folder / "guide.md"
+    readme, guide = folder / "../README.md", folder / "formats.md"
     if readme.exists() and guide.exists():
         part = formats_markdown(guide.read_text(encoding="utf-8"))
         made["../README.md"] = with_part(readme.read_text(encoding="utf-8"), part, README_BEGINS)

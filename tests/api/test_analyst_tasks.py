@@ -27,8 +27,9 @@ from vsd_analytics.report.pages.json_and_csv import to_json
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "python.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.M | re.S)
-BEGIN, *TASKS = BLOCK.findall(PAGE.partition("## The tables")[0])
-SHOWN = BLOCK.findall(PAGE.partition("## The tables")[2])
+EXAMPLE, _, REST = PAGE.partition("## Twelve tasks")
+BEGIN, *TASKS = BLOCK.findall(REST.partition("## The tables")[0])
+SHOWN = BLOCK.findall(EXAMPLE) + BLOCK.findall(REST.partition("## The tables")[2])
 FIRST, END = (pd.Timestamp(day, tz="Europe/Rome") for day in ("2026-11-09", "2026-11-16"))
 INTERVAL_S = 2
 """Between two frames of a camera of the demo."""

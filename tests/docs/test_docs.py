@@ -43,7 +43,7 @@ def test_generated_part_of_a_page_is_what_the_code_says(name: str) -> None:
 
 
 def test_the_readme_lists_the_formats_of_the_registry() -> None:
-    readme, guide = ((REPOSITORY / name).read_text(encoding="utf-8") for name in ("README.md", "docs/guide.md"))
+    readme, guide = ((REPOSITORY / name).read_text(encoding="utf-8") for name in ("README.md", "docs/formats.md"))
     part = reference.formats_markdown(guide)
     assert reference.with_part(readme, part, reference.README_BEGINS) == readme, "run `make docs`, see git diff"
     headings = re.findall(r"(?m)^### ([\w-]+): ", guide.partition("\n## Formats\n")[2].partition("\n## ")[0])

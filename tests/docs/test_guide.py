@@ -1,4 +1,4 @@
-"""The guide is run as it is: its files are written, its commands executed, what they print is compared."""
+"""Pages are run as they are: their files are written, their commands executed, what they print is compared."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config.project import load_site
 
-GUIDE = REPOSITORY / "docs" / "guide.md"
-CHAPTERS = list(dict.fromkeys(b.chapter for b in blocks(GUIDE) if b.language == "console"))
+DOCS = REPOSITORY / "docs"
+RUN = ("formats.md", "guide.md", "refused.md")
+KEYS = DOCS / "keys.md"
 LIKE = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
@@ -30,19 +31,13 @@ def sessions(text: str) -> list[tuple[str, str]]:
     return found
 
 
-def test_guide_has_examples_that_are_run() -> None:
-    assert CHAPTERS == ["Your own site", "Formats", "When something is wrong"]
-
-
-@pytest.mark.parametrize("chapter", CHAPTERS)
-def test_commands_print_what_the_guide_says(
-    chapter: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("page", RUN)
+def test_commands_print_what_a_page_says(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     n_run = 0
-    for block in blocks(GUIDE):
-        if block.chapter != chapter:
-            continue
+    for block in blocks(DOCS / page):
         kind, _, name = block.mark.partition(": ")
         if kind == "file":
             Path(name).write_text(block.text, encoding="utf-8")
@@ -61,8 +56,8 @@ def test_commands_print_what_the_guide_says(
     assert n_run >= 3
 
 
-def test_complete_vsd_toml_of_the_guide_is_valid(tmp_path: Path) -> None:
-    (block,) = [b for b in blocks(GUIDE) if b.mark == "toml: complete"]
+def test_complete_vsd_toml_of_the_page_is_valid(tmp_path: Path) -> None:
+    (block,) = [b for b in blocks(KEYS) if b.mark == "toml: complete"]
     (tmp_path / "vsd.toml").write_text(block.text, encoding="utf-8")
     _write_named_files(tmp_path)
     site = load_site(tmp_path)
@@ -70,8 +65,8 @@ def test_complete_vsd_toml_of_the_guide_is_valid(tmp_path: Path) -> None:
     assert site.settings.retention_days == 30
 
 
-def test_smallest_vsd_toml_of_the_guide_is_valid(tmp_path: Path) -> None:
-    (block,) = [b for b in blocks(GUIDE) if b.mark == "toml: complete"]
+def test_smallest_vsd_toml_of_the_page_is_valid(tmp_path: Path) -> None:
+    (block,) = [b for b in blocks(KEYS) if b.mark == "toml: complete"]
     needed = []
     for line in block.text.splitlines():
         if line.startswith("[ingest.map]"):

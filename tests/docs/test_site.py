@@ -33,7 +33,7 @@ class _Page:
     [
         ("see [hours](../sql/marts/hours.sql).", "see hours (`sql/marts/hours.sql`)."),
         ("see [sql/marts/hours.sql](../sql/marts/hours.sql).", "see sql/marts/hours.sql."),
-        ("see [guide](guide.md#from-python)", "see [guide](guide.md#from-python)"),
+        ("see [Python](python.md#first-example)", "see [Python](python.md#first-example)"),
     ],
 )
 def test_a_link_out_of_the_pages_names_its_file(given: str, shown: str) -> None:

@@ -83,7 +83,7 @@ def test_outputs_are_stripped(path: Path) -> None:
     assert set(notebook.metadata.language_info) == {"name"}, "no version of whoever ran it last"
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/guide.md"])
+@pytest.mark.parametrize("page", ["README.md"])
 def test_python_on_a_page_runs_on_the_demo(page: str, demo_project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     text = (REPOSITORY / page).read_text(encoding="utf-8")
     shown = re.findall(r"^```python\n(.*?)^```$", text, re.M | re.S)
