@@ -25,7 +25,7 @@ FAST := $(addprefix tests/, test_architecture.py test_light_imports.py cli/test_
         docs/test_contributing.py docs/test_docs.py docs/test_words.py figures/test_figures_catalogue.py geometry \
         report/pages report/story sql stats)
 
-check: $(VENV)/.installed-test $(VENV)/.linted-sql
+check: $(VENV)/.installed-check $(VENV)/.linted-sql
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/ruff check --quiet .
 	$(BIN)/mypy --num-workers 2
@@ -40,7 +40,7 @@ lint: $(VENV)/.installed-test $(VENV)/.linted-sql
 	$(BIN)/mypy --num-workers 2
 
 # SQL files that changed since the last run without a fault; all of them, which takes half a minute, after new rules.
-$(VENV)/.linted-sql: pyproject.toml $(wildcard sql/*/*.sql) | $(VENV)/.installed-test
+$(VENV)/.linted-sql: pyproject.toml $(wildcard sql/*/*.sql) | $(VENV)/.installed-check
 	$(BIN)/sqlfluff lint --disable-progress-bar --processes 2 $(if $(filter pyproject.toml,$?),sql,$?)
 	touch $@
 
@@ -152,6 +152,11 @@ $(VENV)/.installed: pyproject.toml
 $(VENV)/.installed-test: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	touch $@ $(VENV)/.installed $(VENV)/.installed-check
+
+$(VENV)/.installed-check: pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable '.[check]'
 	touch $@ $(VENV)/.installed
 
 clean:
