@@ -16,7 +16,7 @@ from vsd_analytics.figures.today import today
 from vsd_analytics.figures.trend import trend
 from vsd_analytics.live.silence import Opening
 from vsd_analytics.site.model import Camera, Site
-from vsd_analytics.warehouse.dimensions import camera_life
+from vsd_analytics.warehouse.owner_spans import camera_life
 
 STAYS, GOES = Camera("stays", "Stays", "ground", hz=1 / 30), Camera("goes", "Goes", "ground", hz=1 / 30)
 WEEK_MS = 7 * DAY

@@ -200,6 +200,7 @@ def test_arrays_give_the_rows_of_the_queries(scene: Scene) -> None:
             "area_counts",
             "walk_cells",
             "track_ends",
+            "line_crossings",
             "standing_groups",  # they walk
         }
     if scene == STANDING:

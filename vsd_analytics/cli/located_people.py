@@ -152,7 +152,7 @@ def _grounds(camera: Camera) -> list[tuple[int, int, Calibration | None, tuple[P
     from itertools import pairwise
 
     from vsd_analytics.geometry.plane_views import plane_starts, planes_in_force
-    from vsd_analytics.warehouse.dimensions import FOREVER_MS, calibration_spans, in_force
+    from vsd_analytics.warehouse.owner_spans import FOREVER_MS, calibration_spans, in_force
 
     changes = {from_ms for from_ms, _, _ in calibration_spans(camera)}
     changes |= {round(start.timestamp() * 1000) for start in plane_starts(camera.planes)}
@@ -167,7 +167,7 @@ def _grounds(camera: Camera) -> list[tuple[int, int, Calibration | None, tuple[P
 def by_monoloco(detected: DetectedPeople, own: MonolocoPeople) -> LocatedParts:
     """Return what Monoloco placed under each of the camera's calibrations, else on the plane of its people."""
     from vsd_analytics.engine.monoloco_method import floor_of_calibration, floor_of_people, locate_monoloco
-    from vsd_analytics.warehouse.dimensions import calibration_spans
+    from vsd_analytics.warehouse.owner_spans import calibration_spans
 
     settings, ts_ms, floors = detected.project.site.settings, detected.ts_ms, []
     for from_ms, to_ms, used in calibration_spans(detected.camera):

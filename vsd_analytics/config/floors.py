@@ -1,7 +1,8 @@
-"""Floors, cameras, areas and fixtures of `vsd.toml`."""
+"""Floors, cameras, areas, fixtures and counting lines of `vsd.toml`."""
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -16,13 +17,18 @@ from vsd_analytics.config.camera_source import read_camera_source
 from vsd_analytics.config.reader import DATE, Form, TableReader, nearest
 from vsd_analytics.config.values import BOX_MAX_M2, is_simple, parse_instant, parse_picture_px, zone
 from vsd_analytics.geometry.picture_size import picture_size
+from vsd_analytics.site.lines import Line, Side
 from vsd_analytics.site.model import Area, Camera, Fixture, FixtureKind, Floor, Point
 
 PLAN_SUFFIXES = (".svg", ".png", ".jpg", ".jpeg")
 
+LINE_LEAST_M, LINE_MOST_M = 0.3, 1000.0
+"""Shorter than a person is wide, or longer than any floor: the unit is wrong."""
+_SIDES: tuple[Side, ...] = get_args(Side)
 _POLYGON = "[[12, 4.2], [20, 4.2], [20, 7.2], [12, 7.2]]"
 _IGNORE_PX = "[[[1500, 0], [1919, 0], [1919, 600], [1500, 600]]]"
 _IGNORE_FORM: Form = {"type": "array", "items": {"type": "array", "items": {"type": "array"}, "minItems": 3}}
+_LINE = "[[18.2, 0.8], [20.7, 0.8]]"
 _CORNER_MAX_M = 1e6  # as far as coordinate_max_m may reach
 _PICTURE_PX: Form = {"type": "array", "items": {"type": "integer", "minimum": 1}, "minItems": 2, "maxItems": 2}
 
@@ -201,6 +207,64 @@ def read_fixtures(root: TableReader, *, floors: Mapping[str, Floor], timezone: s
                 Fixture(fixture_id, name or "", floor_id, polygon or (), kind, is_movable, height_m, since, until)
             )
     return tuple(fixtures)
+
+
+def read_lines(root: TableReader, *, floors: Mapping[str, Floor], timezone: str) -> tuple[Line, ...]:
+    """Return the counting lines in the order of the file.
+
+    Args:
+        root: Reader of the whole file.
+        floors: Floors they may be on.
+        timezone: Zone of the site, in which days begin.
+    """
+    lines: dict[str, Line] = {}
+    for table in root.each("line"):
+        line_id = _unique(table, table.id("id", example='"entrance"'), lines, kind="line")
+        name = table.text("name", example='"Entrance"', required=True)
+        floor_id = read_floor(table, floors)
+        ends = _line_ends(table)
+        left = table.text("left", example='"street"') or "left"
+        right = table.text("right", example='"shop"') or "right"
+        inside = table.word("inside", _SIDES, example="right", fix="left")
+        first_day, end_day = _days(table, timezone=timezone, things="lines")
+        if left == right:
+            table.fault(
+                "right",
+                f"{table.label}: both sides are called {left!r}",
+                code="E125",
+                why="the two directions of a line are told apart by the names of its sides",
+                fix='left = "street", right = "shop"',
+            )
+        table.close()
+        if line_id is not None and ends is not None:
+            lines[line_id] = Line(line_id, name or "", floor_id, ends, left, right, inside, first_day, end_day)
+    return tuple(lines.values())
+
+
+def _line_ends(table: TableReader) -> tuple[Point, Point] | None:
+    """Return the two ends of a line."""
+    points = table.points("points", least=2, example=_LINE)
+    if points is None:
+        if "points" not in table.values:
+            table.missing("points", _LINE)
+        return None
+    first, second = points[0], points[-1]
+    length_m = math.dist(first, second)
+    if (
+        len(points) == 2
+        and LINE_LEAST_M <= length_m <= LINE_MOST_M
+        and max(map(abs, (*first, *second))) <= _CORNER_MAX_M
+    ):
+        return first, second
+    what = f"has {len(points)} points" if len(points) != 2 else f"is {length_m:g} m long"
+    table.fault(
+        "points",
+        f"{table.label} {what}",
+        code="E128",
+        why=f"a counting line goes straight from one point to another, {LINE_LEAST_M:g} to {LINE_MOST_M:,.0f} m away",
+        fix=f"points = {_LINE}; draw a bent line as several",
+    )
+    return None
 
 
 def _dates(table: TableReader, *, timezone: str) -> tuple[datetime | None, datetime | None]:

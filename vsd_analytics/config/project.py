@@ -8,7 +8,7 @@ from pathlib import Path
 
 from vsd_analytics.config.broker_and_alarms import read_alarms, read_broker, read_delivery
 from vsd_analytics.config.calendar import read_calendar
-from vsd_analytics.config.floors import read_areas, read_cameras, read_fixtures, read_floors
+from vsd_analytics.config.floors import read_areas, read_cameras, read_fixtures, read_floors, read_lines
 from vsd_analytics.config.opening_hours import read_opening, read_opening_changes
 from vsd_analytics.config.reader import DATE, Form, Mistakes, TableReader
 from vsd_analytics.config.reading_rules import read_sources
@@ -143,6 +143,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
     cameras = read_cameras(root, floors=floors, timezone=timezone)
     areas = read_areas(root, floors=floors, timezone=timezone)
     fixtures = read_fixtures(root, floors=floors, timezone=timezone)
+    lines = read_lines(root, floors=floors, timezone=timezone)
     broker = read_broker(root)
     engine = read_engine(root)
     exchange = read_exchange(root)
@@ -167,6 +168,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
         cameras=cameras,
         areas=areas,
         fixtures=fixtures,
+        lines=lines,
         broker=broker,
         exchange=exchange,
         alarms=alarms,

@@ -20,7 +20,7 @@ SCHEMA_FILE: Final = Path(__file__).parent / "vsd.schema.json"
 
 _EVERY_TABLE: Final[dict[str, Any]] = {
     **{name: {} for name in ("site", "mqtt", "mail", "engine", "exchange")},
-    **{name: [{}] for name in ("floor", "camera", "area", "fixture", "alarm", "source", "event", "opening")},
+    **{name: [{}] for name in ("floor", "camera", "area", "fixture", "line", "alarm", "source", "event", "opening")},
 }
 """The tables that readers pass over when they are absent. Those of settings are always read."""
 

@@ -16,7 +16,8 @@ from typing import Final
 from vsd_analytics.answer import Answer, Answers, Column, HoldsFor, Reason, Row, Value
 from vsd_analytics.site.instants import day_start_ms
 from vsd_analytics.site.model import AlarmKind, AlarmRule, Camera, Site
-from vsd_analytics.warehouse.dimensions import QUARTER_MS, camera_life, is_open
+from vsd_analytics.warehouse.dimensions import QUARTER_MS, is_open
+from vsd_analytics.warehouse.owner_spans import camera_life
 
 OFTEN_PER_DAY: Final = 3.0
 """Alarms per day above which people soon stop looking: a rule of thumb, not measured."""

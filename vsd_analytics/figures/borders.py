@@ -12,7 +12,8 @@ from vsd_analytics.figures.hotspot_windows import SEEN_SHARE
 from vsd_analytics.geometry import camera_views
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Site
-from vsd_analytics.warehouse.dimensions import area_cells, camera_life, in_force
+from vsd_analytics.warehouse.dimensions import area_cells
+from vsd_analytics.warehouse.owner_spans import camera_life, in_force
 
 if TYPE_CHECKING:
     from shapely import Polygon

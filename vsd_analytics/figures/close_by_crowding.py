@@ -30,7 +30,7 @@ from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import CloseByCrowding, CloseInClasses, CloseInDays
 from vsd_analytics.geometry.camera_views import plan_bounds, view_polygon
 from vsd_analytics.settings import OWNER_CELL_M
-from vsd_analytics.warehouse.dimensions import in_force, owner_spans
+from vsd_analytics.warehouse.owner_spans import in_force, owner_spans
 
 EDGES: Final = tuple(float(f"{0.5 * 2 ** (k / 2):.4g}") for k in range(15))
 """Where classes of crowding begin, after the first: 0.5 to 64 others in view per 100 m²."""

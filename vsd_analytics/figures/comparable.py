@@ -10,7 +10,7 @@ from statistics import median
 from vsd_analytics.site.model import Camera, Floor
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.warehouse.camera_days import hourly_inputs
-from vsd_analytics.warehouse.dimensions import calibration_spans, owner_spans
+from vsd_analytics.warehouse.owner_spans import calibration_spans, owner_spans
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 DAY_MS = 24 * HOUR_MS

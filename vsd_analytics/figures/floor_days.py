@@ -21,7 +21,7 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.geometry import camera_views
 from vsd_analytics.site.model import Camera, Floor
-from vsd_analytics.warehouse.dimensions import in_force
+from vsd_analytics.warehouse.owner_spans import in_force
 from vsd_analytics.warehouse.warehouse import Warehouse
 
 Floats = NDArray[np.float64]

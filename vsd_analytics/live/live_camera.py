@@ -31,7 +31,7 @@ from vsd_analytics.geometry.plane_views import planes_in_force
 from vsd_analytics.geometry.stated_errors import beside
 from vsd_analytics.live.status import iso_utc
 from vsd_analytics.site.model import Calibration, Camera, Plane
-from vsd_analytics.warehouse.dimensions import in_force
+from vsd_analytics.warehouse.owner_spans import in_force
 
 RECENT: Final = 300
 """Frames whose people say how large a body is, for a calibration by eye."""

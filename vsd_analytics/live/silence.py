@@ -7,7 +7,8 @@ from functools import lru_cache
 
 from vsd_analytics.live.events import AlarmEvent, AlarmStep, RuleAtCamera
 from vsd_analytics.site.model import AlarmRule, Site
-from vsd_analytics.warehouse.dimensions import QUARTER_MS, camera_life, is_open
+from vsd_analytics.warehouse.dimensions import QUARTER_MS, is_open
+from vsd_analytics.warehouse.owner_spans import camera_life
 
 FOREVER_MS = 2**62
 _QUARTERS_MAX = 8 * 96

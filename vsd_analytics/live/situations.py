@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from vsd_analytics.geometry.homography import to_floor
 from vsd_analytics.settings import FLOOR_CELL_M, OWNER_CELL_M
 from vsd_analytics.site.model import Area, Camera, Site
-from vsd_analytics.warehouse.dimensions import area_cells, calibration_spans, owner_spans
+from vsd_analytics.warehouse.dimensions import area_cells
+from vsd_analytics.warehouse.owner_spans import calibration_spans, owner_spans
 
 _CROWD = 200
 """With more people than this, close ones are found with a k-d tree instead of a table of all distances."""

@@ -130,3 +130,8 @@ def is_after_clock_change(zone: ZoneInfo, day: date) -> bool:
     """Tell whether the clocks changed in the seven days before a day: sun and habits come an hour earlier or later."""
     now, before = (datetime.combine(d, time(12), zone).utcoffset() for d in (day, day - WEEK))
     return now != before
+
+
+def touches(first_day: date | None, end_day: date | None, first: date, last: date) -> bool:
+    """Tell whether a life of whole days has a day from `first` to `last`; None = without a beginning, or an end."""
+    return (first_day is None or first_day <= last) and (end_day is None or end_day > first)

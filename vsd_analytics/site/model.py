@@ -10,7 +10,8 @@ from zoneinfo import ZoneInfo
 
 from vsd_analytics.resources import DEFAULT_LANGUAGE
 from vsd_analytics.settings import Settings, Value
-from vsd_analytics.site.calendar import Calendar, Opening, OpeningChange, OpeningHours
+from vsd_analytics.site.calendar import Calendar, Opening, OpeningChange, OpeningHours, touches
+from vsd_analytics.site.lines import Line
 from vsd_analytics.site.routes import CameraSource, ExchangeRoute, MailRoute
 
 Point = tuple[float, float]
@@ -99,12 +100,7 @@ class Camera:
 
     def is_there(self, first: date, last: date) -> bool:
         """Tell whether it is there on any local day from `first` to `last`."""
-        return _touches(self.first_day, self.end_day, first, last)
-
-
-def _touches(first_day: date | None, end_day: date | None, first: date, last: date) -> bool:
-    """Tell whether a life of whole days has a day from `first` to `last`; None = without a beginning, or an end."""
-    return (first_day is None or first_day <= last) and (end_day is None or end_day > first)
+        return touches(self.first_day, self.end_day, first, last)
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,7 +165,7 @@ class Area:
 
     def is_there(self, first: date, last: date) -> bool:
         """Tell whether it is there on any local day from `first` to `last`."""
-        return _touches(self.first_day, self.end_day, first, last)
+        return touches(self.first_day, self.end_day, first, last)
 
 
 FixtureKind = Literal["shelf", "wall", "till", "other"]
@@ -376,7 +372,7 @@ class Site:
         opening, opening_changes: Before the first change, None = always open; and changes in the order of their days.
         closed, calendar: Local dates on which the site is closed; `[calendar]`, `[[event]]`.
         day_starts_min: Minutes after local midnight at which a site day starts.
-        floors, cameras, areas, fixtures: In the order of the file.
+        floors, cameras, areas, fixtures, lines: In the order of the file.
         settings: Values in force.
         own_settings: Settings of vsd.toml where others are in force; None = `settings`. Facts of both lie side by side.
         broker, exchange: `[mqtt]`, None = no live source; `[exchange]`, None = all records come here directly.
@@ -401,6 +397,7 @@ class Site:
     cameras: tuple[Camera, ...] = ()
     areas: tuple[Area, ...] = ()
     fixtures: tuple[Fixture, ...] = ()
+    lines: tuple[Line, ...] = ()
     broker: Broker | None = None
     exchange: ExchangeRoute | None = None
     alarms: tuple[AlarmRule, ...] = ()

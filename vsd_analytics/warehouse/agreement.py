@@ -24,8 +24,8 @@ from vsd_analytics.store.layout import HOUR_MS, Part, list_days
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.camera_days import day_path, day_units, read_days, weeks_of_days
-from vsd_analytics.warehouse.dimensions import FOREVER_MS, camera_life
 from vsd_analytics.warehouse.factfiles import damaged_facts
+from vsd_analytics.warehouse.owner_spans import FOREVER_MS, camera_life
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.units import PartIndex
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
 from functools import cache, lru_cache
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
@@ -16,20 +14,18 @@ from numpy.typing import NDArray
 
 from vsd_analytics.settings import BY_NAME, DEFAULTS, FLOOR_CELL_M, OWNER_CELL_M, SETTINGS
 from vsd_analytics.site.calendar import Opening
-from vsd_analytics.site.model import Calibration, Camera, Floor, Point, Site
+from vsd_analytics.site.model import Camera, Point, Site
 from vsd_analytics.site.places import joined_floors
+from vsd_analytics.warehouse.count_lines import count_lines, line_parts
+from vsd_analytics.warehouse.owner_spans import FOREVER_MS, calibration_spans, camera_life, day_start_ms, owner_spans
 from vsd_analytics.warehouse.rules import RULES
 
 if TYPE_CHECKING:
     import duckdb
 
-    from vsd_analytics.geometry.ownership import OwnerCell
 
 Ints = NDArray[np.int64]
 QUARTER_MS = 900_000
-FOREVER_MS = 2**53
-"""An instant after all others that float64 still holds exactly."""
-
 _CAMERAS = pa.schema(
     [
         ("camera_id", pa.string()),
@@ -144,6 +140,8 @@ def site_relations(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, pa.Tabl
         "visit_cells": _of_areas(cells, areas_with_stays(site)),
         "count_cells": _of_areas(cells, areas_with_counts(site)),
         "count_floors": _table(_FLOORS, [(f.floor_id,) for f in site.floors if f.capacity is not None]),
+        "count_lines": count_lines(site),
+        "line_parts": line_parts(site),
         "staff": STAFF.empty_table(),
         "joined_floors": _table(_FLOORS, [(floor_id,) for floor_id in joined_floors(site)]),
     }
@@ -167,50 +165,6 @@ def create_tables(con: duckdb.DuckDBPyConnection, tables: Mapping[str, pa.Table]
         con.unregister(f"_{name}")
 
 
-@dataclass(frozen=True, slots=True)
-class OwnerSpan:
-    """A span of time in which the owners of a floor's cells do not change.
-
-    Attributes:
-        floor_id: The floor.
-        from_ms: Start, UTC milliseconds; -FOREVER_MS = no start.
-        to_ms: End, exclusive; FOREVER_MS = no end.
-        cells: Which camera counts where the views of several overlap.
-    """
-
-    floor_id: str
-    from_ms: int
-    to_ms: int
-    cells: tuple[OwnerCell, ...]
-
-
-def owner_spans(site: Site) -> list[OwnerSpan]:
-    """Return the owner cells of each floor by time.
-
-    A new span starts when a calibration of one of its cameras does, and when a camera comes or goes. Within a span each
-    camera that is there has the one calibration in force (`ownership.owner_cells`).
-    """
-    spans = []
-    for floor in site.floors:
-        cameras = [c for c in site.cameras if c.floor_id == floor.floor_id]
-        lives = {c: camera_life(site, c) for c in cameras}
-        changes = {ms for life in lives.values() for ms in life} - {FOREVER_MS}
-        starts = sorted(changes | {from_ms for c in cameras for from_ms, _, _ in calibration_spans(c)} | {-FOREVER_MS})
-        for from_ms, to_ms in pairwise([*starts, FOREVER_MS]):
-            there = [c for c, (first_ms, end_ms) in lives.items() if first_ms <= from_ms < end_ms]
-            now = tuple(replace(c, calibrations=in_force(c, from_ms)) for c in there)
-            cells = _owner_cells(now, OWNER_CELL_M, floor)
-            spans.append(OwnerSpan(floor.floor_id, from_ms, to_ms, cells))
-    return spans
-
-
-@lru_cache(maxsize=64)
-def _owner_cells(cameras: tuple[Camera, ...], cell_m: float, floor: Floor) -> tuple[OwnerCell, ...]:
-    from vsd_analytics.geometry import ownership
-
-    return tuple(ownership.owner_cells(cameras, cell_m=cell_m, floor=floor))
-
-
 def owner_cells(site: Site) -> pa.Table:
     """Return the relation `owner_cells`: which camera counts where the views of several overlap, by span of time."""
     rows: list[tuple[Any, ...]] = [
@@ -221,34 +175,13 @@ def owner_cells(site: Site) -> pa.Table:
     return _table(_OWNERS, rows)
 
 
-def calibration_spans(camera: Camera) -> list[tuple[int, int, Calibration]]:
-    """Return a camera's calibrations, each with its start and end (UTC milliseconds, end exclusive).
-
-    The first has no start: it also holds for records before its date. A calibration equal to the one before it does not
-    start a new span, so that entering it twice makes no fact stale.
-    """
-    starts: list[tuple[int, Calibration]] = []
-    for c in camera.calibrations:
-        if starts and c.homography == starts[-1][1].homography:
-            continue
-        is_first = not starts or c.valid_from is None
-        starts.append((-FOREVER_MS if is_first else round(c.valid_from.timestamp() * 1000), c))  # type: ignore[union-attr]
-    ends = [*(from_ms for from_ms, _ in starts[1:]), FOREVER_MS]
-    return [(from_ms, to_ms, c) for (from_ms, c), to_ms in zip(starts, ends, strict=False)]
-
-
-def in_force(camera: Camera, ms: int) -> tuple[Calibration, ...]:
-    """Return the calibration of a camera in force at an instant (UTC milliseconds), as a tuple of one, or empty."""
-    return tuple(c for from_ms, to_ms, c in calibration_spans(camera) if from_ms <= ms < to_ms)
-
-
 def area_cells(site: Site) -> pa.Table:
     """Return the floor cells whose centre lies in each area, by span of time; the first in vsd.toml gets shared cells.
 
     A new span starts where an area begins or ends to count.
     """
     days = {day for area in site.areas for day in (area.first_day, area.end_day) if day is not None}
-    starts = [-FOREVER_MS, *(_quarter_at(day, site) * QUARTER_MS for day in sorted(days))]
+    starts = [-FOREVER_MS, *(day_start_ms(site, day) for day in sorted(days))]
     found = [_AREA_CELLS.empty_table()]
     for from_ms, to_ms, day in zip(starts, [*starts[1:], FOREVER_MS], [date.min, *sorted(days)], strict=True):
         there = tuple((a.area_id, a.floor_id, a.polygon) for a in site.areas if a.is_there(day, day))
@@ -303,7 +236,7 @@ def areas_with_counts(site: Site) -> frozenset[str]:
     return frozenset(a.area_id for a in site.areas if a.is_queue or a.capacity is not None)
 
 
-ASKED_TABLES = ("area_cells", "visit_cells", "count_cells", "count_floors", "joined_floors")
+ASKED_TABLES = ("area_cells", "visit_cells", "count_cells", "count_floors", "count_lines", "line_parts", "joined_floors")
 """Tables of what vsd.toml draws or asks. Facts that read some of them have no rows where all of these are empty."""
 
 
@@ -314,6 +247,8 @@ def asked_tables(site: Site) -> frozenset[str]:
         areas_with_stays(site),
         areas_with_counts(site),
         any(f.capacity is not None for f in site.floors),
+        site.lines,
+        site.lines,
         joined_floors(site),
     )
     return frozenset(name for name, is_asked in zip(ASKED_TABLES, has_rows, strict=True) if is_asked)
@@ -407,17 +342,7 @@ def _opens(opening: Opening | None, weekday: int, minute: int) -> bool:
 
 
 def _quarter_at(day: date, site: Site) -> int:
-    midnight = datetime(day.year, day.month, day.day, tzinfo=site.zone)
-    return int(midnight.timestamp()) // 900
-
-
-def camera_life(site: Site, camera: Camera) -> tuple[int, int]:
-    """Return the instants from which a camera is there and from which it no longer is, UTC milliseconds."""
-    first, end = camera.first_day, camera.end_day
-    return (
-        -FOREVER_MS if first is None else _quarter_at(first, site) * QUARTER_MS,
-        FOREVER_MS if end is None else _quarter_at(end, site) * QUARTER_MS,
-    )
+    return day_start_ms(site, day) // QUARTER_MS
 
 
 def camera_table(site: Site) -> pa.Table:

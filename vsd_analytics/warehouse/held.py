@@ -169,7 +169,7 @@ class Held:
 
 def none_of(relation: Relation) -> Columns:
     """Return the columns of a relation without rows."""
-    kinds = {"is_": np.bool_, "area_id": object, "floor_id": object}
+    kinds = {"is_": np.bool_, **dict.fromkeys(("area_id", "floor_id", "line_id"), object)}
     return {c: np.zeros(0, dtype=kinds.get(c, kinds.get(c[:3], np.int64))) for c in relation.columns}
 
 

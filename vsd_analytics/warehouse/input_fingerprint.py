@@ -18,15 +18,15 @@ from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.site.places import joined_floors
 from vsd_analytics.store.layout import HOUR_MS
+from vsd_analytics.warehouse.count_lines import line_rows, part_rows
 from vsd_analytics.warehouse.dimensions import (
     ASKED_TABLES,
-    FOREVER_MS,
     areas_with_counts,
     areas_with_stays,
     calibration_rows,
-    owner_spans,
     params,
 )
+from vsd_analytics.warehouse.owner_spans import FOREVER_MS, owner_spans
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 
 InputHashes = Mapping[str, str]
@@ -43,6 +43,7 @@ STALE_REASONS: Final = {
     "frame interval": "frame interval changed",
     DRAWN_AREAS: "areas changed",
     "areas": "areas changed",
+    "lines": "lines changed",
     "counted areas": "areas or capacities changed",
     "staff": "staff changed",
     "joined views": "join_views changed",
@@ -56,6 +57,8 @@ _KIND_OF_RELATION = {
     "visit_cells": "areas",
     "count_cells": "counted areas",
     "count_floors": "counted areas",
+    "count_lines": "lines",
+    "line_parts": "lines",
     "staff": "staff",
     "joined_floors": "joined views",
 }
@@ -166,7 +169,7 @@ class SiteInputs:
         return text_hash(self._owners)
 
     def of_hour(self, hour: int, *, present: Collection[str]) -> InputHashes:
-        """Return hashes of cameras, calibrations, cell owners and areas in force in a UTC hour and its two neighbours.
+        """Return hashes of cameras, calibrations, owners, areas and lines in force in a UTC hour and those beside it.
 
         Args:
             hour: UTC hour number.
@@ -188,6 +191,7 @@ class SiteInputs:
                 DRAWN_AREAS: text_hash([area[:-1] for area in self._drawn if area[0] in floors]),
                 "areas": text_hash([area for area in self._visited if area[0] in floors]),
                 "counted areas": text_hash([area for area in self._counted if area[0] in floors]),
+                "lines": text_hash([_within(window, [r for r in rows if r[0] in floors]) for rows in self._lines]),
                 "joined views": text_hash([floor for floor in joined_floors(self._site) if floor in floors]),
             }
         return self._computed[key]
@@ -223,8 +227,13 @@ class SiteInputs:
         ]
 
     @cached_property
+    def _lines(self) -> tuple[Sequence[tuple[Any, ...]], Sequence[tuple[Any, ...]]]:
+        return line_rows(self._site), part_rows(self._site)
+
+    @cached_property
     def _changes(self) -> Sequence[int]:
-        return sorted({row[1] for rows in self._calibrations.values() for row in rows})
+        lives = {ms for rows in self._lines for row in rows for ms in row[1:3]}
+        return sorted(lives | {row[1] for rows in self._calibrations.values() for row in rows})
 
 
 def _within(window: tuple[int, int], spans: Iterable[tuple[Any, ...]]) -> list[list[Any]]:

@@ -59,6 +59,17 @@ RULES: Final[Mapping[str, int]] = {
     "company_least_records": 3,
     # Farther apart than 2 m counts as 2 m, whatever distance_m is.
     "company_reach_mm": 2000,
+    # A counting line is crossed from 0.25 m on one side to 0.25 m on the other: nearer, places waver around it. An id
+    # that ends within 2 m of a line goes on in one that begins within 10 s, 0.5 m and 0.5 m/s off its way.
+    # With 4 minutes on the line an hour needs no more than 5 minutes of its neighbours (tests/realdata/prove_lines.py).
+    "line_margin_mm": 250,
+    "line_near_mm": 2000,
+    "line_lost_ms": 10_000,
+    "line_stand_ms": 240_000,
+    "line_place_mm": 500,
+    "line_mm_per_s": 500,
+    # A step over a line that nobody can run is an id that went to somebody else.
+    "line_leap_mm_per_s": 5000,
     # After 5 minutes of silence over an hour's edge, message_gaps decides whether a lower number is a new count.
     "number_silence_ms": 300_000,
 }

@@ -293,10 +293,10 @@ def _empty(relation: Relation) -> str:
 
 
 _TYPED = {
-    "varchar": "camera_id calibration_id floor_id area_id track_a track_b track_id other_camera_id other_track_a "
-    "other_track_b company group_id",
+    "varchar": "camera_id calibration_id floor_id area_id line_id track_a track_b track_id other_camera_id "
+    "other_track_a other_track_b company group_id",
     "boolean": "is_inferred is_owned is_entry_owned is_exit_owned is_derived open_left open_right has_heartbeat "
-    "has_persons has_tracks sends_pairs is_standing",
+    "has_persons has_tracks sends_pairs is_standing is_to_left",
     "integer": "cx cy n_ends x_mm y_mm x_a_mm y_a_mm x_b_mm y_b_mm distance_mm min_distance_mm first_x_mm first_y_mm "
     "last_x_mm last_y_mm",
 }
