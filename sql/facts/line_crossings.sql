@@ -18,7 +18,7 @@
 --   ordered    records that lie 0.25 m or more from the line say on which side the person is
 --   between_sides  what happened between two such records; steps back through the line take away from steps through it
 --   beside     near a border on the line, each of two cameras may count a crossing, or neither: who is nearest to whom is one person
--- assumes: who is lost on the line for over 10 s, or stands at it for over 4 minutes before or after, is not counted
+-- assumes: who is lost on the line for over 10 s, or waits at it for over 4 minutes before or after, is not counted
 with on_both_sides as (
     select
         camera_id,

@@ -45,6 +45,10 @@ polygon = [[0, 0], [4, 0], [4, 4]]
 id = "shelf-1"
 name = "Shelf"
 polygon = [[0, 0], [4, 0], [4, 4]]
+[[line]]
+id = "door"
+name = "Door"
+points = [[0, 0], [2, 0]]
 [[alarm]]
 id = "queue-too-full"
 kind = "gathering"

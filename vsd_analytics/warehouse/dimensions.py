@@ -236,7 +236,15 @@ def areas_with_counts(site: Site) -> frozenset[str]:
     return frozenset(a.area_id for a in site.areas if a.is_queue or a.capacity is not None)
 
 
-ASKED_TABLES = ("area_cells", "visit_cells", "count_cells", "count_floors", "count_lines", "line_parts", "joined_floors")
+ASKED_TABLES = (
+    "area_cells",
+    "visit_cells",
+    "count_cells",
+    "count_floors",
+    "count_lines",
+    "line_parts",
+    "joined_floors",
+)
 """Tables of what vsd.toml draws or asks. Facts that read some of them have no rows where all of these are empty."""
 
 
