@@ -1,6 +1,6 @@
 """Why the box measures best in the simulation, and the torso in the paper and with real joints.
 
-Run `python tests/engine/prove_box_or_torso.py`; the table is in docs/engine.md. Simulated people lose joints in four
+Run `python tests/engine/prove_box_or_torso.py`; the table is in docs/methods. Simulated people lose joints in four
 ways, one added to the other, that detectors of joints have in real pictures. The paper's method then measures by torso
 and by box with one pair of ratios, those that are best for the torso, as in the paper's second table.
 """

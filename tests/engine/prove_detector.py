@@ -1,6 +1,6 @@
 """How good the whole way from a picture to close pairs is, on real frames with a real detector, step by step.
 
-Run `VSD_REALDATA=... python tests/engine/prove_detector.py`; the tables are in docs/engine.md. The 100 frames of the
+Run `VSD_REALDATA=... python tests/engine/prove_detector.py`; the tables are in docs/methods. The 100 frames of the
 Oxford clip go through NanoDet once for each set of tiles (`--outputs FILE` keeps what comes out). Then each step of
 `engine.bodies` is added in turn. The homography is known. Persons are matched by boxes that share half of their union,
 or by places within a metre. The annotation leaves people out, most of them at the far end: in the columns "counted",

@@ -1,6 +1,6 @@
 """How good the engine is: the paper's method with the truth's help, and the calibration from people without any.
 
-Run `VSD_REALDATA=... python tests/engine/prove_engine.py`; the tables are in docs/engine.md. `--part simulated`,
+Run `VSD_REALDATA=... python tests/engine/prove_engine.py`; the tables are in docs/methods. `--part simulated`,
 `boxes`, `lens`, `real`, `error`, `moved` or `speed` runs one of them. Real boxes are the annotated ones of OxTown and
 WILDTRACK, not detections.
 """

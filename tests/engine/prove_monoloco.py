@@ -1,4 +1,4 @@
-"""Makes the table of Monoloco's places in docs/engine.md: `python tests/engine/prove_monoloco.py`, about a minute."""
+"""Makes the table of Monoloco's places in docs/methods: `python tests/engine/prove_monoloco.py`, about a minute."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """How a calibration from people does with less of the real scenes: fewer frames, or fewer people.
 
-Run `VSD_REALDATA=... python tests/engine/prove_subsets.py`; the table is in docs/engine.md. The part calibrates, and
+Run `VSD_REALDATA=... python tests/engine/prove_subsets.py`; the table is in docs/methods. The part calibrates, and
 the whole scene (each 10th frame of OxTown) is measured with it.
 """
 

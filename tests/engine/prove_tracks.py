@@ -1,6 +1,6 @@
 """How good track ids are that the engine gives, against the annotated ones of the shared scenes, beside SORT's.
 
-Run `VSD_REALDATA=... python tests/engine/prove_tracks.py` with `trackeval` installed; the tables are in docs/engine.md.
+Run `VSD_REALDATA=... python tests/engine/prove_tracks.py` with `trackeval` installed; the tables are in docs/methods.
 The boxes are the annotated ones, so what is scored is the assignment alone: HOTA and IDF1 by `trackeval`. The camera
 comes from the same boxes without their ids, as `vsd calibrate --from-people` finds it. OxTown is thinned from 25 frames
 a second; WILDTRACK has 2 frames a second, and 1 when thinned, to the frames of even and of odd places. With `trackers`

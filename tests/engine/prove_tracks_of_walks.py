@@ -1,7 +1,7 @@
 """How good track ids are on real walks in the pictures of made-up cameras, at one frame a second.
 
 Run `VSD_REALDATA=... python tests/engine/prove_tracks_of_walks.py` with `trackeval` installed; the figures are in
-docs/engine.md. The walks are those of ETH, Hotel, Zara and two hours of ATC, put on whole seconds; four copies of the
+docs/methods. The walks are those of ETH, Hotel, Zara and two hours of ATC, put on whole seconds; four copies of the
 first three, shifted in time, make crowds. Boxes have noise, and a share of them is missed. These are other people and
 other views than those of `prove_tracks.py`.
 """

@@ -1,6 +1,6 @@
 """How good the engine is on skeletons as a detector of joints leaves them, of people who walk as in the shared scenes.
 
-Run `VSD_REALDATA=... python tests/engine/prove_walking_skeletons.py`; the table is in docs/engine.md. Nobody's joints
+Run `VSD_REALDATA=... python tests/engine/prove_walking_skeletons.py`; the table is in docs/methods. Nobody's joints
 were detected: bodies of 1.70 +- 0.09 m walk where the annotated people of WILDTRACK (frames 0 to 995) and OxTown
 (frames 0 to 3089, each 25th) walked, seen through their camera files; OxTown's lens has distortion. Joints are off by
 1 pixel and 1.2 % of the body, 5 % are missing, and so are nine of ten that somebody nearer or, for arms, the own trunk
