@@ -183,7 +183,7 @@ def _options(params: Sequence[click.Parameter]) -> list[tuple[str, str]]:
 
 
 def relations_markdown() -> str:
-    """Return `docs/relations.md`: the tables for analysts, every fact and mart, and the stored tables, with units."""
+    """Return `docs/relations.md`: the tables for analysts and the stored tables, with units."""
     from vsd_analytics.api.days import COMPUTED_TABLES
     from vsd_analytics.schema import KEYS, SCHEMAS, TABLES
     from vsd_analytics.warehouse.sqlfiles import relations
@@ -193,7 +193,7 @@ def relations_markdown() -> str:
         NOTE,
         """\
 `week.hours` in Python, `week.sql("select ... from hours")`, and `vsd sql "select ... from hours"` answer from the same
-tables. This page describes them, and what lies behind them.""",
+tables. This page describes them. The facts and marts behind them: [internal relations](internal.md).""",
         "## Tables",
         """\
 Made for analysts: each has exactly the local days asked for and a row for everything that could have one. Instants have
@@ -218,8 +218,21 @@ group. The sum of polars is 0, and so is that of pandas after arithmetic on the 
     computed = [(f"### {name}", f"{row} Computed in Python: `week.{name}`.") for name, row in COMPUTED_TABLES.items()]
     files = [tuple(_relation(r)) for r in relations("tables").values()]
     parts += [line for table in sorted([*files, *computed]) for line in table]
-    parts += [
-        "## Internal relations",
+    parts += ["## Stored tables", "The Parquet files of `store/`, open to any program: see [storage](storage.md)."]
+    for name in TABLES:
+        rows = [(f"`{f.name}`", str(f.type), "may be null" if f.nullable else "") for f in SCHEMAS[name]]
+        key = "A record is known by: " + ", ".join(f"`{k}`" for k in KEYS[name]) + "."
+        parts += [f"### {name}", _table(("column", "type", ""), rows), key]
+    return _page(parts)
+
+
+def internal_markdown() -> str:
+    """Return `docs/internal.md`: every fact, mart and staging relation, with its columns."""
+    from vsd_analytics.warehouse.sqlfiles import relations
+
+    parts = [
+        "# Internal relations",
+        NOTE,
         """\
 Facts and marts of a range of local days, for questions that no table answers: `internal.NAME` in a query. They change
 without notice, and most facts reach over the days asked for on both sides. A notebook's `warehouse.frame(...)` names
@@ -256,12 +269,7 @@ relations need no `internal.`.""",
         found = relations(layer)
         parts += [f"## {title}", said]
         for relation in sorted(found.values(), key=lambda r: r.name):
-            parts += _relation(relation)
-    parts += ["## Stored tables", "The Parquet files of `store/`, open to any program: see [storage](storage.md)."]
-    for name in TABLES:
-        rows = [(f"`{f.name}`", str(f.type), "may be null" if f.nullable else "") for f in SCHEMAS[name]]
-        key = "A record is known by: " + ", ".join(f"`{k}`" for k in KEYS[name]) + "."
-        parts += [f"### {name}", _table(("column", "type", ""), rows), key]
+            parts += _internal(relation)
     return _page(parts)
 
 
@@ -316,7 +324,8 @@ _DAYS = {
 }
 
 
-def _relation(relation: Relation) -> list[str]:
+def _identified(relation: Relation) -> str:
+    """Return what a row is, what the query reads, its settings and its file."""
     where = f"sql/{relation.layer}/{relation.name}.sql"
     facts = [f"One row is identified by {_listed(relation.grain)}."]
     if relation.stored_by:
@@ -327,8 +336,28 @@ def _relation(relation: Relation) -> list[str]:
         facts.append(f"Settings: {_listed(relation.params)}.")
     if relation.figures:
         facts.append(f"Figures made from it: {', '.join(f.metric for f in relation.figures)} ([which](figures.md)).")
-    title = relation.name if relation.layer == "tables" else f"internal.{relation.name}"
-    parts = [f"### {title}", relation.description, " ".join([*facts, f"File: [{where}](../{where})."])]
+    return " ".join([*facts, f"File: [{where}](../{where})."])
+
+
+def _internal(relation: Relation) -> list[str]:
+    """Return the section of a relation, whose steps and assumptions are in its file alone."""
+    file = f"sql/{relation.layer}/{relation.name}.sql"
+    facts = [f"Key {_listed(relation.grain)}."]
+    if relation.stored_by:
+        facts.append(f"Stored by {_DAYS[relation.stored_by]}.")
+    if relation.figures:
+        facts.append(f"{', '.join(f.metric for f in relation.figures)}.")
+    usual = [c for c, said in relation.columns.items() if not said]
+    columns = [f"* `{c}`: {said}" for c, said in relation.columns.items() if said]
+    if usual:
+        columns.insert(0, f"* {_listed(usual)}")
+    parts = [f"### internal.{relation.name}", f"{relation.description} {' '.join(facts)} [{file}](../{file})"]
+    queried = relation.layer != "staging" or relation.name in ("located", "pairs")
+    return [*parts, "\n".join(columns)] if queried else parts
+
+
+def _relation(relation: Relation) -> list[str]:
+    parts = [f"### {relation.name}", relation.description, _identified(relation)]
     rows = [(f"`{c}`", said or _USUAL.get(c, "")) for c, said in relation.columns.items()]
     parts.append(_table(("column", "what it is"), rows))
     if relation.steps:
@@ -362,6 +391,7 @@ PAGES: Final[Mapping[str, Callable[[], str]]] = {
     "settings.md": settings_markdown,
     "cli.md": cli_markdown,
     "relations.md": relations_markdown,
+    "internal.md": internal_markdown,
 }
 
 

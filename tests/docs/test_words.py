@@ -20,7 +20,7 @@ from vsd_analytics.settings import SETTINGS
 from vsd_analytics.wording.catalogue import catalogue
 
 DOCS = REPOSITORY / "docs"
-FROM_SQL = {"relations.md", "figures.md"}  # made from the headers of the SQL files, and named like them
+FROM_SQL = {"relations.md", "internal.md", "figures.md"}  # made from the headers of the SQL files, and named like them
 PAGES = sorted(
     [
         REPOSITORY / "README.md",

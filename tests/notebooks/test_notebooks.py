@@ -98,9 +98,8 @@ def test_relations_named_in_the_docs_can_be_queried(demo_project: Path) -> None:
     from vsd_analytics.warehouse.analyst_names import sql_tables
     from vsd_analytics.warehouse.analyst_query import run_query
 
-    text = (REPOSITORY / "docs" / "relations.md").read_text(encoding="utf-8")
-    tables, _, rest = text.partition("## Internal relations")
-    introduction, _, rest = rest.partition("## Marts")
+    tables, _, _ = (REPOSITORY / "docs" / "relations.md").read_text(encoding="utf-8").partition("## Stored tables")
+    introduction, _, rest = (REPOSITORY / "docs" / "internal.md").read_text(encoding="utf-8").partition("## Marts")
     names = {*re.findall(r"^### (\w+)$", tables, re.M)} - {*COMPUTED_TABLES}
     assert names | {*COMPUTED_TABLES} == {*sql_tables(), *COMPUTED_TABLES}
     names |= {
