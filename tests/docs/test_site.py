@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-import site_links
+import site_pages
 from markdown_pages import REPOSITORY
 
 
@@ -21,11 +22,14 @@ def test_the_navigation_names_every_page_once() -> None:
 
 
 class _File:
-    src_uri = "figures.md"
+    def __init__(self, src_uri: str) -> None:
+        self.src_uri = src_uri
 
 
 class _Page:
-    file = _File()
+    def __init__(self, src_uri: str = "figures.md") -> None:
+        self.file = _File(src_uri)
+        self.meta: dict[str, object] = {}
 
 
 @pytest.mark.parametrize(
@@ -37,18 +41,49 @@ class _Page:
     ],
 )
 def test_a_link_out_of_the_pages_names_its_file(given: str, shown: str) -> None:
-    assert site_links.on_page_markdown(given, page=_Page()) == shown
+    assert site_pages.on_page_markdown(given, page=_Page()) == shown
 
 
-def test_the_site_builds_without_a_warning_and_loads_nothing_from_elsewhere(tmp_path: Path) -> None:
+def test_proofs_come_after_what_people_do_in_the_search() -> None:
+    for name, rank in (("methods/imports.md", {"search": {"boost": site_pages.PROOF_RANK}}), ("guide.md", {})):
+        page = _Page(name)
+        site_pages.on_page_markdown("text", page=page)
+        assert page.meta == rank
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the folder of the site, built as `make site` does."""
     for needed in ("material", "mkdocstrings"):
         pytest.importorskip(needed, reason="the extra docs is not installed")
-    out = tmp_path / "site"
+    out = tmp_path_factory.mktemp("docs") / "site"
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(out)]
     environ = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
     done = subprocess.run(command, capture_output=True, text=True, cwd=REPOSITORY, env=environ, check=False)
     assert done.returncode == 0, done.stderr
     assert "WARNING" not in done.stderr
-    for page in out.glob("*.html"):
+    return out
+
+
+def test_the_site_loads_nothing_from_elsewhere(site: Path) -> None:
+    for page in site.rglob("*.html"):
         html = page.read_text(encoding="utf-8")
         assert not re.search(r'<(?:script|img|link)[^>]+(?:src|href)="(?:https?:)?//', html), page.name
+
+
+@pytest.mark.browser
+def test_a_page_opened_from_its_folder_searches_without_a_server(site: Path) -> None:
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    chromium = shutil.which("chromium") or shutil.which("google-chrome")
+    if chromium is None:
+        pytest.skip("no Chromium on this machine")
+    with sync_api.sync_playwright() as engines:
+        tab = engines.chromium.launch(executable_path=chromium, args=["--no-sandbox"]).new_page()
+        tab.goto((site / "index.html").as_uri())
+        tab.keyboard.press("s")
+        tab.wait_for_selector("input[name=query]:focus")
+        tab.keyboard.type("opening hours")
+        tab.wait_for_selector(".md-search-result__link", state="attached")
+        first = tab.locator(".md-search-result__link").first.get_attribute("href")
+    assert first is not None
+    assert "/methods/" not in first
