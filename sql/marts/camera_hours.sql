@@ -70,6 +70,21 @@
 --   needs        3 recorded weeks
 --   uncertainty  each week's 95 % interval
 --   by           vsd_analytics.figures.trend.trend
+-- figure: M51 Value per person-hour
+--   definition   value of each summed series of vsd context add, such as sales, over person-hours (M3) of the same hours, as M50
+--   unit         the unit of the series per person-hour
+--   denominator  person-hours
+--   needs        20 person-hours; 5 days for an interval; show_context for reports
+--   uncertainty  interval as M7, by days
+--   by           vsd_analytics.figures.context_figures.value_answer
+-- figure: M52 Violations at an equal value
+--   definition   change of M0 with recorded hours of each day counted as hours times exp(beta (z - mean)), z a series of vsd context add or
+--                its logarithm, beta its log-linear effect within the 16 weeks before; beside it the usual range of M0 at this week's z
+--   unit         relative change; violations per open hour
+--   denominator  recorded open camera-hours of both weeks
+--   needs        8 earlier weeks and 100 violations with values; a value on every day compared, and within those of earlier days
+--   uncertainty  interval of the change of M0 and that of beta, by weeks; five verdicts
+--   by           vsd_analytics.stats.covariate.change_at_equal_covariate
 -- steps:
 --   spine     every camera and quarter-hour of the calendar, so that an hour without data has a row; where no camera of a floor
 --             is there, all are missing

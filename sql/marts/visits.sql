@@ -32,6 +32,14 @@
 --   needs        30 visits; 5 days with visits for an interval
 --   uncertainty  day-clustered 95 % interval of the curve (Ying and Wei), means by jackknife over days
 --   by           vsd_analytics.stats.dwell.dwell
+-- figure: M50 Conversion
+--   definition   value of each summed series of vsd context add, such as tickets, over visits (M35) of the same hours: those recorded in
+--                full of which the value is known; a day with a value of its own alone counts whole
+--   unit         the unit of the series per visit
+--   denominator  visits
+--   needs        30 visits; 5 days for an interval; show_context for reports
+--   uncertainty  interval as M7, by days
+--   by           vsd_analytics.figures.context_figures.conversion_answer
 -- steps:
 --   marked    a stay goes on over the hour where it does not stop for longer than gap_ms
 --   numbered  a running number per visit of a track to an area

@@ -40,7 +40,7 @@ def test_completion_of_days_and_projects_offers_what_the_page_describes() -> Non
         return {name for name in dir(kind) if not name.startswith("_")}
 
     tables = {*sql_tables(), *COMPUTED_TABLES} | {"areas", "capacity", "coverage"}
-    assert offered(vsd.Days) == tables | {"at", "heatmap", "sql", "tracks"}
+    assert offered(vsd.Days) == tables | {"at", "context_figures", "heatmap", "sql", "tracks"}
     assert offered(vsd.OpenProject) == {"change", "changes", "compare", "days", "ingest", "plan", "try_layout", "week"}
 
 

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import date
 from functools import cached_property
-from typing import TYPE_CHECKING, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Final, Literal
 
 import pandas as pd
 import pyarrow as pa
 
-from vsd_analytics.api.heatmap import Heatmap, as_heatmap
+from vsd_analytics.api.heatmap import Heatmap, heatmap_of
 from vsd_analytics.api.settings_asked import site_with
 from vsd_analytics.api.table import Table
 from vsd_analytics.errors import UsageError
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from vsd_analytics.figures.periods import Period
 
 MapKind = Literal["exposure", "burden", "risk", "excess"]
-T = TypeVar("T")
+ContextFigures = Literal["context_change", "context_conversion", "context_value"]
 
 COMPUTED_TABLES: Final = {
     "visits": "One row per area with visits = true: visits per open hour (M35) and dwell times (M36).",
@@ -225,6 +225,20 @@ class Days:
 
         return context_table(self.site, self.first, self.last, per="day")
 
+    def context_figures(self, name: ContextFigures = "context_change") -> Table:
+        """Return figures of a week made with the series of `vsd context add`, a row for each floor and series.
+
+        Args:
+            name: context_change (violations at an equal value, M52), context_conversion or context_value (M50, M51).
+
+        Example:
+            >>> print(week.context_figures().note)
+            no series was added that concerns this floor; vsd context add adds one
+        """
+        from vsd_analytics.api.figure_tables import context_figure_table
+
+        return context_figure_table(self.site, self.first, self.last, name=name)
+
     @cached_property
     def coverage(self) -> Table:
         """Return one row for each camera and day: open hours, and how many of them it recorded.
@@ -359,21 +373,7 @@ class Days:
             >>> week.heatmap("exposure", cell_m=1.0).array.shape
             (16, 23)
         """
-        from vsd_analytics.figures import maps
-        from vsd_analytics.site.places import known_floor
-
-        made: dict[str, Callable[..., maps.CellMap]] = {
-            "exposure": maps.exposure_map,
-            "burden": maps.burden_map,
-            "risk": maps.risk_map,
-            "excess": maps.excess_map,
-        }
-        if kind not in made:
-            raise UsageError(f"there is no map of {kind!r}", why=f"the maps are {', '.join(made)}")
-        floor = known_floor(self.site, floor_id)
-        with self._warehouse() as warehouse:
-            found = made[kind](warehouse, floor=floor, cell_m=cell_m)
-        return as_heatmap(kind, found, floor=floor, site=self.site, until=self.last)
+        return heatmap_of(self.site, (self.first, self.last), kind, floor_id=floor_id, cell_m=cell_m)
 
     def tracks(self, camera_id: str | None = None) -> TrackTable:
         """Return all stored tracks of one camera in metres, in the columns that PedPy and movingpandas read.

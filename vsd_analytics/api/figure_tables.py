@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from datetime import date
+from datetime import date, timedelta
+from typing import Final
 
 import pyarrow as pa
 
 from vsd_analytics.answer import Answer
 from vsd_analytics.api.table import Table
 from vsd_analytics.config.change_log import read_log
+from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import compare
 from vsd_analytics.figures import hotspots as hotspot_figures
 from vsd_analytics.figures.area_answers import place_rates
@@ -19,9 +21,12 @@ from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.share.answers import audience_answers
 from vsd_analytics.render.frame import arrow
+from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 from vsd_analytics.wording.reasons import reason_text
+
+CONTEXT_FIGURES: Final = ("context_change", "context_conversion", "context_value")
 
 
 def answer_table(
@@ -53,6 +58,33 @@ def answer_table(
                 why.append(reason_text(answer.nothing))
     rows = pa.concat_tables(tables, promote_options="permissive")
     return Table(rows, title=title, note="" if rows.num_rows else "; ".join(dict.fromkeys(why)))
+
+
+def context_figure_table(site: Site, first: date, last: date, *, name: str) -> Table:
+    """Return figures of a week that use what else happened, a row for each floor and series.
+
+    Args:
+        site: The project.
+        first: Monday of a week.
+        last: Its Sunday.
+        name: context_change, context_conversion or context_value.
+
+    Raises:
+        UsageError: E101, these days are no week, or there are no such figures.
+    """
+    if name not in CONTEXT_FIGURES:
+        raise UsageError(f"there are no figures {name!r}", why=f"there are {', '.join(CONTEXT_FIGURES)}")
+    if first.weekday() or last - first != timedelta(days=6):
+        raise UsageError(
+            f"{first} to {last} is no week from Monday to Sunday",
+            why="figures that use a series compare a week with the week before",
+            fix='site.week("2026-W46").context_figures()',
+        )
+    answers = [week_report(site, first, floor_id=f.floor_id, has_context=True).answers[name] for f in site.floors]
+    rows = pa.concat_tables([arrow(answer) for answer in answers], promote_options="permissive")
+    why = dict.fromkeys(reason_text(answer.nothing) for answer in answers if answer.nothing is not None)
+    title = f"{name.replace('_', ' ').capitalize()}, {first} to {last}"
+    return Table(rows, title=title, note="" if rows.num_rows else "; ".join(why))
 
 
 def area_table(site: Site, first: date, last: date, *, title: str) -> Table:

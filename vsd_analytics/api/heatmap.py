@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import date
 from html import escape
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from vsd_analytics.api.floor_view import PictureView, ink, picture_view
 from vsd_analytics.errors import UsageError
+from vsd_analytics.figures import maps
 from vsd_analytics.figures.floor_days import Grid
 from vsd_analytics.figures.maps import CellMap
 from vsd_analytics.figures.week.model_map import FloorMap
@@ -20,6 +22,8 @@ from vsd_analytics.report.draw.bare_floor import bare_floor
 from vsd_analytics.report.draw.cell_map import LOW, MapCell, cell_map, doubling_steps
 from vsd_analytics.report.draw.svg import RAMP_LIGHT
 from vsd_analytics.site.model import Floor, Site
+from vsd_analytics.site.places import known_floor
+from vsd_analytics.warehouse.warehouse import open_warehouse
 from vsd_analytics.wording.reasons import reason_text
 
 if TYPE_CHECKING:
@@ -195,6 +199,22 @@ def _colours(faintest: float) -> Colormap:
     ramp = (LOW, *RAMP_LIGHT)
     strength = np.linspace(faintest, min(1.0, faintest + 0.6), len(ramp)).tolist()
     return LinearSegmentedColormap.from_list("vsd", [to_rgba(c, a) for c, a in zip(ramp, strength, strict=True)])
+
+
+def heatmap_of(site: Site, days: tuple[date, date], kind: str, *, floor_id: str | None, cell_m: float) -> Heatmap:
+    """Return a map of some days of a floor; arguments and errors as of `Days.heatmap`."""
+    made: dict[str, Callable[..., CellMap]] = {
+        "exposure": maps.exposure_map,
+        "burden": maps.burden_map,
+        "risk": maps.risk_map,
+        "excess": maps.excess_map,
+    }
+    if kind not in made:
+        raise UsageError(f"there is no map of {kind!r}", why=f"the maps are {', '.join(made)}")
+    floor = known_floor(site, floor_id)
+    with open_warehouse(site, *days) as warehouse:
+        found = made[kind](warehouse, floor=floor, cell_m=cell_m)
+    return as_heatmap(kind, found, floor=floor, site=site, until=days[1])
 
 
 def as_heatmap(kind: str, found: CellMap, *, floor: Floor, site: Site, until: date) -> Heatmap:

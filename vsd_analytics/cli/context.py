@@ -2,25 +2,39 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import exact_option, floor_option, json_option
 from vsd_analytics.cli.output import count, emit_json, plain, table
 from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.render.text import Layout, TableLayout
 
 if TYPE_CHECKING:
     from vsd_analytics.config.context_series import Adds, ContextSeries
 
 _SHOWN = 10
+LAYOUTS: Final[dict[str, Layout]] = {
+    "context_conversion": (
+        TableLayout(("series", "name", "value_per_visit", "value_unit", "n_visits", "n_days", "known_share")),
+    ),
+    "context_value": (TableLayout(("series", "name", "value_per_person_h", "value_unit", "n_days", "known_share")),),
+    "context_change": (
+        TableLayout(("series", "name", "series_change", "violation_rate_change", "violation_rate_verdict")),
+        TableLayout(("series", "equal_value_change", "equal_value_verdict")),
+        TableLayout(("series", "series_step", "step_change", "n_weeks", "n_days")),
+        TableLayout(
+            ("series", "violation_rate", "usual_lo", "usual_hi", "equal_value_usual_lo", "equal_value_usual_hi")
+        ),
+    ),
+}
 
 
 @click.group()
 def context() -> None:
-    """Add series of what else happened: sales, weather, footfall. They stand beside figures; no figure changes.
+    """Add series of what else happened: sales, weather, footfall. They stand beside figures; no other figure changes.
 
     \b
     Example:
@@ -118,6 +132,55 @@ def context_list(project: Project, as_json: bool) -> None:
         project.say("nothing was added yet; vsd context add sales.csv --name sales --unit EUR --sum --every 1h")
 
 
+@context.command("figures")
+@click.option("--week", default="last", show_default=True, metavar="WEEK", help="ISO week such as 2026-W46, or last.")
+@floor_option
+@exact_option
+@json_option
+@pass_project
+def context_figures(project: Project, week: str, floor_id: str | None, as_json: bool) -> int:
+    """Print figures made with the series: value per visit and person-hour, violations at an equal value.
+
+    A week's violations are compared with the week before as if the series had been equal, by what days of the 16 weeks
+    before had more of both. Sales per visit need an area with visits = true. Reports have these figures with
+    show_context = true under [report].
+
+    Exit code 1: no figure has a value.
+
+    \b
+    Example:
+      vsd context figures --week last
+      vsd context figures --week 2026-W46 --json
+    """
+    from datetime import timedelta
+
+    from vsd_analytics.answer import Answers
+    from vsd_analytics.cli.answers import has_value, print_answers
+    from vsd_analytics.cli.output import facts_progress
+    from vsd_analytics.cli.ranges import shared_days
+    from vsd_analytics.config.context_series import context_series
+    from vsd_analytics.errors import UsageError
+    from vsd_analytics.report.pages.story import week_report
+    from vsd_analytics.site.places import known_floor
+
+    floor = known_floor(project.site, floor_id)
+    if not context_series(project.site):
+        fix = "vsd context add sales.csv --name sales --unit EUR --sum --every 1h"
+        raise UsageError("nothing was added yet", fix=fix)
+    monday, _ = shared_days(project, week=week, days=None)
+    with facts_progress(quiet=project.quiet) as (on_plan, on_hours):
+        report = week_report(
+            project.site, monday, floor_id=floor.floor_id, clock=project.now, on_plan=on_plan, on_hours=on_hours,
+            has_context=True,
+        )  # fmt: skip
+    answers = Answers(answer for answer in report.answers if answer.name in LAYOUTS)
+    days = (monday, monday + timedelta(days=6))
+    print_answers(answers, days=days, layouts=LAYOUTS, as_json=as_json, notes=report.provenance.notes)
+    values = {"context_conversion": "value_per_visit", "context_value": "value_per_person_h"}
+    values["context_change"] = "equal_value_change"
+    return 0 if any(has_value(answers, name, [column]) for name, column in values.items()) else 1
+
+
 @context.command("remove")
 @click.argument("name")
 @json_option
@@ -139,7 +202,6 @@ def context_remove(project: Project, name: str, as_json: bool) -> None:
 
 
 def _described(project: Project, series: ContextSeries) -> dict[str, Any]:
-    first, last = (datetime.fromtimestamp(ms / 1000, tz=UTC).astimezone(project.site.zone).date()
-                   for ms in (int(series.from_ms[0]), int(series.to_ms[-1]) - 1))  # fmt: skip
+    first, last = series.days(project.site.zone)
     return {"name": series.name, "unit": series.unit, "place": series.place, "adds": series.adds,
             "first": first.isoformat(), "last": last.isoformat(), "n_intervals": len(series.values)}  # fmt: skip

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any, Final, Literal
+from zoneinfo import ZoneInfo
 
 import msgspec
 import numpy as np
@@ -71,6 +72,12 @@ class ContextSeries:
     from_ms: NDArray[np.int64]
     to_ms: NDArray[np.int64]
     values: NDArray[np.float64]
+
+    def days(self, zone: ZoneInfo) -> tuple[date, date]:
+        """Return the first and last local day of its intervals."""
+        ends = (int(self.from_ms[0]), int(self.to_ms[-1]) - 1)
+        first, last = (datetime.fromtimestamp(ms / 1000, tz=UTC).astimezone(zone).date() for ms in ends)
+        return first, last
 
 
 @dataclass(frozen=True, slots=True)

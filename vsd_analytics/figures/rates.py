@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import date
 from typing import Any, Final
 
 import numpy as np
@@ -148,16 +149,20 @@ def past_weeks(pair: TwoPeriods, place: Place, since: int | None = None) -> list
 
     None for a part of a week or more than one.
     """
+    return [] if since is not None else [pair.data.panel(place, week) for week in past_week_days(pair)]
+
+
+def past_week_days(pair: TwoPeriods) -> list[list[date]]:
+    """Return the days of the weeks before the periods, oldest first, on the weekdays compared; none for other spans."""
     days = [before for before, _ in pair.pairs]
     is_one_week = len({day.weekday() for day in days}) == len(days)
-    if since is not None or not days or not is_one_week:
+    if not days or not is_one_week:
         return []
     earliest = min(days)
     later = {day for _, day in pair.pairs}
     weeks = [[day - k * WEEK for day in days] for k in range(MAX_STEPS, 0, -1)]
     withheld = pair.data.warehouse.withheld_days.get(pair.data.floor.floor_id, frozenset())
-    used = [week for week in weeks if max(week) < earliest and not (later | withheld) & set(week)]
-    return [pair.data.panel(place, week) for week in used]
+    return [week for week in weeks if max(week) < earliest and not (later | withheld) & set(week)]
 
 
 def history(period: Period, n: Array, **divided_by: Array) -> dict[str, Any]:

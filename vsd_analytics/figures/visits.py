@@ -104,15 +104,7 @@ def visits(period: Period) -> Answer:
     asked = [a for a in data.areas if a.has_visits]
     if not asked:
         return Answer("visits", COLUMNS, (), period.holds_for, nothing=Reason("visits.not_asked"))
-    rows = data.warehouse.table(_VISITS, {"floor": data.floor.floor_id, "first": period.first, "last": period.last})
-    area = positions(rows["area_id"], [a.area_id for a in asked], otherwise=-1)
-    camera = positions(rows["counted_by"], data.ids, otherwise=-1)
-    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
-    is_used = data.hours.is_counted[camera, hour]
-    stays = _Stays(
-        *(v[is_used] for v in (area, camera, hour)),
-        *(rows[name].to_numpy(zero_copy_only=False)[is_used] for name in ("has_entry", "has_exit", "dwell_s")),
-    )
+    stays = _stays(period, asked)
     able = sends_ids(period)
     hidden = hidden_times(period)
     areas = tuple(
@@ -134,6 +126,13 @@ def timeless(row: Row, why: Reason | None, names: Sequence[str]) -> Row:
         return row
     agree: Row = {"means_agree": None} if "means_agree" in row else {}
     return {**row, **dict.fromkeys(names, Value.missing(why)), **agree}
+
+
+def entries_by_hour(period: Period, area: Area) -> tuple[Ints, Ints]:
+    """Return the camera and the hour, as positions, of each visit of an area whose entry was seen."""
+    stays = _stays(period, [area]).of(0)
+    entered = stays.has_entry.astype(np.bool_)
+    return stays.camera[entered], stays.hour[entered]
 
 
 def sends_ids(period: Period) -> Flags:
@@ -162,6 +161,20 @@ class _Stays:
     def of(self, area: int) -> _Stays:
         at = self.area == area
         return _Stays(*(getattr(self, name)[at] for name in self.__slots__))
+
+
+def _stays(period: Period, areas: Sequence[Area]) -> _Stays:
+    """Return the stays of tracks in areas, in the hours that enter rates."""
+    data = period.data
+    rows = data.warehouse.table(_VISITS, {"floor": data.floor.floor_id, "first": period.first, "last": period.last})
+    area = positions(rows["area_id"], [a.area_id for a in areas], otherwise=-1)
+    camera = positions(rows["counted_by"], data.ids, otherwise=-1)
+    hour = np.searchsorted(data.hours.start_ms, rows["hour_start_ms"].to_numpy())
+    is_used = data.hours.is_counted[camera, hour]
+    return _Stays(
+        *(v[is_used] for v in (area, camera, hour)),
+        *(rows[name].to_numpy(zero_copy_only=False)[is_used] for name in ("has_entry", "has_exit", "dwell_s")),
+    )
 
 
 def _area_row(period: Period, area: Area, stays: _Stays, able: Flags) -> Row:

@@ -37,7 +37,10 @@ OF_CAPACITIES: Final = frozenset({"M41"})
 
 OF_SPACE: Final = OF_VISITS | OF_QUEUES | OF_CAPACITIES
 """Figures of how a space is used, which places of the floor ask for."""
+OF_CONTEXT: Final = frozenset({"M50", "M51", "M52"})
+"""Figures that use series of what else happened; of weeks only."""
 FILES_OF_SPACE: Final = frozenset({"space_answers"})
+FILES_OF_CONTEXT: Final = frozenset({"context_answers"})
 """The files of this folder that make these."""
 
 
@@ -62,10 +65,12 @@ def _import(names: AbstractSet[str]) -> None:
         importlib.import_module(f"{__name__}.{name}")
 
 
-_import({file.name for file in pkgutil.iter_modules(__path__)} - FILES_OF_SPACE)
+_import({file.name for file in pkgutil.iter_modules(__path__)} - FILES_OF_SPACE - FILES_OF_CONTEXT)
 
 
-def shared_answers(inputs: FigureInputs, *, metrics: AbstractSet[str] | None = None) -> Answers:
+def shared_answers(
+    inputs: FigureInputs, *, metrics: AbstractSet[str] | None = None, has_context: bool = False
+) -> Answers:
     """Return the answers of a week as they may leave the operator's hands, all of them together.
 
     Those of visits, queues and capacities are absent where no place of the floor asks for them, and of days that are
@@ -74,11 +79,15 @@ def shared_answers(inputs: FigureInputs, *, metrics: AbstractSet[str] | None = N
     Args:
         inputs: The week.
         metrics: Only the answers that hold these figures; None = all.
+        has_context: With those that use what else happened.
     """
     asked = asks_for(inputs.data)
     if asked:
         _import(FILES_OF_SPACE)
-    left_out = (OF_SPACE - asked) | (frozenset() if inputs.data.is_week else OF_WEEKS)
+    if has_context:
+        _import(FILES_OF_CONTEXT)
+    without_context = frozenset() if has_context else OF_CONTEXT
+    left_out = (OF_SPACE - asked) | without_context | (frozenset() if inputs.data.is_week else OF_WEEKS | OF_CONTEXT)
     wanted = (ANSWER_MAKERS.keys() if metrics is None else metrics) - left_out
     makers = dict.fromkeys(maker for metric, maker in ANSWER_MAKERS.items() if metric in wanted)
     return audience_answers((answer for maker in makers for answer in maker(inputs)), inputs.data.site)

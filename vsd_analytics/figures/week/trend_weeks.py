@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import date
+from datetime import date, timedelta
 from string import ascii_uppercase
 from typing import Final
 
@@ -18,6 +18,7 @@ from vsd_analytics.figures.week.model_sections import Target, Trend, TrendMark, 
 from vsd_analytics.figures.week.results import Level
 from vsd_analytics.stats.trend import WeekRates
 from vsd_analytics.stats.usual import usual_range
+from vsd_analytics.warehouse.provenance import engines
 
 WEEKS: Final = 10
 """Points of the chart: what its width shows legibly."""
@@ -76,6 +77,21 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level, same_engi
         reason=found.reason,
         encounter_rate_reason=found.encounter_rate_reason,
     )
+
+
+def same_engine_since(data: WeekData, weeks: Sequence[WeekRates]) -> date | None:
+    """Return the Monday of the first of some weeks that the engines of this week counted; None = all of them."""
+    mondays = [week.monday for week in weeks]
+    now = engines(data.site, data.monday, data.sunday)
+    if not mondays or not now or set(engines(data.site, mondays[0], data.sunday)) <= set(now):
+        return None
+    since = data.monday
+    for monday in reversed(mondays):
+        sent = engines(data.site, monday, monday + timedelta(days=6))
+        if sent and sent != now:
+            break
+        since = monday
+    return since
 
 
 def _usual(

@@ -67,6 +67,7 @@ def measured(
     clock: datetime | None,
     on_plan: Callable[[int], None] | None,
     on_hours: Callable[[int], None] | None,
+    has_context: bool = False,
 ) -> WeekReport:
     """Return the figures of the ISO week from `first`, or of other days up to `last`, without a story.
 
@@ -90,7 +91,7 @@ def measured(
         if data.is_shared_otherwise:
             raise _shared_otherwise(first)
         found = LazyAnswers(data)
-        report = _report(data, floor, found, now)
+        report = _report(data, floor, found, now, has_context=has_context or site.settings.show_context)
         if not data.is_released:
             report = (add_week_sections if data.is_week else add_days_sections)(report, data, found)
         report = add_maps(report, data)
@@ -141,7 +142,7 @@ def _first_day(site: Site, monday: date) -> date:
     return max(earliest, min(stored, monday - WEEK))
 
 
-def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | None) -> WeekReport:
+def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | None, *, has_context: bool) -> WeekReport:
     site, settings = data.site, data.site.settings
     sent = engines(site, data.monday, data.sunday)
     coverage = recording.coverage(data, found.camera_watch)
@@ -161,7 +162,7 @@ def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | No
     has_ranking = is_ranked and level.violation_rate.value != 0
     made_at = _made_at(data, now)
     inputs = FigureInputs(data, found, coverage, level, areas.rows, hours.when, is_ranked)
-    shared = shared_answers(inputs, metrics=SO_FAR if data.is_released else None)
+    shared = shared_answers(inputs, metrics=SO_FAR if data.is_released else None, has_context=has_context)
     return WeekReport(
         site=SiteRef(
             site_id=site.site_id,

@@ -15,7 +15,6 @@ from vsd_analytics.figures.week.model_sections import FalseAlarmShare, SelfCheck
 from vsd_analytics.report.draw.spot_pictures import spot_pictures
 from vsd_analytics.report.model.agenda import agenda
 from vsd_analytics.report.model.logged_changes import logged_changes
-from vsd_analytics.report.model.site_changes import same_engine_since
 from vsd_analytics.report.model.spot_names import with_words
 from vsd_analytics.report.model.week import WeekReport
 
@@ -28,7 +27,10 @@ def add_week_sections(report: WeekReport, data: WeekData, found: LazyAnswers) ->
     made = replace(
         report,
         trend=trend_weeks.trend(
-            data, found.trend, level=report.level, same_engine_since=same_engine_since(data, found)
+            data,
+            found.trend,
+            level=report.level,
+            same_engine_since=trend_weeks.same_engine_since(data, found.trend.weeks),
         ),
         outlook=outlook.outlook(found.outlook),
         selfcheck=_self_check(found.self_check),

@@ -11,11 +11,9 @@ from vsd_analytics.figures import comparable
 from vsd_analytics.figures.week import estimates
 from vsd_analytics.figures.week.changes import moved_since, recorded_cameras, share_of_change, verdict_without
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.figures.week.lazy_answers import LazyAnswers
 from vsd_analytics.figures.week.model_recording import Coverage, Outage
 from vsd_analytics.figures.week.results import LogLine, SettingsChange
 from vsd_analytics.site.model import LogEntry
-from vsd_analytics.warehouse.provenance import engines
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
@@ -96,21 +94,6 @@ def settings_change(data: WeekData, sent: tuple[str, ...], before: tuple[str, ..
     if comparable.has_other_rules(data.warehouse, first_ms=first_ms, end_ms=end_ms):
         return SettingsChange(name="rules", before=say("changed.rules_before"), after=say("changed.rules_after"))
     return None
-
-
-def same_engine_since(data: WeekData, found: LazyAnswers) -> date | None:
-    """Return the Monday of the first week of the trend that the engines of this week counted; None = all its weeks."""
-    weeks = [week.monday for week in found.trend.weeks]
-    now = engines(data.site, data.monday, data.sunday)
-    if not weeks or not now or set(engines(data.site, weeks[0], data.sunday)) <= set(now):
-        return None
-    since = data.monday
-    for monday in reversed(weeks):
-        sent = engines(data.site, monday, monday + timedelta(days=6))
-        if sent and sent != now:
-            break
-        since = monday
-    return since
 
 
 def _other_frame_rates(data: WeekData) -> list[LogLine]:

@@ -17,6 +17,7 @@ import pyarrow as pa
 
 from vsd_analytics.errors import ReportError
 from vsd_analytics.figures import operator_counts
+from vsd_analytics.figures.context_values import context_rows
 from vsd_analytics.figures.share.counts import mask_of
 from vsd_analytics.figures.share.periods import check_days, is_over
 from vsd_analytics.report.pages.json_and_csv import figures_json, to_json
@@ -67,8 +68,9 @@ def export_duckdb(
 
     The numbers are those of `vsd report --format json`: small counts are hidden, and weeks that are not over or may not
     be shared again are left out. Where the site hides nothing, the file is the operator's and has hours by camera and
-    by area too (`OPERATOR_TABLES`). A file that is there already is replaced in one step; who has it open reads the old
-    one until it is opened again. The same input gives the same rows.
+    by area too (`OPERATOR_TABLES`). Series of `vsd context add` are in it as they were added. A file that is there
+    already is replaced in one step; who has it open reads the old one until it is opened again. The same input gives
+    the same rows.
 
     Args:
         site: The project.
@@ -112,6 +114,10 @@ def export_duckdb(
                 "select * from calendar where local_date between $first and $last",
                 {"first": monday, "last": sunday},
             ),
+        }
+        inputs |= {
+            "site_context": context_rows(site, monday, sunday, per="hour"),
+            "site_context_days": context_rows(site, monday, sunday, per="day"),
         }
         if not mask_of(site).is_on:
             inputs |= {"exact_camera_hours": _exact(warehouse, "camera"), "exact_area_hours": _exact(warehouse, "area")}

@@ -25,6 +25,7 @@ def week_report(
     clock: datetime | None = None,
     on_plan: Callable[[int], None] | None = None,
     on_hours: Callable[[int], None] | None = None,
+    has_context: bool = False,
 ) -> WeekReport:
     """Return the report of one floor and ISO week, its sentences in the site's language (or that of `speaking`).
 
@@ -36,6 +37,7 @@ def week_report(
         clock: The present: hours that are not over at it are neither recorded nor missing; None = all are over.
         on_plan: Called with the number of fact hours to compute first; see `build`.
         on_hours: Called after computed hours.
+        has_context: With figures that use what else happened, also where `show_context` is off.
 
     Returns:
         The report with its story; a week without data has a report too.
@@ -50,7 +52,17 @@ def week_report(
         ('first_week', '<!doctype html>')
     """
     return finish(
-        measured(site, monday, None, floor_id=floor_id, now=now, clock=clock, on_plan=on_plan, on_hours=on_hours)
+        measured(
+            site,
+            monday,
+            None,
+            floor_id=floor_id,
+            now=now,
+            clock=clock,
+            on_plan=on_plan,
+            on_hours=on_hours,
+            has_context=has_context,
+        )
     )
 
 
