@@ -401,30 +401,26 @@ PART_BEGINS: Final = "<!-- Made by `make docs` from the headers of the SQL files
 PART_ENDS: Final = "<!-- Written by hand from here on. -->"
 
 
-README_BEGINS: Final = "<!-- Made by `make docs` from the adapters; edit there, and docs/formats.md. -->"
+FORMATS_BEGINS: Final = "<!-- Made by `make docs` from the adapters and the headings below; edit there. -->"
 
 
-def formats_markdown(guide: str) -> str:
-    """Return the list of formats in `README.md`: every adapter, with what it reads and what its positions are.
+def formats_markdown(page: str) -> str:
+    """Return the list of formats in `docs/formats.md`: every adapter, with what it reads and what its positions are.
 
     Args:
-        guide: Text of `docs/formats.md`, which has a heading `### NAME: WHAT` for each format.
+        page: Text of the page, which has a heading `### NAME: WHAT` for each format.
 
     Raises:
         ValueError: The page says nothing of a format.
     """
     from vsd_analytics.ingest.formats.adapters import GENERAL, SPECIFIC, adapter
 
-    headings = dict(re.findall(r"(?m)^### ([\w-]+): (.+)$", guide))
+    headings = dict(re.findall(r"(?m)^### ([\w-]+): (.+)$", page))
     names = [name for name in (*SPECIFIC, *GENERAL) if name != "table"]  # it is positions or pairs
     if lacking := [name for name in names if name not in headings]:
         raise ValueError(f"docs/formats.md has no heading of {', '.join(lacking)}")
     rows = [
-        (
-            f"[`{name}`](docs/formats.md#{_anchor(f'{name}: {headings[name]}')})",
-            headings[name],
-            adapter(name).coordinates,
-        )
+        (f"[`{name}`](#{_anchor(f'{name}: {headings[name]}')})", headings[name], adapter(name).coordinates)
         for name in names
     ]
     return _table(("`--format`", "what it reads", "positions"), rows)
@@ -468,10 +464,9 @@ def write_pages(folder: Path) -> list[Path]:
     for name, make in PARTS.items():
         if (folder / name).exists():
             made[name] = with_part((folder / name).read_text(encoding="utf-8"), make())
-    readme, guide = folder / "../README.md", folder / "formats.md"
-    if readme.exists() and guide.exists():
-        part = formats_markdown(guide.read_text(encoding="utf-8"))
-        made["../README.md"] = with_part(readme.read_text(encoding="utf-8"), part, README_BEGINS)
+    if (formats := folder / "formats.md").exists():
+        text = formats.read_text(encoding="utf-8")
+        made["formats.md"] = with_part(text, formats_markdown(text), FORMATS_BEGINS)
     for name, text in made.items():
         path = folder / name
         if not path.exists() or path.read_text(encoding="utf-8") != text:
