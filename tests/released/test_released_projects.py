@@ -14,8 +14,8 @@ from vsd_analytics.version import VERSION
 PROJECTS = sorted(HERE.glob("*.zip"))
 
 
-def test_the_version_at_hand_has_its_project() -> None:
-    assert VERSION in [path.stem for path in PROJECTS], "python tests/released/make_released_project.py"
+def test_a_released_version_has_its_project() -> None:
+    assert ".dev" in VERSION or VERSION in [path.stem for path in PROJECTS], "python tests/released/make_released_project.py"
     assert all(path.stat().st_size < 200_000 for path in PROJECTS)
 
 
