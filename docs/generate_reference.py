@@ -184,7 +184,7 @@ def _options(params: Sequence[click.Parameter]) -> list[tuple[str, str]]:
 
 def relations_markdown() -> str:
     """Return `docs/relations.md`: the tables for analysts and the stored tables, with units."""
-    from vsd_analytics.api.days import COMPUTED_TABLES
+    from vsd_analytics.api.computed_tables import COMPUTED_TABLES
     from vsd_analytics.schema import KEYS, SCHEMAS, TABLES
     from vsd_analytics.warehouse.sqlfiles import relations
 

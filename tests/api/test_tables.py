@@ -14,7 +14,7 @@ import pyarrow as pa
 import pytest
 
 import vsd_analytics as vsd
-from vsd_analytics.api.days import COMPUTED_TABLES
+from vsd_analytics.api.computed_tables import COMPUTED_TABLES
 from vsd_analytics.errors import UsageError
 from vsd_analytics.warehouse.analyst_names import sql_tables
 

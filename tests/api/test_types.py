@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import vsd_analytics as vsd
-from vsd_analytics.api.days import COMPUTED_TABLES
+from vsd_analytics.api.computed_tables import COMPUTED_TABLES
 from vsd_analytics.warehouse.analyst_names import sql_tables
 
 HERE = Path(__file__).parent

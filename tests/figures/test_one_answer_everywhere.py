@@ -1,4 +1,4 @@
-"""Visits, flow, queues and capacity are the same numbers in commands, report, its file, Python and planner."""
+"""Visits, flow, queues, capacity, crossings are the same numbers in commands, report, its file, Python and planner."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ COMMANDS = {
     "queues": ("queue", "--json"),
     "queue_hours": ("queue", "--json"),
     "capacity": ("capacity", "--json"),
+    **dict.fromkeys(("lines", "line_days", "line_hours"), ("lines", "--json")),
     "flow": ("flow", "--format", "json"),
     "flow_areas": ("flow", "--format", "json"),
     "flow_routes": ("flow", "--format", "json"),
@@ -38,7 +39,8 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = week_of_walkers(tmp_path_factory.mktemp("everywhere"))
     toml = root / "vsd.toml"
     asking = 'id = "till"\nqueue = true\nserved_in = "door"\ncapacity = 2\n'
-    toml.write_text(toml.read_text("utf-8").replace('id = "till"\n', asking), encoding="utf-8")
+    line = '[[line]]\nid = "corridor"\nname = "Corridor"\npoints = [[3, 0], [3, 4]]\n'
+    toml.write_text(toml.read_text("utf-8").replace('id = "till"\n', asking) + line, encoding="utf-8")
     return root
 
 
@@ -65,7 +67,7 @@ def test_a_command_prints_the_rows_of_the_report(
     assert told["columns"] == twin[name]["columns"]
 
 
-@pytest.mark.parametrize("name", ["visits", "queues", "queue_hours", "capacity", "flow", "flow_links"])
+@pytest.mark.parametrize("name", ["visits", "queues", "queue_hours", "capacity", "lines", "flow", "flow_links"])
 def test_python_has_the_values_of_the_report(shop: Path, twin: dict[str, Any], name: str) -> None:
     rows = getattr(vsd_analytics.open(shop).week("2026-W46"), name).arrow().to_pylist()
     flat = [
@@ -91,7 +93,7 @@ def test_csv_has_the_values_of_the_report(shop: Path, twin: dict[str, Any], caps
 
 def test_figures_by_catalogue_id_are_a_view_of_the_answers(shop: Path, twin: dict[str, Any]) -> None:
     figures = figures_json(w.report(load_site(shop)))
-    for metric in ("M35", "M36", "M37", "M39", "M40", "M41"):
+    for metric in ("M35", "M36", "M37", "M39", "M40", "M41", "M57"):
         rows = figures[metric]["rows"] or []
         for column in {row["column"] for row in rows}:
             tables = [

@@ -94,7 +94,7 @@ def test_python_on_a_page_runs_on_the_demo(page: str, demo_project: Path, monkey
 
 
 def test_relations_named_in_the_docs_can_be_queried(demo_project: Path) -> None:
-    from vsd_analytics.api.days import COMPUTED_TABLES
+    from vsd_analytics.api.computed_tables import COMPUTED_TABLES
     from vsd_analytics.warehouse.analyst_names import sql_tables
     from vsd_analytics.warehouse.analyst_query import run_query
 

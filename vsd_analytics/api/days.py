@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import date
@@ -15,7 +14,6 @@ import pyarrow as pa
 from vsd_analytics.api.heatmap import Heatmap, heatmap_of
 from vsd_analytics.api.settings_asked import site_with
 from vsd_analytics.api.table import Table
-from vsd_analytics.errors import UsageError
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
@@ -27,20 +25,6 @@ if TYPE_CHECKING:
 MapKind = Literal["exposure", "burden", "risk", "excess"]
 ContextFigures = Literal["context_change", "context_conversion", "context_value"]
 
-COMPUTED_TABLES: Final = {
-    "visits": "One row per area with visits = true: visits per open hour (M35) and dwell times (M36).",
-    "queues": "One row per area with queue = true: people waiting (M39) and waiting times (M40).",
-    "queue_hours": "The same by hour of the day.",
-    "capacity": "One row per area or floor with a capacity: how full it was (M41).",
-    "flow": "One row per area with visits = true and area that people go to next (M37).",
-    "flow_links": "One row per estimated link over floor that no camera sees.",
-    "hotspots": "One row per hotspot (M20) of the 28 days that end with the days asked for.",
-    "changes": "One row per entry of the change log that was made in the days asked for.",
-    "context": "One row per series of `vsd context add`, such as sales or weather, and local hour.",
-    "context_days": "The same by local day.",
-}
-"""Tables that are figures with their statistics, the change log or added context: no SQL file."""
-COMPUTED: Final = tuple(COMPUTED_TABLES)
 _NOTES: Final = {
     "violations": "numbers at different distances do not compare: a short distance cuts one meeting into several"
 }
@@ -342,6 +326,28 @@ class Days:
         return self._answer("capacity", lambda period: (capacity(period),))
 
     @cached_property
+    def lines(self) -> Table:
+        """Return who crossed counting lines in either direction (M57), a row for each `[[line]]`.
+
+        Example:
+            >>> print(week.lines.note)
+            no [[line]] is drawn in vsd.toml
+        """
+        from vsd_analytics.figures.lines import line_answers
+
+        return self._answer("lines", line_answers)
+
+    @cached_property
+    def line_counts(self) -> Table:
+        """Return one row for each counting line and quarter-hour; columns as in `sql/tables/line_counts.sql`.
+
+        Example:
+            >>> len(week.line_counts)  # no [[line]] is drawn
+            0
+        """
+        return self._table("line_counts")
+
+    @cached_property
     def hotspots(self) -> Table:
         """Return the hotspots of the 28 days that end with these days: where time too close exceeds the crowd's share.
 
@@ -415,23 +421,9 @@ class Days:
             >>> len(week.sql("select local_date, sales from hours join tills using (local_hour)", tills=tills))
             14
         """
-        from vsd_analytics.store.duck import connect
-        from vsd_analytics.warehouse.analyst_names import internal_names, named_query, sql_tables
-        from vsd_analytics.warehouse.analyst_query import run_query
+        from vsd_analytics.api.query_table import query_table
 
-        if not isinstance(query, str):
-            raise UsageError(f"{query!r} is no query", fix='week.sql("select * from hours")')
-        for name in tables:
-            if name in {*sql_tables(), *COMPUTED, *internal_names()} or not re.fullmatch(r"[a-z][a-z0-9_]*", name):
-                why = "a table or relation has this name, or it is no plain name"
-                raise UsageError(f"{name!r} cannot be the name of a table of yours", why=why, fix=f"my_{name}=...")
-        with connect(threads=1) as parser:
-            named = named_query(parser, query, tables={*sql_tables(), *COMPUTED}, given=tables)
-        computed = {name: getattr(self, name).arrow() for name in named.tables if name in COMPUTED}
-        given = {name: rows.arrow() if isinstance(rows, Table) else rows for name, rows in tables.items()}
-        with open_warehouse(self.site, self.first, self.last, relations=named.reads) as warehouse:
-            rows = run_query(warehouse, query, computed=computed, given=given)
-        return Table(rows, title="Query")
+        return query_table(self, query, tables)
 
     def _answer(self, name: str, answers: Callable[[Period], Sequence[Answer]]) -> Table:
         from vsd_analytics.api.figure_tables import answer_table

@@ -33,6 +33,7 @@ JOBS: Final = {
             "flow",
             "queue",
             "capacity",
+            "lines",
             "context",
             "forecast",
         ),

@@ -46,7 +46,8 @@ def sql(
       vsd sql "select local_hour, sum(n_violations) from hours group by all order by 1" --week last
       vsd sql "select count(*) from internal.located" --week last
     """
-    from vsd_analytics.api.days import COMPUTED, Days
+    from vsd_analytics.api.computed_tables import COMPUTED
+    from vsd_analytics.api.days import Days
     from vsd_analytics.errors import UsageError
 
     if as_list:
@@ -79,7 +80,7 @@ def sql(
 
 def _list(*, as_json: bool) -> None:
     """Print the tables, and the relations behind them as `internal.NAME`."""
-    from vsd_analytics.api.days import COMPUTED_TABLES
+    from vsd_analytics.api.computed_tables import COMPUTED_TABLES
     from vsd_analytics.warehouse.analyst_names import INTERNAL, sql_tables
     from vsd_analytics.warehouse.sqlfiles import queried_relations
 
@@ -96,7 +97,7 @@ def _list(*, as_json: bool) -> None:
 
 def _text_of(name: str) -> str:
     """Return the SQL file of a table, or of a relation behind the tables with or without `internal.`."""
-    from vsd_analytics.api.days import COMPUTED_TABLES
+    from vsd_analytics.api.computed_tables import COMPUTED_TABLES
     from vsd_analytics.errors import UsageError
     from vsd_analytics.warehouse.analyst_names import INTERNAL, sql_tables
     from vsd_analytics.warehouse.sqlfiles import queried_relations, relations

@@ -1,4 +1,4 @@
-"""Answers on how a space is used, of places that ask for it: M35 to M42."""
+"""Answers on how a space is used, of places that ask for it: M35 to M42, and lines: M57."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from vsd_analytics.answer import Answer
 from vsd_analytics.figures.capacities import capacity
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
 from vsd_analytics.figures.flow_answers import direction_answer, flow_answers
+from vsd_analytics.figures.lines import line_answers
 from vsd_analytics.figures.queues import queues
 from vsd_analytics.figures.visits import visits
 
@@ -32,3 +33,9 @@ def queue_answers(inputs: FigureInputs) -> tuple[Answer, ...]:
 def capacity_answers(inputs: FigureInputs) -> tuple[Answer, ...]:
     """Return for how much of the open time each place with a capacity was full, and by how many people too full."""
     return (capacity(inputs.data.this),)
+
+
+@answers("M57")
+def crossings_of_lines(inputs: FigureInputs) -> tuple[Answer, ...]:
+    """Return how many people crossed each counting line in either direction: over the days, by day and by hour."""
+    return line_answers(inputs.data.this)

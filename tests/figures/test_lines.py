@@ -1,0 +1,123 @@
+"""Crossings of counting lines (M57): every crossing of a known world, unknown where not recorded, small ones hidden."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from report import ingested_worlds as w
+from warehouse.small_projects import DAY, HOUR, T0, Frame, Person, beats, put
+
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
+from vsd_analytics.config.project import load_site
+
+LINE = '[[line]]\nid = "door"\nname = "<b>Door</b>"\npoints = [[0, 0], [2, 0]]\nleft = "Shop"\nright = "Street"\n'
+QUARTER = HOUR // 4
+
+
+def through(start_ms: int, track: str | None, *, way: int = 1) -> list[Person]:
+    """Return somebody who walks through the door, to the left (1) or to the right (-1)."""
+    return [Person(start_ms + i * 1000, track, 1000, way * (-1500 + i * 600)) for i in range(6)]
+
+
+def shop(root: Path, records: Sequence[Person | Frame], *, lines: str = LINE) -> Path:
+    text = w.toml(cameras=("cam",), opening='{ mon-sun = "09:00-10:00" }') + lines
+    (root / "vsd.toml").write_text(text, encoding="utf-8")
+    put(load_site(root), records)
+    return root
+
+
+def printed(
+    root: Path, capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0, week: str = "2026-W46"
+) -> dict[str, list[dict[str, Any]]]:
+    capsys.readouterr()
+    options = ["-C", str(root), "--now", "2026-11-20T12:00:00Z", "--quiet", "lines", "--json", *arguments]
+    assert run(cli, [*options, "--week", week]) == code
+    answers = json.loads(capsys.readouterr().out)["answers"]
+    return {name: answer["rows"] for name, answer in answers.items()}
+
+
+def week(*, in_: int, out: int, but: tuple[int, int] | None = None) -> list[Person | Frame]:
+    """Return a week with so many people in and out a day; the day and quarter-hour of `but` are not recorded."""
+    records: list[Person | Frame] = []
+    for d in range(7):
+        day = T0 + d * DAY
+        for k in range(in_):
+            records += through(day + k * 60_000, f"in-{d}-{k}")
+        for k in range(out):
+            records += through(day + 30_000 + k * 60_000, f"out-{d}-{k}", way=-1)
+        records += beats(day, day + HOUR)
+    if but is None:
+        return records
+    first = T0 + but[0] * DAY + but[1] * QUARTER
+    return [r for r in records if not first <= r.ts < first + QUARTER]
+
+
+def test_every_crossing_of_a_week_is_counted_by_direction_day_and_hour(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = printed(shop(tmp_path, week(in_=20, out=12)), capsys)
+    (whole,) = found["lines"]
+    assert (whole["left"], whole["right"]) == ("Shop", "Street")
+    assert [whole[n]["value"] for n in ("n_to_left", "n_to_right", "net_to_left")] == [140, 84, 56]
+    assert (whole["recorded_h"], whole["unrecorded_open_h"]) == (7, 0)
+    assert [row["n_to_left"]["value"] for row in found["line_days"]] == [20] * 7
+    by_hour = {row["local_hour"]: row["n_to_right"]["value"] for row in found["line_hours"]}
+    assert (len(by_hour), by_hour[9], by_hour[10]) == (24, 84, None)
+
+
+def test_where_a_camera_was_down_the_net_number_is_unknown_and_no_zero(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = printed(shop(tmp_path, week(in_=20, out=12, but=(2, 3))), capsys)
+    (whole,) = found["lines"]
+    assert whole["net_to_left"]["value"] is None
+    assert whole["net_to_left"]["reason"].startswith("0.25 opening hours were not recorded in full")
+    assert whole["unrecorded_open_h"] == 0.25
+    assert whole["n_to_left"]["value"] == 140, "nobody came in the last quarter-hour"
+    assert [row["net_to_left"]["value"] for row in found["line_days"]] == [8, 8, None, 8, 8, 8, 8]
+
+
+def test_a_line_that_nobody_recorded_is_unknown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    root = shop(tmp_path, week(in_=20, out=12))
+    (row,) = printed(root, capsys, week="2026-W47", code=1)["lines"]
+    assert [row[n]["value"] for n in ("n_to_left", "n_to_right", "net_to_left")] == [None] * 3
+
+
+def test_people_without_ids_cannot_be_counted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    records = [*(r for d in range(7) for r in through(T0 + d * DAY, None)), *beats(T0, T0 + HOUR)]
+    (row,) = printed(shop(tmp_path, records), capsys, code=1)["lines"]
+    assert (row["n_to_left"]["value"], row["n_to_left"]["state"]) == (None, "not_measurable")
+
+
+def test_few_people_are_hidden_and_what_tells_them_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    records = [*week(in_=20, out=0), *through(T0 + 2 * DAY, "one", way=-1)]
+    root = shop(tmp_path, records)
+    found = printed(root, capsys)
+    (whole,) = found["lines"]
+    assert whole["n_to_right"]["value"] is None
+    assert whole["net_to_left"]["value"] is None
+    assert whole["n_to_left"]["value"] == 140
+    assert [row["n_to_right"]["value"] for row in found["line_days"]] == [None] * 7
+    (exact,) = printed(root, capsys, "--exact")["lines"]
+    assert (exact["n_to_right"]["value"], exact["net_to_left"]["value"]) == (1, 139)
+
+
+def test_without_a_line_the_command_says_how_to_draw_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    root = shop(tmp_path, week(in_=1, out=0), lines="")
+    assert run(cli, ["-C", str(root), "--quiet", "lines", "--week", "2026-W46"]) == 2
+    assert "[[line]]" in capsys.readouterr().err
+
+
+def test_text_shows_sides_by_their_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    root = shop(tmp_path, week(in_=20, out=12))
+    capsys.readouterr()
+    assert run(cli, ["-C", str(root), "--now", "2026-11-20T12:00:00Z", "--quiet", "lines", "--week", "2026-W46"]) == 0
+    out = capsys.readouterr().out
+    assert "Crossings of counting lines" in out
+    assert "Shop" in out
+    assert "140" in out

@@ -1,0 +1,112 @@
+"""Counting lines: how many people crossed each, in either direction (M57).
+
+Crossings count in all hours, not only in opening hours: staff who come before the doors open are in the building, too.
+The net number, in less out, needs every opening hour: one that was not recorded makes it unknown, not smaller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+from vsd_analytics.answer import Answer, Cell, Column, Reason, Row, Sum, Value
+from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.rates import NOT_RECORDED
+from vsd_analytics.figures.visits import NO_TRACK_IDS
+from vsd_analytics.site.lines import Line
+
+Rows = Sequence[dict[str, Any]]
+_ROWS: Final = """
+select line_id, local_date, local_hour, is_open, recorded_s, state, can_count, n_to_left, n_to_right
+from line_counts
+where floor_id = $floor and local_date between $first and $last
+order by quarter, line_no
+"""
+_BOTH: Final = ("n_to_left", "n_to_right")
+_COUNTS: Final = (
+    Column("left", "fact"),
+    Column("n_to_left", "count", "crossings", "M57", per="recorded_h"),
+    Column("right", "fact"),
+    Column("n_to_right", "count", "crossings", "M57", per="recorded_h"),
+    Column("net_to_left", "people", "people", "M57", digits=6, tells=_BOTH),
+    Column("recorded_h", "fact", "h"),
+    Column("unrecorded_open_h", "fact", "h"),
+)
+_KEYS: Final = (Column("floor_id", "key"), Column("line_id", "key"))
+_NAME: Final = Column("name", "fact")
+LINE_COLUMNS: Final = (*_KEYS, _NAME, *_COUNTS)
+"""Columns of `lines`."""
+DAY_COLUMNS: Final = (*_KEYS, Column("local_date", "key"), _NAME, *_COUNTS)
+"""Columns of `line_days`."""
+HOUR_COLUMNS: Final = (*_KEYS, Column("local_hour", "key", "hour_of_day"), _NAME, *_COUNTS)
+"""Columns of `line_hours`."""
+_SUMS: Final = tuple(Sum(n, (f"{table}.{n}",)) for table in ("line_days", "line_hours") for n in _BOTH)
+
+
+def line_answers(period: Period) -> tuple[Answer, Answer, Answer]:
+    """Return who crossed each counting line of a floor: over the days, by day, and by hour of the day.
+
+    Columns: names of both sides; crossings to either side, of all recorded quarter-hours (M57); crossings to the left
+    less those to the right, where every opening hour was recorded in full; recorded hours of the camera of a line
+    that recorded least; opening hours that were not recorded in full.
+    """
+    lines = [n for n in period.data.site.lines if n.floor_id == period.data.floor.floor_id]
+    lines = [n for n in lines if n.is_there(period.first, period.last)]
+    names = (("lines", LINE_COLUMNS), ("line_days", DAY_COLUMNS), ("line_hours", HOUR_COLUMNS))
+    if not lines:
+        nothing = Reason("lines.not_asked")
+        whole, by_day, by_hour = (Answer(n, columns, (), period.holds_for, nothing=nothing) for n, columns in names)
+        return whole, by_day, by_hour
+    rows = line_rows(period)
+    return (
+        Answer("lines", LINE_COLUMNS, _grouped(period, lines, rows, None), period.holds_for, _SUMS),
+        Answer("line_days", DAY_COLUMNS, _grouped(period, lines, rows, "local_date"), period.holds_for),
+        Answer("line_hours", HOUR_COLUMNS, _grouped(period, lines, rows, "local_hour"), period.holds_for),
+    )
+
+
+def line_rows(period: Period) -> Rows:
+    """Return the quarter-hours of the counting lines of a period's floor, in order."""
+    values = {"floor": period.data.floor.floor_id, "first": period.first, "last": period.last}
+    return period.data.warehouse.rows(_ROWS, values)
+
+
+def _grouped(period: Period, lines: Sequence[Line], rows: Rows, key: str | None) -> tuple[Row, ...]:
+    """Return a row for each line and value of a column of `line_counts`; None = each line."""
+    value_of: Callable[[dict[str, Any]], Any] = (lambda row: row[key]) if key else (lambda _: None)
+    cells = []
+    for line in lines:
+        of_line = [row for row in rows if row["line_id"] == line.line_id]
+        groups: dict[Any, list[dict[str, Any]]] = {}
+        for row in of_line:
+            groups.setdefault(value_of(row), []).append(row)
+        for value, quarters in sorted(groups.items(), key=lambda group: (group[0] is not None, group[0])):
+            keys: dict[str, Cell] = {"floor_id": period.data.floor.floor_id, "line_id": line.line_id}
+            cells.append({**keys, **({key: value} if key else {}), **_counts(line, quarters)})
+    return tuple(cells)
+
+
+def _counts(line: Line, quarters: Rows) -> Row:
+    """Return the cells of some quarter-hours of a line."""
+    known = [row for row in quarters if row["n_to_left"] is not None]
+    open_unrecorded = sum(row["is_open"] and (row["state"] != "full" or not row["can_count"]) for row in quarters)
+    n_left, n_right = (sum(row[name] for row in known) for name in _BOTH)
+    if known:
+        counts = Value(n_left), Value(n_right)
+        net = Value(n_left - n_right)
+    else:
+        can_count = all(row["can_count"] for row in quarters)
+        why = Value.of(NOT_RECORDED) if can_count else Value.missing(NO_TRACK_IDS, "not_measurable")
+        counts, net = (why, why), why
+    if known and open_unrecorded:
+        net = Value.missing(Reason("lines.net_unknown", hours=open_unrecorded / 4))
+    return {
+        "name": line.name,
+        "left": line.left,
+        "n_to_left": counts[0],
+        "right": line.right,
+        "n_to_right": counts[1],
+        "net_to_left": net,
+        "recorded_h": sum(row["recorded_s"] for row in quarters) / 3600,
+        "unrecorded_open_h": open_unrecorded / 4,
+    }
