@@ -84,7 +84,7 @@ def test_where_a_camera_was_down_the_net_number_is_unknown_and_no_zero(
 
 def test_a_line_that_nobody_recorded_is_unknown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     root = shop(tmp_path, week(in_=20, out=12))
-    (row,) = printed(root, capsys, week="2026-W47", code=1)["lines"]
+    (row,) = printed(root, capsys, "--exact", week="2026-W47", code=1)["lines"]
     assert [row[n]["value"] for n in ("n_to_left", "n_to_right", "net_to_left")] == [None] * 3
 
 
