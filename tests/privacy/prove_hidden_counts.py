@@ -1,4 +1,4 @@
-"""Solve for every count held back from all that leaves of many weeks, in sequence; the table is in docs/privacy.md.
+"""Solve for every count held back from all that leaves of many weeks, in sequence; tables: docs/methods.
 
 Worlds of few violations, each with `--weeks` weeks in a row. Pages of each third week are asked for while it goes on,
 and of all weeks when they are over. Then minutes are erased twice, a day arrives late, and the legal distance changes,
