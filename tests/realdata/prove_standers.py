@@ -1,6 +1,6 @@
 """Do people who stand in the way tell how far others keep from an obstacle? A natural experiment on a shopping centre.
 
-Run `VSD_REALDATA=... python tests/realdata/prove_standers.py`; docs/whatif.md says what came. Whoever stands for a
+Run `VSD_REALDATA=... python tests/realdata/prove_standers.py`; docs/methods says what came. Whoever stands for a
 minute is an obstacle. People who walk past the same spot in the minutes right before and after are led around it, as
 `vsd whatif` does, and compared with those who passed while somebody stood there: time within 1 and 2 m of the spot, for
 each pass. The clearance is chosen on one half of the cases and checked on the other.

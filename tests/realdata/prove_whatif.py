@@ -1,6 +1,6 @@
 """How well `vsd whatif` predicts, on real recordings: widths of ways, people at another time, fixtures.
 
-Run `VSD_REALDATA=... python tests/realdata/prove_whatif.py`; the tables are in docs/whatif.md.
+Run `VSD_REALDATA=... python tests/realdata/prove_whatif.py`; the tables are in docs/methods/whatif.md.
 
 Widths: seven runs through a corridor with an exit or an entrance of some width. Each narrower run is predicted from
 each wider one of the same corridor, and is no part of its own prediction: the rule of exits has no parameter.

@@ -1,7 +1,7 @@
 """The demo's October change, foreseen: the display leaves the entrance, and a share of its visitors goes with it.
 
 Run `python tests/whatif/prove_october.py [--folder DIR]` (15 minutes; 3 with a folder that `vsd demo DIR --weeks 12`
-made); the table is in docs/whatif.md. Each share is a receipt, made from the two weeks before the move. What came is
+made); the table is in docs/methods. Each share is a receipt, made from the two weeks before the move. What came is
 read twice: by the running verdict of the logged change (`vsd whatif --scores`), and between two made-up worlds of the
 four weeks after the move, one in which the display stayed: there the growth of the shop is in both.
 """

@@ -1,7 +1,7 @@
 """How well `vsd whatif` foresees what another simulator does: 54 scenes of JuPedSim, before and after an edit.
 
 Run `python tests/whatif/prove_scenes.py --seed 100` (10 minutes; JuPedSim: `pip install 'vsd-analytics[scenes]'`); the
-table is in docs/whatif.md. The tracks before go into a project by `vsd ingest`, and `vsd whatif` is asked; the tracks
+table is in docs/methods. The tracks before go into a project by `vsd ingest`, and `vsd whatif` is asked; the tracks
 after go into another, whose figures are the truth. The same people come before and after.
 """
 
