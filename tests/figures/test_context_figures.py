@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
@@ -21,6 +22,7 @@ from vsd_analytics.config.context_series import Adds, add_context, remove_contex
 from vsd_analytics.config.project import load_site
 from vsd_analytics.report.pages.json_and_csv import figures_json
 from vsd_analytics.report.pages.story import week_report
+from vsd_analytics.report.pages.week import render_html
 from vsd_analytics.site.model import Site
 
 N_WEEKS = 10
@@ -64,11 +66,11 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
     return made
 
 
-def add(site: Site, name: str, values: dict[str, float], *, every: str, adds: Adds = "sum") -> None:
+def add(site: Site, name: str, values: dict[str, float], *, every: str, adds: Adds = "sum", unit: str = "1") -> None:
     file = site.root / f"{name}.csv"
     file.write_text("time,value\n" + "".join(f"{t},{v}\n" for t, v in values.items()), encoding="utf-8")
     columns = ContextColumns("time", "value", "end", every, site.zone)
-    add_context(site, file, columns, name=name, at=NOW, unit="1", adds=adds)
+    add_context(site, file, columns, name=name, at=NOW, unit=unit, adds=adds)
 
 
 def answers(site: Site, **settings: Any) -> Answers:
@@ -171,6 +173,44 @@ def test_command_and_python_give_the_numbers_of_the_report(site: Site, capsys: p
     assert table["equal_value_change"] == pytest.approx(wanted)
     assert run(cli, [*arguments, "--week", "2026-W46"]) == 0
     assert "change at an equal value" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("language", "title", "refused"),
+    [("en", "What else happened", "hardly differs"), ("it", "Che cos’altro è successo", "cambia appena")],
+)
+def test_the_page_shows_the_series_where_the_site_asks(site: Site, language: str, title: str, refused: str) -> None:
+    asking = replace(site, language=language, settings=site.settings.with_values({"show_context": True}))
+    add(
+        site,
+        f"flat_{language}",
+        {f"{FIRST + timedelta(days=k)}": 7.0 for k in range(7 * N_WEEKS)},
+        every="1d",
+        unit="<b>EUR</b>",
+    )
+    try:
+        page = render_html(week_report(asking, w.MONDAY))
+    finally:
+        remove_context(site, f"flat_{language}", at=NOW)
+    begins = page.index('<section class="sec" id="context"')
+    section = page[begins : page.index("</section>", begins)]
+    assert title in section
+    assert refused in section
+    assert section.count("<svg") == 8, "four series, each drawn for wide and narrow screens"
+    assert f"Flat {language}, &lt;b&gt;EUR&lt;/b&gt;" in section
+    assert len(re.sub(r"<svg.*?</svg>|<[^>]*>", " ", section, flags=re.DOTALL).split()) < 250
+    assert 'id="context"' not in render_html(week_report(site, w.MONDAY))
+
+
+def test_days_of_a_series_are_in_the_json_file_with_gaps(site: Site) -> None:
+    days = [FIRST + timedelta(days=k) for k in range(7 * N_WEEKS) if k != 3]
+    add(site, "holes", {f"{day}": 5.0 for day in days}, every="1d")
+    try:
+        found = answers(site)["context_days"]
+    finally:
+        remove_context(site, "holes", at=NOW)
+    values = [row["series_value"].value for row in found.where(series="holes")]
+    assert values == [None if k == 3 else 5.0 for k in range(70)]
 
 
 def test_without_a_series_the_command_says_how_to_add_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -124,7 +124,9 @@ def prove_conversion(n_sites: int) -> None:
     for site in range(n_sites):
         for week in JUDGED:
             people = np.nan_to_num(drawn.visitors[site, week])
-            found = value_per(drawn.tickets[site, week], people, least=30, why_few=few)
+            before = slice(week - 5, week)
+            history = (drawn.tickets[site, before], np.nan_to_num(drawn.visitors[site, before]))
+            found = value_per(drawn.tickets[site, week], people, least=30, why_few=few, history=history)
             if found.lo is not None and found.hi is not None:
                 hits.append(found.lo <= BOUGHT <= found.hi)
     print(f"\nTickets per visitor: the interval holds the truth in {100 * np.mean(hits):.1f} % of {len(hits):,} weeks.")

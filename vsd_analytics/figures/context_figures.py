@@ -18,18 +18,20 @@ from vsd_analytics.config.context_series import ContextSeries
 from vsd_analytics.figures.catalogue.form import FigureInputs
 from vsd_analytics.figures.context_values import Spans, series_of, spans
 from vsd_analytics.figures.panels import WEEK, Array, Flags, Panel, Place
+from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import past_week_days
 from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.share.times import hidden_times
 from vsd_analytics.figures.special_days import open_holidays
 from vsd_analytics.figures.values import known, lack, measured, relative
-from vsd_analytics.figures.visits import NOBODY, entries_by_hour, people_counted, sends_ids
+from vsd_analytics.figures.visits import entries_by_hour, people_counted, sends_ids
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.trend_weeks import same_engine_since
 from vsd_analytics.site.model import Area
 from vsd_analytics.stats.covariate import CovariateEffect, change_at_equal_covariate, covariate_effect, usual_range_at
 from vsd_analytics.stats.cut_share import widened
 from vsd_analytics.stats.estimates import RateEstimate
+from vsd_analytics.stats.rates import HISTORY_WEEKS
 from vsd_analytics.stats.usual import UsualRange, usual_range
 from vsd_analytics.stats.value_per import value_per
 
@@ -125,7 +127,7 @@ def change_answer(inputs: FigureInputs) -> Answer:
 
 
 class _KnownValues:
-    """The values of a series in the hours and days of a week.
+    """The values of a series in the hours and days of a week and of the five weeks before it.
 
     Args:
         data: The week.
@@ -133,44 +135,65 @@ class _KnownValues:
 
     Attributes:
         series: The series.
+        days: The days, whole weeks; those of the week come last.
         by_hour: Its value in each hour of the data, shape (n_hours,); NaN = unknown.
-        by_day: Its value in each day of the week, shape (n_days,).
+        by_day: Its value in each of the days, shape (n_days,).
     """
 
     def __init__(self, data: WeekData, series: ContextSeries) -> None:
         self._data, self.series = data, series
-        of_hours = spans(data.site, data.monday, data.sunday, per="hour")
+        first = data.monday - HISTORY_WEEKS * WEEK
+        self.days = [first + timedelta(days=k) for k in range(7 * (HISTORY_WEEKS + 1))]
+        of_hours = spans(data.site, first, data.sunday, per="hour")
         values, _, _ = of_hours.values(series)
-        hours = data.hours
-        self.by_hour = np.full(len(hours.start_ms), np.nan)
-        self.by_hour[np.isin(hours.start_ms, of_hours.edges_ms[:-1])] = values[
-            np.isin(of_hours.edges_ms[:-1], hours.start_ms)
-        ]
-        self.by_day = _by_day(data, series, data.monday, data.sunday)
+        starts_ms, hours_ms = of_hours.edges_ms[:-1], data.hours.start_ms
+        self.by_hour = np.full(len(hours_ms), np.nan)
+        self.by_hour[np.isin(hours_ms, starts_ms)] = values[np.isin(starts_ms, hours_ms)]
+        self.by_day = _by_day(data, series, first, data.sunday)
 
     def used(self, is_full: Flags) -> tuple[Array, Flags]:
-        """Return the value of each day of the week over the hours that are used, and these hours.
+        """Return the value of each of the days over the hours that are used, and these hours.
 
         Hours of a day are used where their own value is known; a day without any is used whole, where its value is.
 
         Args:
             is_full: Hours that were recorded in full, shape (n_hours,).
         """
-        data, hours = self._data, self._data.hours
-        is_open = data.week() & (hours.open_s > 0)
-        sums, used = np.zeros(len(data.week_days)), np.zeros_like(is_open)
-        for k, day in enumerate(data.week_days):
-            of_day = is_open & (hours.day == day.toordinal())
+        hours = self._data.hours
+        sums, used = np.zeros(len(self.days)), np.zeros_like(is_full)
+        for k, day in enumerate(self.days):
+            of_day = (hours.open_s > 0) & (hours.day == day.toordinal())
             with_value = of_day & np.isfinite(self.by_hour)
             if with_value.any():
                 chosen = with_value & is_full
                 sums[k] = self.by_hour[chosen].sum()
-            elif np.isfinite(self.by_day[k]) and is_full[of_day].all():
+            elif np.isfinite(self.by_day[k]) and of_day.any() and is_full[of_day].all():
                 chosen, sums[k] = of_day, self.by_day[k]
             else:
                 continue
             used |= chosen
         return sums, used
+
+    def per(self, sums: Array, by_hour: Array, used: Flags, *, least: float, why: Reason) -> RateEstimate:
+        """Return the values of the week over what people made in the same hours, with an interval.
+
+        Args:
+            sums: Values of the days, of `used`.
+            by_hour: Visits or person-hours, shape (n_hours,).
+            used: The hours that are used.
+            least: Sum of visits or person-hours that it needs.
+            why: Reason where there is less.
+        """
+        data, chosen = self._data, np.where(used, by_hour, 0.0)
+        withheld = data.warehouse.withheld_days.get(data.floor.floor_id, frozenset())
+        people = np.array(
+            [0.0 if day in withheld else chosen[data.hours.day == day.toordinal()].sum() for day in self.days]
+        )
+        values, people = sums.reshape(-1, 7), people.reshape(-1, 7)
+        return value_per(
+            values[-1], people[-1], history=(values[:-1], people[:-1]), least=least, why_few=why,
+            **data.site.settings.for_intervals,
+        )  # fmt: skip
 
 
 def _by_day(data: WeekData, series: ContextSeries, first: date, last: date) -> Array:
@@ -188,32 +211,21 @@ def _full_hours(data: WeekData, cameras: Flags) -> Flags:
     return np.asarray((is_full | ~is_there).all(axis=0) & (is_full & is_there).any(axis=0))
 
 
-def _days_sums(data: WeekData, by_hour: Array, used: Flags) -> Array:
-    """Return sums of hours used by day of the week."""
-    ordinals = np.array([day.toordinal() for day in data.week_days])
-    chosen = np.where(used, by_hour, 0.0)
-    return np.array([chosen[data.hours.day == ordinal].sum() for ordinal in ordinals])
-
-
 def _known_share(data: WeekData, used: Flags) -> Value:
-    open_s = data.hours.open_s
-    total = float(open_s[data.week()].sum())
-    return known(float(open_s[used].sum()) / total if total else None, Reason("site.closed"))
+    open_s, week = data.hours.open_s, data.week()
+    total = float(open_s[week].sum())
+    return known(float(open_s[week & used].sum()) / total if total else None, Reason("site.closed"))
 
 
 def _conversion(data: WeekData, values: _KnownValues, area: Area) -> Row:
-    camera, hour = entries_by_hour(data.this, area)
+    long = Period(data, values.days[0], data.sunday)
+    camera, hour = entries_by_hour(long, area)
     counted, why_none = people_counted(data.this.area(area.area_id), camera, hour, sends_ids(data.this))
-    is_full = _full_hours(data, counted.cameras)
-    sums, used = values.used(is_full)
+    sums, used = values.used(_full_hours(data, counted.cameras))
     visits = (counted.n * data.hours.is_counted).sum(axis=0)
-    per_visit: RateEstimate | None = _per(
-        data, sums, _days_sums(data, visits, used), least=MIN_VISITS, why=_why_few(data, used, counted)
-    )
-    if not counted.cameras.any():
-        per_visit = None
-    n_all = float(visits[data.week()].sum())
-    n_used = float(visits[used].sum())
+    why = Reason("context.visits", least=MIN_VISITS) if (data.week() & used).any() else Reason("context.hours")
+    per_visit = values.per(sums, visits, used, least=MIN_VISITS, why=why) if counted.cameras.any() else None
+    n_all, n_used = float(visits[data.week()].sum()), float(visits[data.week() & used].sum())
     return {
         "series": values.series.name,
         "area_id": area.area_id,
@@ -227,17 +239,6 @@ def _conversion(data: WeekData, values: _KnownValues, area: Area) -> Row:
     }
 
 
-def _why_few(data: WeekData, used: Flags, place: Place) -> Reason:
-    if not used.any():
-        return Reason("context.hours")
-    return Reason("context.visits", least=MIN_VISITS) if place.cameras.any() else NOBODY
-
-
-def _per(data: WeekData, sums: Array, people: Array, *, least: float, why: Reason) -> RateEstimate:
-    rules = data.site.settings.for_intervals
-    return value_per(sums, people, least=least, why_few=why, **rules)
-
-
 def _value(inputs: FigureInputs, values: _KnownValues, area: Area | None) -> Row:
     data = inputs.data
     place = data.everyone if area is None else data.this.area(area.area_id)
@@ -245,8 +246,10 @@ def _value(inputs: FigureInputs, values: _KnownValues, area: Area | None) -> Row
     sums, used = values.used(_full_hours(data, cameras))
     person_h = np.where(data.hours.is_counted, place.exposure_h, 0.0).sum(axis=0)
     least = float(data.site.settings.min_exposure_h)
-    why = Reason("context.person_hours", least=least) if used.any() else Reason("context.hours")
-    found = measured(_per(data, sums, _days_sums(data, person_h, used), least=least, why=why))
+    is_any = bool((data.week() & used).any())
+    why = Reason("context.person_hours", least=least) if is_any else Reason("context.hours")
+    rate = values.per(sums, person_h, used, least=least, why=why)
+    found = measured(rate)
     left_out = data.week() & ~used & (person_h > 0)
     if (hidden := _why_untimed(inputs, area, left_out)) is not None:
         found = hidden
@@ -258,7 +261,7 @@ def _value(inputs: FigureInputs, values: _KnownValues, area: Area | None) -> Row
         "value_unit": values.series.unit,
         "value_per_person_h": found,
         "known_share": _known_share(data, used),
-        "n_days": int((_days_sums(data, person_h, used) > 0).sum()),
+        "n_days": rate.n_days,
         "n_people_left_out": Value(float(few)),
     }
 

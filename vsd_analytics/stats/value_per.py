@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -23,18 +23,21 @@ def value_per(
     *,
     least: float,
     why_few: Reason,
+    history: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
 ) -> RateEstimate:
     """Return a sum per something that people make: r = sum_d v_d / sum_d p_d, with its interval.
 
-    The ratio estimator with days as clusters, as `encounter_rate`; differences between weekdays are in its interval.
+    The ratio estimator with days as clusters, as `encounter_rate`. Without four weeks of history, differences between
+    weekdays are in its interval, and days are taken to resemble each other little.
 
     Args:
-        values: The sum of each day, shape (n_days,).
+        values: The sum of each day of a week, Monday first, shape (7,).
         per: Visits or person-hours of the same hours, same shape; 0 = the day says nothing.
         least: Sum of `per` that the ratio needs.
         why_few: Reason where there is less.
+        history: Values and `per` of the weeks before, oldest first, each of shape (n_weeks, 7); None = no weeks.
         confidence: Confidence level.
         min_days: Days an interval needs.
 
@@ -55,6 +58,28 @@ def value_per(
         nothing = no_rate(Reason("context.zero"), "not_enough_data")
         return replace(nothing, value=0.0, n_days=int(used.sum()), exposure_h=total_people)
     scale = _SCALE / total
-    found = encounter_rate(sums * scale, people, confidence=confidence, min_days=min_days, min_exposure_h=0.0)
+    found = encounter_rate(
+        sums * scale, people, **_past(history, used, scale),
+        confidence=confidence, min_days=min_days, min_exposure_h=0.0,
+    )  # fmt: skip
     value, lo, hi = (None if v is None else v / scale for v in (found.value, found.lo, found.hi))
     return replace(found, value=value, lo=lo, hi=hi, n_events=None)
+
+
+def _past(
+    history: tuple[npt.ArrayLike, npt.ArrayLike] | None, used: npt.NDArray[np.bool_], scale: float
+) -> dict[str, Any]:
+    """Return the arguments that give weeks before to a rate: their days with people, on weekdays of the week."""
+    if history is None:
+        return {}
+    sums, people = (np.asarray(each, dtype=np.float64) for each in history)
+    is_used = (people > 0) & (sums >= 0) & used
+    if not is_used.any():
+        return {}
+    weekday = np.broadcast_to(np.arange(people.shape[1]), people.shape)[is_used]
+    return {
+        "weekday": np.arange(people.shape[1]),
+        "history_n": sums[is_used] * scale,
+        "history_exposure_h": people[is_used],
+        "history_weekday": weekday,
+    }

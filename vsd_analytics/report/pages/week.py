@@ -19,6 +19,7 @@ from vsd_analytics.report.draw import floor_plan, svg
 from vsd_analytics.report.model.week import Story, WeekReport
 from vsd_analytics.report.pages import figure_titles, sections, tables
 from vsd_analytics.report.pages.change_rows import ChangeRow, change_rows
+from vsd_analytics.report.pages.context import ContextView, context
 from vsd_analytics.report.pages.contributions import Contributions, contributions
 from vsd_analytics.report.pages.figure_list import FigureRow, further_figures
 from vsd_analytics.report.pages.json_and_csv import rounded
@@ -39,7 +40,7 @@ from vsd_analytics.wording.reasons import reason_text
 
 WIDE = 1.8
 LETTER = "@page { size: letter; margin: 10mm 14mm 14mm }@media print { :root { --paper: 254.9mm } }"
-_SECTIONS = ("where", "spots", "when", "changed", "waiting", "trend", "next", "data", "about")
+_SECTIONS = ("where", "spots", "when", "changed", "waiting", "trend", "context", "next", "data", "about")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,6 +110,7 @@ class Page:
         trend: The last weeks.
         outlook: The next week.
         waiting: Queues and capacities.
+        what_else: What else happened.
         log: What happened at the site.
         log_section: Position of that list: "trend" below charts that mark it, else "changed".
         messages: How many messages are missing, in words.
@@ -166,6 +168,7 @@ class Page:
     trend: sections.TrendView | None
     outlook: sections.Listed | None
     waiting: WaitingView | None
+    what_else: ContextView | None
     log: tuple[LogRow, ...]
     log_section: str
     messages: str
@@ -262,6 +265,7 @@ def make_page(report: WeekReport, *, paper: str = "a4", is_at_desk: bool = False
         trend=weeks,
         outlook=sections.outlook(report),
         waiting=waiting(report.answers),
+        what_else=context(report),
         log=log_rows(report, with_weeks=log_section == "trend"),
         log_section=log_section,
         messages=_messages(report),
@@ -287,6 +291,8 @@ def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> froz
         maps |= {"spots"}
     hours = set() if report.level.violation_rate.state == "not_measurable" else {"when"}
     asked = {"waiting"} if "queues" in report.answers or "capacity" in report.answers else set()
+    days = report.answers.get("context_days")
+    asked |= {"context"} if days is not None and days.rows else set()
     return frozenset({"changed"} | always | hours | maps | asked)
 
 
