@@ -108,6 +108,17 @@ def test_relative_links_lead_somewhere(page: Path) -> None:
             assert anchor in anchors(path), f"{page.name}: {target}"
 
 
+SCRIPT = re.compile(r"python (tests/[\w/]+\.py)((?: --[\w-]+)?[^`\n]*)")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_id)
+def test_scripts_on_a_page_exist_and_know_their_options(page: Path) -> None:
+    for script, rest in SCRIPT.findall(page.read_text(encoding="utf-8")):
+        code = (REPOSITORY / script).read_text(encoding="utf-8")
+        for option in re.findall(r"(?<=\s)--[a-z][\w-]*", rest.partition(";")[0].partition("#")[0]):
+            assert f'"{option}"' in code or "parse" not in code, f"{page.name}: {script} {option}"
+
+
 def test_every_table_fact_and_mart_is_documented_column_by_column() -> None:
     from vsd_analytics.warehouse.sqlfiles import relations
 
