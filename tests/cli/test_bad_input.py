@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -103,14 +104,17 @@ def test_a_file_that_cannot_be_used_is_refused_with_a_fix(vsd: Vsd, tmp_path: Pa
     assert err == ""
 
 
+BEYOND_NS = "time-out-of-range" if int(pd.__version__.partition(".")[0]) >= 3 else "not-a-time"
+"""Before version 3, pandas read no time that nanoseconds since 1970 cannot hold."""
+
 # name of the file, content, reason, line of the first bad record, good records stored, words of the message
 QUARANTINED: dict[str, tuple[str, str | bytes, str, int, int, str]] = {
     "text in a number column": ("a.csv", HEADER + GOOD + GOOD.replace(",1,", ",abc,"), "not-a-number", 3, 1, "'abc'"),
     "NaN distance": ("a.csv", PAIRS + PAIR.replace("1.5", "NaN"), "not-a-number", 3, 1, "'NaN'"),
     "infinite distance": ("a.csv", PAIRS + PAIR.replace("1.5", "inf"), "not-a-number", 3, 1, "'inf'"),
     "negative distance": ("a.csv", PAIRS + PAIR.replace("1.5", "-1"), "negative-distance", 3, 1, "negative"),
-    "year 1": ("a.csv", HEADER + GOOD + GOOD.replace("2026", "0001"), "time-out-of-range", 3, 1, "0001-11-09"),
-    "year 9999": ("a.csv", HEADER + GOOD + GOOD.replace("2026", "9999"), "time-out-of-range", 3, 1, "9999-11-09"),
+    "year 1": ("a.csv", HEADER + GOOD + GOOD.replace("2026", "0001"), BEYOND_NS, 3, 1, "0001-11-09"),
+    "year 9999": ("a.csv", HEADER + GOOD + GOOD.replace("2026", "9999"), BEYOND_NS, 3, 1, "9999-11-09"),
     "no time": ("a.csv", HEADER + GOOD + GOOD.replace("2026", "next"), "not-a-time", 3, 1, "not a time"),
     "unknown camera": ("a.csv", HEADER + GOOD + GOOD.replace("cam-1", "cam-7"), "unknown-camera", 3, 1, "cam-1, cam-2"),
     "path for a camera": ("a.csv", HEADER + GOOD.replace("cam-1", "../../x"), "unknown-camera", 2, 0, '["../../x"]'),
