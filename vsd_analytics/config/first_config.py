@@ -133,7 +133,7 @@ def render(answers: FirstAnswers) -> str:
     if answers.opening.strip().lower() != ALWAYS:
         opening = f"opening = {_inline(parse_opening_words(answers.opening))}"
     lines = [
-        "# What this site is. Every key: docs/guide.md; editors: docs/settings.md; after a change: vsd doctor",
+        "# What this site is. Every key: docs/keys.md; editors: docs/settings.md; after a change: vsd doctor",
         "[site]",
         f"id = {_quoted(answers.site_id or suggest_id(answers.name))}",
         f"name = {_quoted(answers.name)}",
