@@ -85,6 +85,13 @@
 --   needs        8 earlier weeks and 100 violations with values; a value on every day compared, and within those of earlier days
 --   uncertainty  interval of the change of M0 and that of beta, by weeks; five verdicts
 --   by           vsd_analytics.stats.covariate.change_at_equal_covariate
+-- figure: M53 Year on year
+--   definition   M0, M6 and people of the week 52 weeks before, and their change over the camera-hours that both weeks recorded
+--   unit         as M0, M6, M5; relative change
+--   denominator  as M0, M6, M5
+--   needs        both weeks recorded to 60 %, by one engine, one set of rules and the same calibrations
+--   uncertainty  interval of the change of M0, by days, and by weekly steps before the earlier week; no verdict
+--   by           vsd_analytics.figures.year_before.year_before
 -- steps:
 --   spine     every camera and quarter-hour of the calendar, so that an hour without data has a row; where no camera of a floor
 --             is there, all are missing

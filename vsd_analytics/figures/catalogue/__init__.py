@@ -14,6 +14,7 @@ import importlib
 import pkgutil
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
+from datetime import timedelta
 from typing import Final, Protocol
 
 from vsd_analytics.answer import Answers, Reason
@@ -23,6 +24,7 @@ from vsd_analytics.figures.share.answers import audience_answers
 from vsd_analytics.figures.share.places import hidden_floor
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.results import Figure
+from vsd_analytics.warehouse.stored_days import has_records
 
 OF_WEEKS: Final = frozenset({"M13", "M14", "M20", "M24", "M25", "M27", "M28"})
 """Figures of hours and places of several weeks, and of weeks beside each other."""
@@ -41,6 +43,10 @@ OF_CONTEXT: Final = frozenset({"M50", "M51", "M52"})
 """Figures that use series of what else happened; of weeks only."""
 FILES_OF_SPACE: Final = frozenset({"space_answers"})
 FILES_OF_CONTEXT: Final = frozenset({"context_answers"})
+YEAR: Final = timedelta(weeks=52)
+OF_YEAR: Final = frozenset({"M53"})
+"""Figures of the same week a year before."""
+FILES_OF_YEAR: Final = frozenset({"year_answers"})
 """The files of this folder that make these."""
 
 
@@ -65,7 +71,7 @@ def _import(names: AbstractSet[str]) -> None:
         importlib.import_module(f"{__name__}.{name}")
 
 
-_import({file.name for file in pkgutil.iter_modules(__path__)} - FILES_OF_SPACE - FILES_OF_CONTEXT)
+_import({file.name for file in pkgutil.iter_modules(__path__)} - FILES_OF_SPACE - FILES_OF_CONTEXT - FILES_OF_YEAR)
 
 
 def shared_answers(
@@ -86,8 +92,14 @@ def shared_answers(
         _import(FILES_OF_SPACE)
     if has_context:
         _import(FILES_OF_CONTEXT)
-    without_context = frozenset() if has_context else OF_CONTEXT
-    left_out = (OF_SPACE - asked) | without_context | (frozenset() if inputs.data.is_week else OF_WEEKS | OF_CONTEXT)
+    has_year = inputs.data.is_week and has_records(
+        inputs.data.site, inputs.data.monday - YEAR, inputs.data.sunday - YEAR
+    )
+    if has_year:
+        _import(FILES_OF_YEAR)
+    left_out = (OF_SPACE - asked) | (frozenset() if has_context else OF_CONTEXT)
+    left_out |= frozenset() if has_year else OF_YEAR
+    left_out |= frozenset() if inputs.data.is_week else OF_WEEKS | OF_CONTEXT
     wanted = (ANSWER_MAKERS.keys() if metrics is None else metrics) - left_out
     makers = dict.fromkeys(maker for metric, maker in ANSWER_MAKERS.items() if metric in wanted)
     return audience_answers((answer for maker in makers for answer in maker(inputs)), inputs.data.site)

@@ -14,6 +14,7 @@ from vsd_analytics.figures.week.model_sections import Causes, LoggedChangeEffect
 from vsd_analytics.report.draw import svg
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE, Measure, chart, known
 from vsd_analytics.report.model.week import WeekReport
+from vsd_analytics.report.pages.year_line import year_line
 from vsd_analytics.wording import format as fmt
 from vsd_analytics.wording import terms
 from vsd_analytics.wording.catalogue import say
@@ -129,6 +130,8 @@ def trend(report: WeekReport) -> TrendView | None:
         notes.append(say("trend.one"))
     if found.state != "ok":
         notes.append(say("trend.too_few"))
+    if year := year_line(report.answers):
+        notes.append(year)
     ahead = outlook(report)
     why = None if report.outlook is None else report.outlook.reason
     if ahead is not None and not ahead.lines and not _is_named_by_trend(report, why, "forecast.weeks"):
