@@ -24,6 +24,14 @@
 --   needs        positions with track ids, a frame in 10 s at least
 --   uncertainty  none: a count; the net number is given only where all opening hours were recorded
 --   by           vsd_analytics.figures.lines.line_answers
+-- figure: M58 People inside by the doors
+--   definition   people in less people out since the last empty hour, over lines with inside: mean of recorded opening time, the most
+--                at the end of a quarter-hour; drift: those still inside when the day is over, which should be 0
+--   unit         people; people per 1,000 crossings
+--   denominator  opening hours in which the number is known
+--   needs        [doors] empty_at; every door recorded in full since then
+--   uncertainty  the drift shows it: a count that nobody corrects
+--   by           vsd_analytics.figures.doors.door_answers
 -- steps:
 --   seers  a line that several cameras see is recorded only where all of them recorded
 -- assumes: a quarter-hour without a crossing is 0 where all cameras of the line recorded, unknown where one did not at all

@@ -45,6 +45,8 @@ polygon = [[0, 0], [4, 0], [4, 4]]
 id = "shelf-1"
 name = "Shelf"
 polygon = [[0, 0], [4, 0], [4, 4]]
+[doors]
+empty_at = "04:00"
 [[line]]
 id = "door"
 name = "Door"

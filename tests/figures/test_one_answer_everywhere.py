@@ -26,7 +26,7 @@ COMMANDS = {
     "queues": ("queue", "--json"),
     "queue_hours": ("queue", "--json"),
     "capacity": ("capacity", "--json"),
-    **dict.fromkeys(("lines", "line_days", "line_hours"), ("lines", "--json")),
+    **dict.fromkeys(("lines", "line_days", "line_hours", "doors", "door_days"), ("lines", "--json")),
     "flow": ("flow", "--format", "json"),
     "flow_areas": ("flow", "--format", "json"),
     "flow_routes": ("flow", "--format", "json"),
@@ -39,7 +39,8 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = week_of_walkers(tmp_path_factory.mktemp("everywhere"))
     toml = root / "vsd.toml"
     asking = 'id = "till"\nqueue = true\nserved_in = "door"\ncapacity = 2\n'
-    line = '[[line]]\nid = "corridor"\nname = "Corridor"\npoints = [[3, 0], [3, 4]]\n'
+    line = '[[line]]\nid = "corridor"\nname = "Corridor"\npoints = [[3, 0], [3, 4]]\ninside = "left"\n'
+    line += '[doors]\nempty_at = "09:00"\n'
     toml.write_text(toml.read_text("utf-8").replace('id = "till"\n', asking) + line, encoding="utf-8")
     return root
 

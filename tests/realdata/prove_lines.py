@@ -16,12 +16,15 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import date
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.ingest.formats.wildtrack import VIEWS
+from vsd_analytics.simulate.demo_project import opening
+from vsd_analytics.simulate.people import simulate_day
 from vsd_analytics.site.lines import Line
 from vsd_analytics.site.model import Calibration, Camera
 
@@ -242,15 +245,76 @@ RUNS = (
 )
 
 
+DOOR_RUNS = ((0.0, None), (0.07, 10.0), (0.07, 3.0))
+
+
 def off(true: Counter[tuple[str, str]], found: Counter[tuple[str, str]]) -> float:
     """Return the sum of the differences by line and direction, over the true number."""
     return sum(abs(true[key] - found[key]) for key in true | found) / max(1, true.total())
 
 
+@dataclass(frozen=True)
+class Doors:
+    """What the doors of a floor say of one day.
+
+    Attributes:
+        name: Of the run.
+        true_in, true_out: People who come in and who go out.
+        n_in, n_out: As counted.
+        left: People inside by the doors at the end.
+    """
+
+    name: str
+    true_in: int
+    true_out: int
+    n_in: int
+    n_out: int
+    left: int
+
+
+def doors(recording: Recording, inside: Mapping[str, str], *, lost: float, cut_s: float | None) -> Doors:
+    """Return what doors say of a recording that begins and ends with nobody inside."""
+    true, found = truth(recording), counted(recording, list(disturbed(recording, lost=lost, cut_s=cut_s)))
+    outside = {"left": "right", "right": "left"}
+    into = [(name, side) for name, side in inside.items()]
+    out_of = [(name, outside[side]) for name, side in inside.items()]
+    n = [sum(counts[key] for key in keys) for counts in (true, found) for keys in (into, out_of)]
+    name = f"{recording.name}, {'true ids' if cut_s is None else f'7 % lost, ids cut every {cut_s:g} s'}"
+    return Doors(name, *n, left=n[2] - n[3])
+
+
+def simulated_shop() -> Recording:
+    """Return a day of the simulated shop at a frame a second; people come in past shelves and go out past tills."""
+    opens, closes = opening(date(2026, 11, 10))
+    simulated = simulate_day(opens, closes=closes, seed=1, interval_s=1.0, display_moved=True)
+    ms = simulated.frame_ms[simulated.frame]
+    xy = np.stack([simulated.x_m, simulated.y_m], axis=1)
+    lines = {"shelves": ((17.2, 3.2), (24.0, 3.2)), "tills": ((17.2, 0.0), (17.2, 3.2))}
+    return one_camera("simulated shop", ms - ms.min(), simulated.person, xy, lines, 1.0)
+
+
+def door_rows(folder: Path) -> None:
+    """Print people in and out and who is left: HERMES between entrance and exit, and a day of the simulated shop."""
+    print("\n| run | true in | true out | in | out | left inside |\n|---|---|---|---|---|---|")
+    runs = [(recording, {"y+5": "right", "y-4": "left"}) for recording in hermes(folder)]
+    for recording, inside in (*runs, (simulated_shop(), {"shelves": "left", "tills": "left"})):
+        for lost, cut_s in DOOR_RUNS:
+            d = doors(recording, inside, lost=lost, cut_s=cut_s)
+            print(f"| {d.name} | {d.true_in} | {d.true_out} | {d.n_in} | {d.n_out} | {d.left:+d} |", flush=True)
+
+
 def main() -> None:
+    """Print the crossings of each recording, then those of doors; with the argument `doors` only these."""
+    folder = Path(os.environ["VSD_REALDATA"])
+    if sys.argv[1:] != ["doors"]:
+        crossing_rows(folder)
+    door_rows(folder)
+
+
+def crossing_rows(folder: Path) -> None:
     print("| recording | people | lines | true crossings | " + " | ".join(name for name, _, _ in RUNS) + " |")
     print("|---|---|---|---|" + "---|" * len(RUNS))
-    for whole in recordings(Path(os.environ["VSD_REALDATA"])):
+    for whole in recordings(folder):
         recording = without_leaps(whole)
         true = truth(recording)
         cells = []

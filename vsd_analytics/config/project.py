@@ -15,7 +15,7 @@ from vsd_analytics.config.reading_rules import read_sources
 from vsd_analytics.config.routes import read_base_url, read_chromium, read_exchange, read_mail
 from vsd_analytics.config.site_settings import OF_ENVIRONMENT, read_engine, read_settings
 from vsd_analytics.config.toml_lines import TomlText, read_toml
-from vsd_analytics.config.values import parse_dates, parse_day_start, zone
+from vsd_analytics.config.values import parse_dates, parse_day_start, parse_empty_hour, zone
 from vsd_analytics.errors import ConfigError, UsageError, VsdError, Where
 from vsd_analytics.resources import LANGUAGES
 from vsd_analytics.settings import Settings
@@ -143,6 +143,9 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
     cameras = read_cameras(root, floors=floors, timezone=timezone)
     areas = read_areas(root, floors=floors, timezone=timezone)
     fixtures = read_fixtures(root, floors=floors, timezone=timezone)
+    doors = root.inner("doors")
+    empty_min = doors.parsed("empty_at", example='"04:00"', parse=parse_empty_hour, form=DATE)
+    doors.close()
     lines = read_lines(root, floors=floors, timezone=timezone)
     broker = read_broker(root)
     engine = read_engine(root)
@@ -164,6 +167,7 @@ def read_site(root: TableReader, *, environ: Mapping[str, str]) -> Site | None:
         closed=closed or frozenset(),
         calendar=calendar,
         day_starts_min=DAY_STARTS_MIN if day_starts is None else day_starts,
+        doors_empty_min=empty_min,
         floors=tuple(floors.values()),
         cameras=cameras,
         areas=areas,

@@ -107,6 +107,11 @@ def parse_day_start(value: Any) -> int:
     return minutes
 
 
+def parse_empty_hour(value: Any) -> int:
+    """Return minutes after local midnight at which a floor is empty: a quarter-hour from 00:00 to 23:45."""
+    return parse_clock(value.strftime("%H:%M") if isinstance(value, time) else str(value)) % (24 * 60)
+
+
 def parse_picture_px(value: Any) -> tuple[int, int]:
     """Return width and height in pixels."""
     match value:

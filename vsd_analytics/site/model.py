@@ -372,6 +372,7 @@ class Site:
         opening, opening_changes: Before the first change, None = always open; and changes in the order of their days.
         closed, calendar: Local dates on which the site is closed; `[calendar]`, `[[event]]`.
         day_starts_min: Minutes after local midnight at which a site day starts.
+        doors_empty_min: Those at which floors are empty, so that counts of doors start at 0; None = not stated.
         floors, cameras, areas, fixtures, lines: In the order of the file.
         settings: Values in force.
         own_settings: Settings of vsd.toml where others are in force; None = `settings`. Facts of both lie side by side.
@@ -393,6 +394,7 @@ class Site:
     closed: frozenset[date] = frozenset()
     calendar: Calendar = field(default_factory=Calendar)
     day_starts_min: int = 240
+    doors_empty_min: int | None = None
     floors: tuple[Floor, ...] = ()
     cameras: tuple[Camera, ...] = ()
     areas: tuple[Area, ...] = ()

@@ -1,10 +1,11 @@
-"""Answers on how a space is used, of places that ask for it: M35 to M42, and lines: M57."""
+"""Answers on how a space is used, of places that ask for it: M35 to M42, lines and doors: M57, M58."""
 
 from __future__ import annotations
 
 from vsd_analytics.answer import Answer
 from vsd_analytics.figures.capacities import capacity
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
+from vsd_analytics.figures.doors import door_answers
 from vsd_analytics.figures.flow_answers import direction_answer, flow_answers
 from vsd_analytics.figures.lines import line_answers
 from vsd_analytics.figures.queues import queues
@@ -39,3 +40,9 @@ def capacity_answers(inputs: FigureInputs) -> tuple[Answer, ...]:
 def crossings_of_lines(inputs: FigureInputs) -> tuple[Answer, ...]:
     """Return how many people crossed each counting line in either direction: over the days, by day and by hour."""
     return line_answers(inputs.data.this)
+
+
+@answers("M58")
+def people_inside_by_doors(inputs: FigureInputs) -> tuple[Answer, ...]:
+    """Return how many people were inside by the doors of a floor, and the drift of its doors: over the days, by day."""
+    return door_answers(inputs.data.this)

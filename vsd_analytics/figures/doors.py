@@ -1,0 +1,190 @@
+"""People inside by the doors: who came in less who went out since the floor was last empty (M58).
+
+A line of vsd.toml with `inside` is a door. The count of a floor starts at 0 at `[doors] empty_at` and runs over the
+quarter-hours that every door of the floor recorded in full. After one that was not, the number is unknown until the
+next empty hour. What is left when a day is over should be 0: it is the drift of the doors, and shown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, timedelta
+from itertools import groupby
+from typing import Any, Final
+
+from vsd_analytics.answer import Answer, Column, Reason, Row, Sum, Value
+from vsd_analytics.figures.periods import Period
+from vsd_analytics.figures.rates import NOT_RECORDED
+
+_ROWS: Final = """
+select
+    line_id,
+    quarter,
+    local_date,
+    local_hour,
+    (quarter * 900000 - hour_start_ms) / 60000 as minute,
+    is_open,
+    state = 'full' and can_count as is_whole,
+    n_to_left,
+    n_to_right
+from line_counts
+where floor_id = $floor and local_date between $first and $last
+order by quarter, line_no
+"""
+_IN_VIEW: Final = """
+with hours as (
+    select local_date, hour_start_ms, sum(exposure_open_s / recorded_open_s) as people
+    from camera_hours
+    where floor_id = $floor and local_date between $first and $last and open_s > 0
+    group by local_date, hour_start_ms
+    having bool_and(recorded_open_s > 0 and exposure_open_s is not null)
+)
+
+select local_date, avg(people) as people
+from hours
+group by local_date
+order by local_date
+"""
+_BOTH: Final = ("n_in", "n_out")
+_NUMBERS: Final = (
+    Column("n_in", "count", "people"),
+    Column("n_out", "count", "people"),
+    Column("people", "people", "people", "M58", tells=_BOTH, per="known_open_h"),
+    Column("people_in_view", "people", "people", tells=_BOTH),
+    Column("most_people", "people", "people", "M58", tells=_BOTH),
+    Column("drift", "people", "people", "M58", tells=_BOTH),
+    Column("drift_per_1000", "rate", "per_1000_crossings", "M58", tells=_BOTH),
+    Column("known_open_h", "fact", "h"),
+    Column("open_h", "fact", "h"),
+)
+DOOR_COLUMNS: Final = (Column("floor_id", "key"), *_NUMBERS, Column("n_days", "fact", "days"))
+"""Columns of `doors`."""
+DAY_COLUMNS: Final = (Column("floor_id", "key"), Column("local_date", "key"), *_NUMBERS)
+"""Columns of `door_days`."""
+_SUMS: Final = tuple(Sum(n, (f"door_days.{n}",)) for n in _BOTH)
+
+
+@dataclass(frozen=True, slots=True)
+class DoorQuarter:
+    """A quarter-hour of a floor whose doors are counted.
+
+    Attributes:
+        day: Local day on which the last empty hour before it was.
+        is_open: Opening time.
+        n_in, n_out: People through all doors, as far as recorded; None where no door was.
+        before, after: People inside when it begins and ends; None where unknown.
+    """
+
+    day: date
+    is_open: bool
+    n_in: int | None
+    n_out: int | None
+    before: int | None
+    after: int | None
+
+
+def door_answers(period: Period) -> tuple[Answer, Answer]:
+    """Return the people inside a floor by its doors: over the days, and by day.
+
+    Columns: people in and out; people inside, mean of recorded opening time, beside people in view; the most at the
+    end of a quarter-hour; the drift, people who are inside by the doors when the day is over, and that by 1,000
+    crossings (M58); opening hours in which the number is known. A day begins at `[doors] empty_at`. Over the days the
+    drift is the mean without sign.
+    """
+    data = period.data
+    doors = {n.line_id: n.inside for n in data.site.lines if n.floor_id == data.floor.floor_id and n.inside}
+    empty_min = data.site.doors_empty_min
+    if not doors or empty_min is None:
+        nothing = Reason("doors.not_asked" if not doors else "doors.no_empty_hour")
+        return (
+            Answer("doors", DOOR_COLUMNS, (), period.holds_for, nothing=nothing),
+            Answer("door_days", DAY_COLUMNS, (), period.holds_for, nothing=nothing),
+        )
+    # the empty hour may be after midnight, so that a day ends on the next local date
+    asked = {"floor": data.floor.floor_id, "first": period.first - timedelta(days=1), "last": period.last}
+    rows = data.warehouse.rows(_ROWS, asked)
+    in_view = {row["local_date"]: row["people"] for row in data.warehouse.rows(_IN_VIEW, asked)}
+    quarters = [q for q in inside_by_doors(rows, doors, empty_min=empty_min) if q.day >= period.first]
+    days = {day: list(of_day) for day, of_day in groupby(quarters, key=lambda q: q.day)}
+    key: Row = {"floor_id": data.floor.floor_id}
+    by_day = tuple(
+        {**key, "local_date": day, **_numbers([of_day], {day: in_view.get(day)})} for day, of_day in days.items()
+    )
+    whole: Row = {**key, **_numbers(list(days.values()), {d: in_view.get(d) for d in days}), "n_days": len(days)}
+    return (
+        Answer("doors", DOOR_COLUMNS, (whole,), period.holds_for, _SUMS),
+        Answer("door_days", DAY_COLUMNS, by_day, period.holds_for),
+    )
+
+
+def inside_by_doors(
+    rows: Sequence[Mapping[str, Any]], doors: Mapping[str, str], *, empty_min: int
+) -> Iterator[DoorQuarter]:
+    """Yield the quarter-hours of a floor from its first empty hour on, with the people inside.
+
+    Args:
+        rows: Rows of `line_counts` of the floor, in order of their quarter-hours, with `minute` of the local hour and
+            `is_whole`.
+        doors: The side that is inside, by line.
+        empty_min: Minutes after local midnight at which the floor is empty.
+    """
+    inside: int | None = None
+    day: date | None = None
+    for _, of_quarter in groupby(rows, key=lambda row: row["quarter"]):
+        found = [row for row in of_quarter if row["line_id"] in doors]
+        if not found:
+            continue
+        one = found[0]
+        if one["local_hour"] * 60 + one["minute"] == empty_min:
+            inside, day = 0, one["local_date"]
+        if day is None:
+            continue
+        n_in, n_out = (
+            [row["n_to_left"] if (doors[row["line_id"]] == "left") is is_in else row["n_to_right"] for row in found]
+            for is_in in (True, False)
+        )
+        before = inside
+        is_known = inside is not None and all(row["is_whole"] for row in found)
+        inside = inside + sum(n_in) - sum(n_out) if is_known and inside is not None else None
+        yield DoorQuarter(
+            day, one["is_open"], _known_sum(n_in), _known_sum(n_out), before if is_known else None, inside
+        )
+
+
+def drift_of(quarters: Sequence[DoorQuarter]) -> int | None:
+    """Return the people inside by the doors when a day is over: the last known number after it closed, else None."""
+    last_open = max((k for k, q in enumerate(quarters) if q.is_open), default=0)
+    return next((q.after for q in reversed(quarters[last_open:]) if q.after is not None), None)
+
+
+def _known_sum(counts: Sequence[int | None]) -> int | None:
+    known = [n for n in counts if n is not None]
+    return sum(known) if known else None
+
+
+def _numbers(days: Sequence[Sequence[DoorQuarter]], in_view: Mapping[date, float | None]) -> Row:
+    """Return the cells of some days."""
+    quarters = [q for day in days for q in day]
+    is_open = [q for q in quarters if q.is_open]
+    known = [(q.before + q.after) / 2 for q in is_open if q.before is not None and q.after is not None]
+    n_in, n_out = _known_sum([q.n_in for q in quarters]), _known_sum([q.n_out for q in quarters])
+    drifts = [(abs(left), left, day) for day in days if (left := drift_of(day)) is not None]
+    crossings = sum((q.n_in or 0) + (q.n_out or 0) for _, _, day in drifts for q in day)
+    seen = [n for n in in_view.values() if n is not None]
+    unknown = Value.of(NOT_RECORDED) if n_in is None else Value.missing(Reason("doors.unrecorded"))
+    mean_drift = sum(size for size, _, _ in drifts) / len(drifts) if drifts else None
+    drift = drifts[0][1] if len(days) == 1 and drifts else mean_drift
+    per_1000 = 1000 * sum(size for size, _, _ in drifts) / crossings if crossings else None
+    peaks = [q.after for q in quarters if q.after is not None]
+    return {
+        "n_in": unknown if n_in is None else Value(n_in),
+        "n_out": unknown if n_out is None else Value(n_out),
+        "people": Value(sum(known) / len(known)) if known else unknown,
+        "people_in_view": Value(sum(seen) / len(seen)) if seen else unknown,
+        "most_people": Value(max(peaks)) if known else unknown,
+        "drift": unknown if drift is None else Value(drift),
+        "drift_per_1000": unknown if per_1000 is None else Value(per_1000),
+        "known_open_h": len(known) / 4,
+        "open_h": len(is_open) / 4,
+    }
