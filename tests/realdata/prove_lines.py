@@ -284,13 +284,13 @@ def doors(recording: Recording, inside: Mapping[str, str], *, lost: float, cut_s
 
 
 def simulated_shop() -> Recording:
-    """Return a day of the simulated shop at a frame a second; people come in past shelves and go out past tills."""
+    """Return a day of the simulated shop at two frames a second; people come in past shelves and go out past tills."""
     opens, closes = opening(date(2026, 11, 10))
-    simulated = simulate_day(opens, closes=closes, seed=1, interval_s=1.0, display_moved=True)
+    simulated = simulate_day(opens, closes=closes, seed=1, interval_s=0.5, display_moved=True)
     ms = simulated.frame_ms[simulated.frame]
     xy = np.stack([simulated.x_m, simulated.y_m], axis=1)
-    lines = {"shelves": ((17.2, 3.2), (24.0, 3.2)), "tills": ((17.2, 0.0), (17.2, 3.2))}
-    return one_camera("simulated shop", ms - ms.min(), simulated.person, xy, lines, 1.0)
+    lines = {"shelves": ((16.9, 3.2), (24.0, 3.2)), "tills": ((16.9, 0.0), (16.9, 3.2))}
+    return one_camera("simulated shop", ms - ms.min(), simulated.person, xy, lines, 2.0)
 
 
 def door_rows(folder: Path) -> None:
