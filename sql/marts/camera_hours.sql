@@ -2,7 +2,7 @@
 -- One row per camera and local hour of the calendar, including hours without data.
 -- stored_by: local_date
 -- grain: camera_id, hour_start_ms
--- reads: calendar, cameras, camera_days, coverage, exposure, violation_time, whole_episodes
+-- reads: camera_hour_records, whole_episodes, calendar
 -- columns:
 --   camera_id
 --   camera_no            position in vsd.toml
@@ -92,88 +92,8 @@
 --   needs        both weeks recorded to 60 %, by one engine, one set of rules and the same calibrations
 --   uncertainty  interval of the change of M0, by days, and by weekly steps before the earlier week; no verdict
 --   by           vsd_analytics.figures.year_before.year_before
--- steps:
---   spine     every camera and quarter-hour of the calendar, so that an hour without data has a row; where no camera of a floor
---             is there, all are missing
---   per_hour  900 s is a quarter-hour; has_distances: pairs were sent, or at least half of the records have a floor position
 -- assumes: where nothing was recorded, or a count cannot be known, it is null, never 0
-with spine as (
-    select
-        cameras.camera_id,
-        cameras.camera_no,
-        cameras.floor_id,
-        calendar.quarter,
-        calendar.hour_start_ms,
-        calendar.local_date,
-        calendar.local_hour,
-        calendar.fold,
-        calendar.weekday,
-        cameras.from_ms <= calendar.quarter * 900000 and calendar.quarter * 900000 < cameras.to_ms as is_in_life,
-        is_in_life or not bool_or(is_in_life) over (partition by cameras.floor_id, calendar.quarter) as is_there,
-        calendar.is_open and is_there as is_open
-    from calendar
-    cross join cameras
-),
-
-per_quarter as (
-    select
-        spine.camera_id,
-        spine.camera_no,
-        spine.floor_id,
-        spine.hour_start_ms,
-        spine.local_date,
-        spine.local_hour,
-        spine.fold,
-        spine.weekday,
-        spine.is_there,
-        spine.is_open,
-        camera_days.has_persons,
-        camera_days.has_tracks,
-        camera_days.sends_pairs,
-        coalesce(coverage.recorded_ms, 0) as recorded_ms,
-        coverage.is_inferred,
-        coalesce(exposure.person_records, 0) as person_records,
-        coalesce(exposure.exposure_ms, 0) as exposure_ms,
-        coalesce(exposure.person_records + exposure.n_doubled, 0) as n_seen,
-        coalesce(exposure.n_unlocated, 0) as n_unlocated,
-        coalesce(violation_time.violation_records, 0) as violation_records,
-        coalesce(violation_time.violation_ms, 0) as violation_ms
-    from spine
-    left join coverage on spine.camera_id = coverage.camera_id and spine.quarter = coverage.quarter
-    left join exposure on spine.camera_id = exposure.camera_id and spine.quarter = exposure.quarter
-    left join violation_time on spine.camera_id = violation_time.camera_id and spine.quarter = violation_time.quarter
-    left join camera_days on spine.camera_id = camera_days.camera_id and floor(spine.quarter / 96) = camera_days.utc_day
-),
-
-per_hour as (
-    select
-        camera_id,
-        camera_no,
-        floor_id,
-        hour_start_ms,
-        min(local_date) as local_date,
-        min(local_hour) as local_hour,
-        min(fold) as fold,
-        min(weekday) as weekday,
-        count(*) filter (where is_there) * 900 as length_s,
-        count(*) filter (where is_open) * 900 as open_s,
-        sum(recorded_ms) / 1000.0 as recorded_s,
-        coalesce(sum(recorded_ms) filter (where is_open), 0) / 1000.0 as recorded_open_s,
-        bool_or(is_inferred) as is_inferred,
-        coalesce(bool_or(has_persons), false) as has_persons,
-        coalesce(bool_and(has_tracks), true) as has_tracks,
-        coalesce(bool_or(sends_pairs), false) or 2 * sum(n_unlocated) <= sum(n_seen) as has_distances,
-        sum(person_records)::bigint as person_records,
-        sum(exposure_ms) / 1000.0 as exposure_s,
-        coalesce(sum(exposure_ms) filter (where is_open), 0) / 1000.0 as exposure_open_s,
-        sum(violation_records)::bigint as violation_records,
-        sum(violation_ms) / 1000.0 as violation_s,
-        coalesce(sum(violation_ms) filter (where is_open), 0) / 1000.0 as violation_open_s
-    from per_quarter
-    group by camera_id, camera_no, floor_id, hour_start_ms
-),
-
-counted as (
+with counted as (
     select
         whole_episodes.camera_id,
         calendar.hour_start_ms,
@@ -186,32 +106,28 @@ counted as (
 )
 
 select
-    per_hour.camera_id,
-    per_hour.camera_no,
-    per_hour.floor_id,
-    per_hour.hour_start_ms,
-    per_hour.local_date,
-    per_hour.local_hour,
-    per_hour.fold,
-    per_hour.weekday,
-    per_hour.length_s,
-    per_hour.open_s,
-    per_hour.recorded_s,
-    per_hour.recorded_open_s,
-    per_hour.is_inferred,
-    case when per_hour.recorded_s > 0 and per_hour.has_persons then per_hour.person_records end as person_records,
-    case when per_hour.recorded_s > 0 and per_hour.has_persons then per_hour.exposure_s end as exposure_s,
-    case when per_hour.recorded_open_s > 0 and per_hour.has_persons then per_hour.exposure_open_s end as exposure_open_s,
-    case when per_hour.recorded_s > 0 and per_hour.has_distances then per_hour.violation_records end as violation_records,
-    case when per_hour.recorded_s > 0 and per_hour.has_distances then per_hour.violation_s end as violation_s,
-    case when per_hour.recorded_open_s > 0 and per_hour.has_distances then per_hour.violation_open_s end as violation_open_s,
-    case
-        when per_hour.recorded_s > 0 and per_hour.has_distances and per_hour.has_tracks then coalesce(counted.n_violations, 0)
-    end as n_violations,
-    case
-        when per_hour.recorded_open_s > 0 and per_hour.has_distances and per_hour.has_tracks
-            then coalesce(counted.n_violations_open, 0)
-    end as n_violations_open
-from per_hour
-left join counted on per_hour.camera_id = counted.camera_id and per_hour.hour_start_ms = counted.hour_start_ms
-order by per_hour.hour_start_ms, per_hour.camera_no
+    camera_hour_records.camera_id,
+    camera_hour_records.camera_no,
+    camera_hour_records.floor_id,
+    camera_hour_records.hour_start_ms,
+    camera_hour_records.local_date,
+    camera_hour_records.local_hour,
+    camera_hour_records.fold,
+    camera_hour_records.weekday,
+    camera_hour_records.length_s,
+    camera_hour_records.open_s,
+    camera_hour_records.recorded_s,
+    camera_hour_records.recorded_open_s,
+    camera_hour_records.is_inferred,
+    camera_hour_records.person_records,
+    camera_hour_records.exposure_s,
+    camera_hour_records.exposure_open_s,
+    camera_hour_records.violation_records,
+    camera_hour_records.violation_s,
+    camera_hour_records.violation_open_s,
+    case when camera_hour_records.counts_violations then coalesce(counted.n_violations, 0) end as n_violations,
+    case when camera_hour_records.counts_violations_open then coalesce(counted.n_violations_open, 0) end as n_violations_open
+from camera_hour_records
+left join counted
+    on camera_hour_records.camera_id = counted.camera_id and camera_hour_records.hour_start_ms = counted.hour_start_ms
+order by camera_hour_records.hour_start_ms, camera_hour_records.camera_no

@@ -74,11 +74,12 @@ def ours_again(root: Path) -> CountedCells:
     site = load_site(root, environ={})
     extent = stored_extent(site)
     assert extent is not None
-    options = {"heat_cell_m": CELL_MM / 1000, "relations": ("heatmap", "hours")}
+    options = {"heat_cell_m": CELL_MM / 1000, "relations": ("heatmap", "camera_hour_records")}
     with open_warehouse(site, extent.first_day, extent.last_day, **options) as warehouse:
         cells = warehouse.table("select cx, cy, person_records, violation_records from heatmap")
         hours = warehouse.table(
-            "select hour_start_ms // 3600000, person_records, violation_records from hours where person_records > 0"
+            "select hour_start_ms // 3600000, sum(person_records)::bigint, sum(violation_records)::bigint "
+            "from camera_hour_records group by hour_start_ms having sum(person_records) > 0"
         )
     return CountedCells(_matrix(cells), _matrix(hours))
 

@@ -32,6 +32,7 @@ INSTEAD: Final = {
     "coverage": "camera_hours",
     "violation_time": "camera_hours",
     "camera_days": "camera_hours",
+    "camera_hour_records": "camera_hours",
     "camera_slots": "camera_hours",
     "area_counts": "area_hours",
     "area_stays": "visits",
