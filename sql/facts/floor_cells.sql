@@ -14,7 +14,6 @@
 --   violation_persons  persons with a neighbour closer than distance_m standing here
 --   violation_ms       their person-milliseconds
 --   violation_records  violation records of this camera with their midpoint here
---   n_tracks           different tracks of this camera that stood here in the bucket; 0 where the engine sends no ids
 -- steps:
 --   standing  scale 2 marks midpoints, whose coordinates are sums of two: halving in whole millimetres would move some to the next cell
 -- assumes: only what this camera owns is counted, so that sums over cameras count nobody twice
@@ -22,7 +21,6 @@ with standing as (
     select
         camera_id,
         ts_ms,
-        track_id,
         x_mm,
         y_mm,
         1 as scale,
@@ -37,7 +35,6 @@ with standing as (
     select
         camera_id,
         ts_ms,
-        null as track_id,
         x_mm,
         y_mm,
         1 as scale,
@@ -52,7 +49,6 @@ with standing as (
     select
         p.camera_id,
         p.ts_ms,
-        null as track_id,
         p.x_a_mm + p.x_b_mm as x_mm,
         p.y_a_mm + p.y_b_mm as y_mm,
         2 as scale,
@@ -69,7 +65,6 @@ with standing as (
 in_cells as (
     select
         c.camera_id,
-        c.track_id,
         cast(floor(c.ts_ms / (900000 * s.bucket_quarters)) as bigint) * s.bucket_quarters as bucket_quarter,
         cast(floor(c.x_mm / (c.scale * s.cell_mm)) as integer) as cx,
         cast(floor(c.y_mm / (c.scale * s.cell_mm)) as integer) as cy,
@@ -92,8 +87,7 @@ select
     cast(sum(exposure_ms) as bigint) as exposure_ms,
     cast(sum(violation_persons) as bigint) as violation_persons,
     cast(sum(violation_ms) as bigint) as violation_ms,
-    cast(sum(violation_records) as bigint) as violation_records,
-    cast(count(distinct track_id) as bigint) as n_tracks
+    cast(sum(violation_records) as bigint) as violation_records
 from in_cells
 group by camera_id, bucket_quarter, cx, cy
 order by hour, camera_id, bucket_quarter, cx, cy

@@ -2,7 +2,7 @@
 -- One row per local date and floor cell with tracks in opening hours: a lower bound of the number of different tracks.
 -- stored_by: local_date
 -- grain: floor_id, local_date, cx, cy
--- reads: floor_cells, calendar, cameras
+-- reads: cell_tracks, calendar, cameras
 -- columns:
 --   floor_id
 --   local_date
@@ -15,16 +15,16 @@
 with busiest as (
     select
         cameras.floor_id,
-        floor_cells.camera_id,
+        cell_tracks.camera_id,
         calendar.local_date,
-        floor_cells.cx,
-        floor_cells.cy,
-        max(floor_cells.n_tracks) as n_tracks
-    from floor_cells
-    inner join calendar on floor_cells.bucket_quarter = calendar.quarter
-    inner join cameras on floor_cells.camera_id = cameras.camera_id
+        cell_tracks.cx,
+        cell_tracks.cy,
+        max(cell_tracks.n_tracks) as n_tracks
+    from cell_tracks
+    inner join calendar on cell_tracks.bucket_quarter = calendar.quarter
+    inner join cameras on cell_tracks.camera_id = cameras.camera_id
     where calendar.is_open
-    group by cameras.floor_id, floor_cells.camera_id, calendar.local_date, floor_cells.cx, floor_cells.cy
+    group by cameras.floor_id, cell_tracks.camera_id, calendar.local_date, cell_tracks.cx, cell_tracks.cy
 )
 
 select

@@ -2,7 +2,7 @@
 -- One row per camera, local hour and floor cell of half a metre with a person or violation in opening hours.
 -- stored_by: local_date
 -- grain: floor_id, camera_id, hour_start_ms, cx, cy
--- reads: floor_cells, violations, calendar, cameras
+-- reads: floor_cells, cell_tracks, violations, calendar, cameras
 -- params: cell_mm
 -- columns:
 --   floor_id
@@ -28,12 +28,29 @@ with stood as (
         floor(floor_cells.cy * params.cell_mm / 500)::int as cy,
         floor_cells.exposure_ms,
         floor_cells.violation_ms,
-        floor_cells.n_tracks,
+        0 as n_tracks,
         0 as n_violations
     from floor_cells
     cross join params
     inner join calendar on floor_cells.bucket_quarter = calendar.quarter
     inner join cameras on floor_cells.camera_id = cameras.camera_id
+    where calendar.is_open
+    union all
+    select
+        cameras.floor_id,
+        cell_tracks.camera_id,
+        calendar.hour_start_ms,
+        calendar.local_date,
+        floor(cell_tracks.cx * params.cell_mm / 500)::int as cx,
+        floor(cell_tracks.cy * params.cell_mm / 500)::int as cy,
+        0 as exposure_ms,
+        0 as violation_ms,
+        cell_tracks.n_tracks,
+        0 as n_violations
+    from cell_tracks
+    cross join params
+    inner join calendar on cell_tracks.bucket_quarter = calendar.quarter
+    inner join cameras on cell_tracks.camera_id = cameras.camera_id
     where calendar.is_open
     union all
     select

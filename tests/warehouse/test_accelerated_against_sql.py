@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -25,6 +26,7 @@ from vsd_analytics.warehouse.accelerated.columns import beside, grouped_by, orde
 from vsd_analytics.warehouse.compute import day_facts, hour_facts
 from vsd_analytics.warehouse.held import NULL
 from vsd_analytics.warehouse.sqlfiles import relations
+from vsd_analytics.warehouse.stored_records import PartReader
 from vsd_analytics.warehouse.units import PartIndex
 
 START = T0 + HOUR - 90_000  # an hour ends in the middle
@@ -124,22 +126,22 @@ def records_of(scene: Scene) -> Iterator[Person | Pair | Frame]:
                 yield Pair(at, track, other, int(np.hypot(x - x2, y - y2)), camera, xy, (k, k + 1))
 
 
-def facts_of(site: Site) -> dict[str, pa.Table]:
-    """Return every fact of the two hours, and the relations with a row for each record, in order."""
+def facts_of(site: Site, *, facts: Collection[str] = (*HOURLY, *MEMBERS)) -> dict[str, pa.Table]:
+    """Return facts of the two hours, and the relations with a row for each record, in order."""
     index = PartIndex(Store(site.root / "store", site_id=site.site_id), first_hour=None, last_hour=None)
     first, last = index.hours()[0], index.hours()[-1]
     parts = index.between(first, last)
     days = day_facts(site, parts)
     hourly = hour_facts(
         site,
-        facts=[*HOURLY, *MEMBERS],
+        facts=facts,
         parts=parts,
         camera_days=days,
         first_hour=first,
         last_hour=last,
     )
     found = {"camera_days": days, **{relation.name: with_texts(rows) for relation, rows in hourly}}
-    for name, members in MEMBERS.items():
+    for name, members in MEMBERS.items() if set(MEMBERS) <= found.keys() else ():
         found[name] = found[name].sort_by([(c, "ascending") for c in ("camera_id", "ts_ms", *members)])
     return found
 
@@ -206,6 +208,71 @@ def test_arrays_give_the_rows_of_the_queries(scene: Scene) -> None:
     if scene == STANDING:
         assert max(found["track_pairs"]["standing_ms"].to_pylist()) > 0
         assert set(found["company_times"]["is_standing"].to_pylist()) == {True, False}
+
+
+COUNTS = ("coverage", "recorded_spans", "exposure", "violation_time", "floor_cells")
+
+
+@given(
+    st.builds(
+        Scene,
+        seed=st.integers(0, 2**32 - 1),
+        n_people=st.sampled_from([2, 6, 14]),
+        step_ms=st.sampled_from([500, 1000, 2000, 7000]),
+        has_rate=st.booleans(),
+        share_with_ids=st.sampled_from([0.0, 0.8, 1.0]),
+        has_beats=st.booleans(),
+        sends_pixels=st.booleans(),
+        sends_pairs=st.sampled_from([False, False, True]),
+        opens_at_half_past=st.booleans(),
+    ),
+    st.booleans(),
+)
+@example(BUSY, False)
+@example(Scene(2, n_people=60, step_ms=20_000, pace=0.0, opens_at_half_past=True), True)
+@example(Scene(8, sends_pairs=True), True)
+@example(Scene(9, has_beats=False), True)
+@settings(max_examples=1, deadline=None)
+def test_facts_that_only_count_have_the_rows_of_the_queries_without_ids(scene: Scene, by_hour: bool) -> None:
+    """Asked for alone, they read no ids; hour by hour, an hour has the frames beside it, and each part is read once."""
+    with TemporaryDirectory() as folder:
+        site = site_of(scene, Path(folder))
+        put(site, records_of(scene))
+        with patch.dict(os.environ, VSD_ACCELERATED="0"):
+            expected = facts_of(site, facts=COUNTS)
+        with patch.dict(os.environ, VSD_ACCELERATED="1"):
+            found = counts_by_hour(site) if by_hour else facts_of(site, facts=COUNTS)
+    for name in COUNTS:
+        assert found[name].schema.types == expected[name].schema.types, name
+        assert found[name].to_pylist() == expected[name].to_pylist(), name
+    assert expected["violation_time"].num_rows or scene.n_people == 2
+
+
+def counts_by_hour(site: Site) -> dict[str, pa.Table]:
+    index = PartIndex(Store(site.root / "store", site_id=site.site_id), first_hour=None, last_hour=None)
+    hours = index.hours()
+    days, reader = day_facts(site, index.between(hours[0], hours[-1])), PartReader()
+    found = defaultdict(list)
+    for hour in hours:
+        parts = index.between(hour - 1, hour + 1)
+        asked = {"facts": COUNTS, "parts": parts, "camera_days": days, "reader": reader}
+        for relation, rows in hour_facts(site, first_hour=hour, last_hour=hour, **asked):
+            found[relation.name].append(with_texts(rows))
+    return {name: pa.concat_tables(rows) for name, rows in found.items()}
+
+
+def test_counts_read_no_ids_unless_an_engine_sends_pairs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = []
+    monkeypatch.setattr(PartReader, "counted", lambda *a: read.append(1) or counted(*a))
+    for number, scene in enumerate([Scene(6, n_people=4), Scene(6, n_people=4, sends_pairs=True)]):
+        site = site_of(scene, tmp_path / str(number))
+        put(site, records_of(scene))
+        assert facts_of(site, facts=COUNTS)["exposure"].num_rows > 0
+        assert facts_of(site, facts=[*COUNTS, "cell_tracks"])["cell_tracks"].num_rows > 0
+    assert read == [1]
+
+
+counted = PartReader.counted
 
 
 def test_facts_of_people_and_pairs_with_ids_need_no_query(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

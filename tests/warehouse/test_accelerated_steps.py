@@ -105,9 +105,9 @@ def test_people_are_near_across_the_ends_of_blocks(monkeypatch: pytest.MonkeyPat
         for b in np.flatnonzero(frame == f).tolist()
         if a < b and (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2 <= 1500**2
     ]
-    for rows in (5, 64, 32_768):
+    for rows, kind, shift in [(5, np.int32, 0), (64, np.int32, 2**24), (32_768, np.int64, 0), (64, np.int64, 2**40)]:
         monkeypatch.setattr(pairs, "_ROWS", rows)
-        one, other, square = pairs.near(frame, x, y, 1500)
+        one, other, square = pairs.near(frame, (x + shift).astype(kind), (y - shift).astype(kind), 1500)
         found = sorted((min(p), max(p)) for p in zip(one.tolist(), other.tolist(), strict=True))
         assert found == expected
         assert square.tolist() == ((x[one] - x[other]) ** 2 + (y[one] - y[other]) ** 2).tolist()
@@ -124,10 +124,10 @@ def test_cells_in_a_table_and_sorted_cells_are_the_same_fact(tmp_path: Path, mon
         root = tmp_path / str(number)
         root.mkdir()
         site = write_site(root, n_records=6_000, n_cameras=3, open_h=2, interval_s=10)
-        build(site, facts=["floor_cells"])
-        (path,) = (root / "facts" / "floor_cells").rglob("*.parquet")
-        made.append(path.read_bytes())
-    assert pq.read_metadata(pa.BufferReader(made[0])).num_rows > 1000
+        build(site, facts=["floor_cells", "cell_tracks"])
+        paths = [path for fact in ("floor_cells", "cell_tracks") for path in (root / "facts" / fact).rglob("*.parquet")]
+        made.append([path.read_bytes() for path in paths])
+    assert [pq.read_metadata(pa.BufferReader(data)).num_rows > 1000 for data in made[0]] == [True, True]
     assert made[0] == made[1] == made[2]
 
 
@@ -161,3 +161,11 @@ def test_nodes_get_the_least_node_they_are_connected_to(seed: int) -> None:
         label = connected_components(matrix, directed=False)[1]
         expected = [int(np.flatnonzero(label == own)[0]) for own in label]
         assert least_connected(a, b, n).tolist() == expected
+
+
+def test_people_of_a_crowd_who_are_far_apart_are_not_near() -> None:
+    """Squares of their differences need more than 32 bits."""
+    x = np.zeros(50, dtype=np.int32)
+    y = np.arange(50, dtype=np.int32) * 92_682  # twice its square is 16 less than 2**34
+    one, _, _ = pairs.near(np.zeros(50, dtype=np.int32), x, y, 1500)
+    assert len(one) == 0

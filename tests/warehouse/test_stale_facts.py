@@ -111,7 +111,7 @@ def test_calibration_from_now_on_leaves_history_as_it_is(root: Path, tmp_path: P
     assert dict(result.reasons) == {"calibration changed": len(hours)}
     assert result.facts == facts
     assert facts.keys() == {
-        *("exposure", "floor_cells", "violation_time", "episode_segments", "calibrations_used"),
+        *("exposure", "floor_cells", "cell_tracks", "violation_time", "episode_segments", "calibrations_used"),
         *("track_lives", "track_pairs", "crowding", "standing_groups"),
         *OF_PAIRS,
     }, "recorded time and running numbers do not depend on where people stood"
@@ -308,6 +308,7 @@ def sql(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[s
                 "violation_time",
                 "episode_segments",
                 "floor_cells",
+                "cell_tracks",
                 "track_lives",
                 "track_pairs",
                 "crowding",

@@ -20,6 +20,7 @@ from vsd_analytics.store.reused_memory import reused_memory
 from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import settings_variants, superseded
+from vsd_analytics.warehouse.accelerated.switch import ONLY_COUNTS
 from vsd_analytics.warehouse.agreement import refuse_disagreement
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.camera_days import (
@@ -40,7 +41,8 @@ from vsd_analytics.warehouse.input_fingerprint import InputHashes
 from vsd_analytics.warehouse.sealed import SealedRange, sealed_range
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 from vsd_analytics.warehouse.staff import FACTS, NOBODY, StaffHours, hours_around, staff_hours
-from vsd_analytics.warehouse.units import PartIndex, Unit, batches, days_around, merged_parts
+from vsd_analytics.warehouse.stored_records import PartReader
+from vsd_analytics.warehouse.units import BATCH_ROWS, COUNTED_ROWS, PartIndex, Unit, batches, days_around, merged_parts
 
 
 def build(
@@ -262,10 +264,13 @@ def _write_hours(
             if not hours:  # an hour fewer than before, or all hours in several files: nothing is computed
                 files.writer(name, day).add_reused()
     writers: dict[tuple[str, int], DayWriter] = {}
-    for batch in batches(computed):
+    reader = PartReader()
+    for batch in batches(computed, most_rows=COUNTED_ROWS if ONLY_COUNTS.issuperset(files.names) else BATCH_ROWS):
         own = [u.number for u in batch]
         wanted = {n: [h for h in own if h in stale[h // 24].get(n, ())] for n in files.names}
-        for relation, rows in _of_batch(site, batch, [n for n, hours in wanted.items() if hours], days, staff, check):
+        for relation, rows in _of_batch(
+            site, batch, [n for n, hours in wanted.items() if hours], days, staff, check, reader
+        ):
             name = relation.name
             hours_of: dict[int, list[int]] = defaultdict(list)
             for hour in wanted[name]:
@@ -287,6 +292,7 @@ def _of_batch(
     days: Mapping[int, KnownDay],
     staff: StaffHours,
     check: _Checker,
+    reader: PartReader | None = None,
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield the rows of relations of some hours, computed from undamaged parts; see `hour_facts`."""
     parts, own = merged_parts(batch), [u.number for u in batch]
@@ -300,6 +306,7 @@ def _of_batch(
         first_hour=own[0],
         last_hour=own[-1],
         staff=staff,
+        reader=reader,
     )
 
 

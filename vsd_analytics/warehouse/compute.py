@@ -11,7 +11,12 @@ from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.duck import connect, literal_list
 from vsd_analytics.store.layout import HOUR_MS, Part
-from vsd_analytics.warehouse.accelerated.switch import Accelerator, accelerated_camera_days
+from vsd_analytics.warehouse.accelerated.switch import (
+    Accelerator,
+    IdsNeededError,
+    accelerated_camera_days,
+    needs_only_counts,
+)
 from vsd_analytics.warehouse.dimensions import camera_table, params, quarters, register_site, site_relations
 from vsd_analytics.warehouse.duckdb_failures import failed_inside, inside
 from vsd_analytics.warehouse.graphs import components
@@ -20,7 +25,7 @@ from vsd_analytics.warehouse.input_fingerprint import dependencies
 from vsd_analytics.warehouse.lookback import lookback_ms
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 from vsd_analytics.warehouse.staff import NOBODY, StaffHours
-from vsd_analytics.warehouse.stored_records import columns_of, read_records, with_names
+from vsd_analytics.warehouse.stored_records import PartReader, columns_of, read_records, with_names
 
 if TYPE_CHECKING:
     import duckdb
@@ -57,6 +62,7 @@ def hour_facts(
     first_hour: int,
     last_hour: int,
     staff: StaffHours = NOBODY,
+    reader: PartReader | None = None,
 ) -> Iterator[tuple[Relation, pa.Table]]:
     """Yield hourly facts with their rows of the hours from `first_hour` to `last_hour`, by hour and grain.
 
@@ -74,6 +80,7 @@ def hour_facts(
         first_hour: First UTC hour number.
         last_hour: Last one, inclusive.
         staff: Who is staff in these hours and beside them.
+        reader: Has parts that the batch before read.
 
     Raises:
         SqlError: E604, DuckDB fails internally, also with careful settings.
@@ -82,15 +89,23 @@ def hour_facts(
     margin_ms = lookback_ms(params(site), camera_days.to_pylist())
     spans = (first_hour * HOUR_MS - margin_ms, (last_hour + 1) * HOUR_MS + margin_ms)
     around = quarters(first_hour=first_hour - 1, last_hour=last_hour + 1)
-    small = {**site_relations(site), "quarters": around, "camera_days": camera_days}
+    reader = reader or PartReader()
+    reader.of_site = reader.of_site or site_relations(site)
+    small = {**reader.of_site, "quarters": around, "camera_days": camera_days}
     small["staff"] = staff.between(first_hour - 1, last_hour + 1)
     yielded = set[str]()  # before DuckDB failed: a second try computes them again but must not yield them twice
-    for is_careful in (False, True):
+    tables = [t for t in TABLES if f"stored_{t}" in inputs]
+    counts = needs_only_counts(facts, parts, site.settings.people)
+    for only_counts, is_careful in ((True, False), (False, False), (False, True))[not counts :]:
         name = ""
         try:
             name = "stored records"
-            with _load(small, [t for t in TABLES if f"stored_{t}" in inputs], parts, *spans, is_careful) as held:
-                accelerator = Accelerator(held, params(site), is_careful=is_careful)
+            if only_counts:
+                records = reader.counted(parts, first_hour, last_hour, margin_ms)
+            else:
+                records = {table: read_records(table, parts[table], *spans) for table in tables}
+            with _load(small, records, is_careful, only_counts) as held:
+                accelerator = Accelerator(held, params(site), is_careful=is_careful, only_counts=only_counts)
                 order = [r for r in relations("staging", "facts").values() if r.name in computed]
                 for number, relation in enumerate(order):
                     name = relation.name
@@ -108,6 +123,8 @@ def hour_facts(
                         if not any(table in later.reads for later in order[number + 1 :]):
                             held.forget(table)
             return
+        except IdsNeededError:
+            continue
         except inside() as error:
             if is_careful:
                 raise failed_inside(
@@ -128,21 +145,13 @@ def create(con: duckdb.DuckDBPyConnection, relation: Relation) -> None:
     con.unregister(f"_{relation.name}")
 
 
-def _load(
-    small: Mapping[str, pa.Table],
-    tables: Sequence[TableName],
-    parts: Parts,
-    first_ms: int,
-    after_ms: int,
-    is_careful: bool,
-) -> Held:
-    """Return the stored records in [first_ms, after_ms) beside the small tables; the ids of all are enums."""
-    records = {table: read_records(table, parts[table], first_ms, after_ms) for table in tables}
+def _load(small: Mapping[str, pa.Table], records: Mapping[str, pa.Table], is_careful: bool, only_counts: bool) -> Held:
+    """Return stored records by table beside the small tables; the ids of all are enums."""
     with_cameras = (rows["camera_id"] for rows in small.values() if "camera_id" in rows.column_names)
     records, names = with_names(records, (camera for column in with_cameras for camera in column.unique().to_pylist()))
     held = Held(small, names, is_careful=is_careful)
     for table, rows in records.items():
-        held.add_stored(f"stored_{table}", rows, columns_of(rows))
+        held.add_stored(f"stored_{table}", rows, columns_of(rows, is_lean=only_counts))
     return held
 
 

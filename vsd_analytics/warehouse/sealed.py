@@ -33,7 +33,13 @@ class SealedRange:
         return hour in self.hours or hour // 24 in self.whole_days
 
     def fact_paths(
-        self, site: Site, relation: str, *, first_hour: int | None = None, last_hour: int | None = None
+        self,
+        site: Site,
+        relation: str,
+        *,
+        first_hour: int | None = None,
+        last_hour: int | None = None,
+        formerly_in: str = "",
     ) -> list[tuple[int, Path]]:
         """Return the files of one sealed fact, in order, each once with its first UTC hour number in the range.
 
@@ -45,14 +51,16 @@ class SealedRange:
             relation: The fact.
             first_hour: First UTC hour number of the range; None = open.
             last_hour: Last one, inclusive; None = open.
+            formerly_in: The fact that had its columns before: its files of hours that were sealed without the fact.
         """
         seals = Seals(site.root / FOLDER, site_id=site.site_id)
         units = {d * 24: u for d, u in self.days.items()} if relation == DAY_FACT else self.hours
         found: dict[Path, int] = {}
         for hour, unit in sorted(units.items()):
             is_after = first_hour is None or hour >= first_hour
-            if is_after and (last_hour is None or hour <= last_hour) and relation in unit.facts:
-                found.setdefault(seals.fact_path(relation, hour, unit), hour)
+            name = relation if relation in unit.facts else formerly_in
+            if is_after and (last_hour is None or hour <= last_hour) and name in unit.facts:
+                found.setdefault(seals.fact_path(name, hour, unit), hour)
         return [(hour, path) for path, hour in found.items()]
 
 

@@ -39,6 +39,9 @@ HELD_BYTES = 8_000_000
 """Of the files of a mart whose rows are held in memory for several queries. Rows in memory take ten to twenty times
 the room; a larger mart stays a view of its files."""
 
+_FORMERLY_IN = {"cell_tracks": "floor_cells"}
+"""Facts that were a column of another fact before: hours that were sealed then have them in its files."""
+
 _MATERIALISE_AT = {"floor_cells": 2}
 """A page asks this large fact once, for the ends of the floor, and needs no row of it in memory for that."""
 
@@ -171,7 +174,11 @@ class RelationSources:
         # The file of a day begins with its first hour. `camera_days` is read of the days beside those of the range too.
         first, last = (first_hour - 48, last_hour + 48) if is_day else (first_hour - 23, last_hour)
         sealed = self._built.sealed.fact_paths(
-            self._site, relation.name, first_hour=first if is_day else first_hour, last_hour=last
+            self._site,
+            relation.name,
+            first_hour=first if is_day else first_hour,
+            last_hour=last,
+            formerly_in=_FORMERLY_IN.get(relation.name, ""),
         )
 
         def fresh_files(built: BuildResult) -> dict[int, Path]:

@@ -10,11 +10,13 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from vsd_analytics.schema import SCHEMAS, TableName
-from vsd_analytics.store.layout import Part
+from vsd_analytics.store.layout import HOUR_MS, Part
 from vsd_analytics.store.part_files import unknown_in
 from vsd_analytics.warehouse.held import ENUMS, NULL, Columns
 
 DAY_MS = 86_400_000
+FRAME_KEYS = ("camera_id", "ts")
+PLACES = (*FRAME_KEYS, "x_mm", "y_mm", "u_px", "v_px")
 UNUSED = ("quality", "distance_sd_mm")
 """Stored columns that no fact reads."""
 
@@ -28,13 +30,55 @@ def read_records(table: TableName, parts: Sequence[Part], first_ms: int, after_m
         first_ms: First instant, UTC milliseconds.
         after_ms: The instant after the last one.
     """
-    wanted = [f.name for f in SCHEMAS[table] if f.name not in UNUSED]
-    read = []
-    for part in parts:
-        with opened(part, table) as file:
-            rows = read_columns(file, NotedColumns(file.metadata), table, wanted)
-        read.append(_within(rows, first_ms, after_ms))
+    wanted = tuple(f.name for f in SCHEMAS[table] if f.name not in UNUSED)
+    read = [_within(PartReader().rows(table, part, wanted), first_ms, after_ms) for part in parts]
     return pa.concat_tables([_schema(table, wanted).empty_table(), *read])
+
+
+class PartReader:
+    """Reads columns of stored parts, and keeps those of the last hours: hour by hour, each part is read once.
+
+    Attributes:
+        of_site: Small tables of the site, the same for all batches; empty until somebody puts them here.
+    """
+
+    def __init__(self) -> None:
+        self._rows: dict[tuple[Part, tuple[str, ...]], pa.Table] = {}
+        self.of_site: dict[str, pa.Table] = {}
+
+    def rows(self, table: TableName, part: Part, columns: tuple[str, ...]) -> pa.Table:
+        """Return some columns of a part."""
+        if (part, columns) not in self._rows:
+            with opened(part, table) as file:
+                self._rows[part, columns] = read_columns(file, NotedColumns(file.metadata), table, columns)
+        return self._rows[part, columns]
+
+    def counted(
+        self, parts: Mapping[TableName, Sequence[Part]], first_hour: int, last_hour: int, margin_ms: int
+    ) -> dict[str, pa.Table]:
+        """Return what counts of some hours are computed from: records of these hours, and the frames around them.
+
+        Args:
+            parts: Stored parts of the hours, and of their neighbours those that lie near enough.
+            first_hour: First UTC hour number.
+            last_hour: Last one, inclusive.
+            margin_ms: How far from these hours frames are read.
+        """
+        for part, columns in [*self._rows]:
+            if part.hour < first_hour - 1:
+                del self._rows[part, columns]
+        edges = (first_hour * HOUR_MS - margin_ms, (last_hour + 1) * HOUR_MS + margin_ms)
+        is_own = {p: first_hour <= p.hour <= last_hour for p in parts["observations"]}
+        frames = [_within(self.rows("frames", p, FRAME_KEYS), *edges) for p in parts["frames"]]
+        people = {p: self.rows("observations", p, PLACES) for p in is_own}
+        beside = [_within(rows.select(FRAME_KEYS), *edges) for p, rows in people.items() if not is_own[p]]
+        of_frames = _schema("frames", FRAME_KEYS).empty_table()
+        own = [rows for p, rows in people.items() if is_own[p]]
+        return {
+            "frames": pa.concat_tables([of_frames, *frames]),
+            "observations": pa.concat_tables([_schema("observations", PLACES).empty_table(), *own]),
+            "beside": pa.concat_tables([of_frames, *beside]),
+        }
 
 
 def opened(part: Part, table: TableName) -> pq.ParquetFile:
@@ -119,8 +163,8 @@ def _column(rows: pa.Table, field: pa.Field) -> pa.ChunkedArray | pa.Array:
 
 
 def with_names(
-    records: Mapping[TableName, pa.Table], cameras: Iterable[str]
-) -> tuple[dict[TableName, pa.Table], dict[str, pa.Array]]:
+    records: Mapping[str, pa.Table], cameras: Iterable[str]
+) -> tuple[dict[str, pa.Table], dict[str, pa.Array]]:
     """Return records whose ids are dictionaries of all names of their enum type, and these names by type, in order.
 
     Args:
@@ -149,13 +193,19 @@ def with_names(
     return found, names
 
 
-def columns_of(rows: pa.Table) -> Columns:
-    """Return stored records as columns: `ts` as UTC milliseconds in `ts_ms`, ids as numbers of their names."""
+def columns_of(rows: pa.Table, *, is_lean: bool = False) -> Columns:
+    """Return stored records as columns: `ts` as UTC milliseconds in `ts_ms`, ids as numbers of their names.
+
+    Args:
+        rows: The records.
+        is_lean: Leave columns of 32 bits that are known in every record as they are.
+    """
     found: Columns = {}
     for column in rows.column_names:
         values = rows[column]
         if column in ENUMS:
-            numbers = (chunk.indices.fill_null(-1).to_numpy() for chunk in values.chunks)
+            chunks = (chunk.indices for chunk in values.chunks)
+            numbers = ((chunk.fill_null(-1) if chunk.null_count else chunk).to_numpy() for chunk in chunks)
             found[column] = np.concatenate([np.zeros(0, dtype=np.int32), *numbers])
         elif 0 < len(values) == values.null_count:  # numbers without memory of their own
             is_float = pa.types.is_floating(values.type)
@@ -164,6 +214,8 @@ def columns_of(rows: pa.Table) -> Columns:
             found["ts_ms"] = values.cast(pa.int64()).to_numpy()
         elif pa.types.is_floating(values.type):
             found[column] = values.to_numpy(zero_copy_only=False).astype(np.float64)
+        elif is_lean and not values.null_count:
+            found[column] = values.to_numpy()
         else:
             whole = values.cast(pa.int64())
             found[column] = (whole.fill_null(NULL) if whole.null_count else whole).to_numpy()

@@ -19,6 +19,8 @@ BATCH_HOURS, BATCH_ROWS = 24, 2_000_000
 """Hours and stored rows, of pairs twice, per batch, which begins with a UTC day where it can: so most files are written
 at once, and the columns of a day fit into caches. Hours of a busy site are computed one by one, so that memory stays
 bounded."""
+COUNTED_ROWS = 400_000
+"""The rows of a batch of facts that only count: about an hour of a large site, whose columns fit into the caches."""
 QUIET_HOURS, QUIET_ROWS = 168, 500_000
 """A batch of a quiet site goes on for a week: with so few rows, planning the queries costs more than running them."""
 
@@ -124,7 +126,7 @@ def _unit(
     return Unit(number, parts, current, inputs, text_hash([number, sorted(inputs.items())]), hours)
 
 
-def batches(units: Sequence[Unit]) -> Iterator[Sequence[Unit]]:
+def batches(units: Sequence[Unit], *, most_rows: int = BATCH_ROWS) -> Iterator[Sequence[Unit]]:
     """Yield runs of units within the limits of hours (or as many days) and rows; each holds at least one unit.
 
     A run goes on with a further day only if the whole of it fits: then each file is written with the rows of one run.
@@ -139,8 +141,8 @@ def batches(units: Sequence[Unit]) -> Iterator[Sequence[Unit]]:
         own, day = n_rows[unit.number], unit.number // BATCH_HOURS
         if batch:
             ahead = own if day == batch[-1].number // BATCH_HOURS else of_day[day]
-            is_within = day == batch[0].number // BATCH_HOURS and held + own <= BATCH_ROWS
-            is_quiet = unit.number - batch[0].number < QUIET_HOURS and held + ahead <= QUIET_ROWS
+            is_within = day == batch[0].number // BATCH_HOURS and held + own <= most_rows
+            is_quiet = unit.number - batch[0].number < QUIET_HOURS and held + ahead <= min(QUIET_ROWS, most_rows)
             if not is_within and not is_quiet:
                 yield batch
                 batch, held = [], 0

@@ -21,7 +21,7 @@ from vsd_analytics.warehouse.accelerated.company import (
 )
 from vsd_analytics.warehouse.accelerated.coverage import coverage, recorded_spans, sequence_runs
 from vsd_analytics.warehouse.accelerated.episodes import episode_segments
-from vsd_analytics.warehouse.accelerated.floor_cells import floor_cells
+from vsd_analytics.warehouse.accelerated.floor_cells import cell_tracks, floor_cells
 from vsd_analytics.warehouse.accelerated.gatherings import (
     gathering_joins,
     gathering_links,
@@ -74,6 +74,7 @@ COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {
         exposure,
         crowding,
         floor_cells,
+        cell_tracks,
         area_tracks,
         track_lives,
         calibrations_used,
@@ -90,20 +91,29 @@ COMPUTED: Mapping[str, Callable[[Held, SiteTables], Columns | None]] = {
 }
 
 
+ONLY_COUNTS = frozenset(f.__name__ for f in (coverage, recorded_spans, exposure, violation_time, floor_cells))
+"""Facts that ask of nobody who it is, nor read a relation that does (`SiteTables.only_counts`)."""
+
+
+class IdsNeededError(Exception):
+    """A batch that only counts has records that are not understood without the columns that it did not read."""
+
+
 class Batch:
     """Computes relations of one batch as arrays where that is quicker.
 
     Args:
         held: Relations of the batch; the stored tables are among them.
         params: The settings that SQL reads.
+        only_counts: No fact asks who is who; see `SiteTables`.
     """
 
-    def __init__(self, held: Held, params: Mapping[str, Any]) -> None:
+    def __init__(self, held: Held, params: Mapping[str, Any], *, only_counts: bool) -> None:
         n_cameras, n_tracks = (held.n_names[enum] for enum in ("camera_name", "track_name"))
         floors = Floors(held["cameras"], held["owner_cells"], cell_mm=int(params["owner_cell_mm"]), n_cameras=n_cameras)
         self._held = held
         self._site = SiteTables(
-            params, n_cameras, n_tracks, floors, DayIntervals(held["camera_days"], n_cameras=n_cameras)
+            params, n_cameras, n_tracks, floors, DayIntervals(held["camera_days"], n_cameras=n_cameras), only_counts
         )
         self._is_on = True
 
@@ -119,6 +129,8 @@ class Batch:
         if relation.name != "pairs" and "pairs" in relation.reads and "pairs" not in self._held:
             self._held.replace("pairs", with_rows(*(self._held[r] for r in ("pairs", "instants", "located"))))
         rows = compute(self._held, self._site)
+        if rows is None and self._site.only_counts:
+            raise IdsNeededError
         if rows is None:
             self._is_on = relation.name != "located"  # all others read its order
             return False

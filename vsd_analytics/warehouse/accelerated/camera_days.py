@@ -60,8 +60,9 @@ def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table, pa
                 group = (day - first_day) * len(names) + group
             else:
                 ts, first_day = np.zeros(0, dtype=np.int64), of_day
-            counts = [_counted(group, known) for known in _kinds(table, rows, noted)]
-            for number in np.flatnonzero(np.bincount(group)).tolist():
+            n_rows = np.bincount(group)
+            counts = [_counted(group, known, n_rows) for known in _kinds(table, rows, noted)]
+            for number in np.flatnonzero(n_rows).tolist():
                 key = (first_day + number // len(names), names[number % len(names)])
                 sums[key] += [of_kind[number] for of_kind in counts]
                 if key[1] in intervals and intervals[key[1]] is None:
@@ -84,12 +85,11 @@ def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table, pa
     )
 
 
-def _counted(group: Ints, is_known: Bools | bool) -> Ints:
-    """Return how many known rows each group has."""
-    n_groups = int(group.max()) + 1
+def _counted(group: Ints, is_known: Bools | bool, n_rows: Ints) -> Ints:
+    """Return how many known rows each group has, given the number of its rows."""
     if isinstance(is_known, bool):
-        return np.bincount(group, minlength=n_groups) if is_known else np.zeros(n_groups, dtype=np.int64)
-    return np.bincount(group[is_known], minlength=n_groups)
+        return n_rows if is_known else np.zeros_like(n_rows)
+    return np.bincount(group[is_known], minlength=len(n_rows))
 
 
 def _kinds(table: TableName, rows: pa.Table, noted: NotedColumns) -> tuple[Bools | bool, ...]:

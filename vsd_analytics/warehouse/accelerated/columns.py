@@ -6,7 +6,7 @@ are int64, `NULL` where unknown. Names that begin with an underscore are columns
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import cycle
 from typing import Any
 
@@ -25,6 +25,25 @@ _NEAR = 32
 """Rows are almost in order where at most one of this many is greater than the row this far behind it."""
 _ROOM = 4
 """Numbers a row may take of a table with a place for every key; where it is more, keys are sorted."""
+
+
+class LazyColumns(Columns):
+    """Columns of which some are computed when they are first read: most facts read a few of a relation's.
+
+    Iterating yields those that are there, so a reader names the columns that it wants.
+
+    Args:
+        columns: Columns that are there.
+        later: What computes each of the others, by name.
+    """
+
+    def __init__(self, columns: Columns, later: Mapping[str, Callable[[], NDArray[Any]]]) -> None:
+        super().__init__(columns)
+        self._later = dict(later)
+
+    def __missing__(self, name: str) -> NDArray[Any]:
+        self[name] = self._later.pop(name)()
+        return self[name]
 
 
 def picked(values: NDArray[Any], rows: NDArray[Any]) -> NDArray[Any]:
@@ -196,6 +215,13 @@ def ends_of(starts: Ints, n: int) -> Ints:
 def sums(values: NDArray[Any], starts: Ints) -> Ints:
     """Return the sum of each run."""
     return np.add.reduceat(values.astype(np.int64), starts) if len(starts) else np.zeros(0, dtype=np.int64)
+
+
+def n_true(is_chosen: Bools, starts: Ints) -> Ints:
+    """Return how many rows of each run are chosen; where all or none are, nothing is added up."""
+    if is_chosen.all():
+        return np.diff(starts, append=len(is_chosen))
+    return sums(is_chosen, starts) if is_chosen.any() else np.zeros(len(starts), dtype=np.int64)
 
 
 def least(values: NDArray[Any], starts: Ints) -> NDArray[Any]:

@@ -15,26 +15,35 @@ def coverage(held: Held, site: SiteTables) -> Columns:
     """Return `facts/coverage`."""
     del site
     frames, quarters = held["instants"], held["quarters"]["quarter"]
-    ts, covered = frames["ts_ms"], frames["covered_ms"]
-    end = ts + covered
-    first, last = ts // _QUARTER_MS, (end - 1) // _QUARTER_MS
-    n = np.maximum(1, last - first + 1)
-    frame = np.repeat(np.arange(len(ts)), n)
+    camera, ts, covered = (frames[c] for c in ("camera_id", "ts_ms", "covered_ms"))
+    first, last = ts // _QUARTER_MS, (ts + covered - 1) // _QUARTER_MS
+    # A frame within one quarter counts wherever it lies. Most are, and those of a camera and quarter follow each other.
+    within, longer = np.flatnonzero(last <= first), np.flatnonzero(last > first)
+    starts = starts_of(camera[within], first[within])
+    # of longer ones only the quarters of the batch count
+    n = last[longer] - first[longer] + 1
+    frame = np.repeat(longer, n)
     quarter = first[frame] + (np.arange(len(frame)) - np.repeat(np.cumsum(n) - n, n))
-    # a frame within one quarter counts wherever it lies; of longer ones only the quarters of the batch
-    is_wanted = (n[frame] == 1) | ((quarter >= quarters.min()) & (quarter <= quarters.max()))
+    is_wanted = (quarter >= quarters.min()) & (quarter <= quarters.max())
     frame, quarter = frame[is_wanted], quarter[is_wanted]
-    recorded = np.minimum(end[frame], (quarter + 1) * _QUARTER_MS) - np.maximum(ts[frame], quarter * _QUARTER_MS)
-    order, starts = grouped_by(quarter // 4, frames["camera_id"][frame], quarter)
-    frame, quarter, recorded = frame[order], quarter[order], recorded[order]
-    at = frame[starts]
+    end_ms = np.minimum((ts + covered)[frame], (quarter + 1) * _QUARTER_MS)
+    columns = {
+        "camera_id": (camera[within][starts], camera[frame]),
+        "quarter": (first[within][starts], quarter),
+        "n_frames": (np.diff(starts, append=len(within)), quarter == first[frame]),
+        "recorded_ms": (sums(covered[within], starts), end_ms - np.maximum(ts[frame], quarter * _QUARTER_MS)),
+        "is_inferred": (greatest(~frames["has_heartbeat"][within], starts), ~frames["has_heartbeat"][frame]),
+    }
+    pieces = {name: np.concatenate(both) for name, both in columns.items()}
+    order, starts = grouped_by(pieces["quarter"] // 4, pieces["camera_id"], pieces["quarter"])
+    pieces = take(pieces, order)
     found = {
-        "hour": quarter[starts] // 4,
-        "camera_id": frames["camera_id"][at],
-        "quarter": quarter[starts],
-        "n_frames": sums(quarter == first[frame], starts),
-        "recorded_ms": sums(recorded, starts),
-        "is_inferred": greatest(~frames["has_heartbeat"][frame], starts),
+        "hour": pieces["quarter"][starts] // 4,
+        "camera_id": pieces["camera_id"][starts],
+        "quarter": pieces["quarter"][starts],
+        "n_frames": sums(pieces["n_frames"], starts),
+        "recorded_ms": sums(pieces["recorded_ms"], starts),
+        "is_inferred": greatest(pieces["is_inferred"], starts),
     }
     # only hours with frames of their own
     hours = frames["camera_id"] * np.int64(2**40) + frames["hour"]

@@ -1,4 +1,4 @@
-"""`floor_cells`: what happened in each cell of the floor, counted in tables that have a place for every cell.
+"""`floor_cells` and `cell_tracks`: what happened in each cell, counted in tables that have a place for every cell.
 
 In an hour a camera sees people in most cells of its view. So cells are numbered without sorting, where that needs no
 more room than a few numbers for each record.
@@ -6,18 +6,22 @@ more room than a few numbers for each record.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from vsd_analytics.warehouse.accelerated.columns import greatest, grouped_by, least, one_of_each, run_of
+from vsd_analytics.warehouse.accelerated.columns import greatest, grouped_by, least, one_of_each, picked, run_of, take
 from vsd_analytics.warehouse.accelerated.site_tables import BucketRuns, SiteTables, numbered
-from vsd_analytics.warehouse.held import NULL, Bools, Columns, Held, Ints
+from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
 _ROOM = 4
 """Numbers a record may take of a table with every cell; where it is more, records are sorted."""
 _COUNTED_AT_ONCE = 30_000
+_KEYS = ("hour", "camera_id", "bucket_quarter", "cx", "cy")
+_OF_PERSON = ("x_mm", "y_mm", "_frame")
+_OF_PAIR = ("x_a_mm", "y_a_mm", "x_b_mm", "y_b_mm", "_frame")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,58 +38,77 @@ class _Places:
     cy: Ints
 
     @classmethod
-    def of(cls, records: Columns, cx: Ints, cy: Ints, site: SiteTables) -> _Places:
-        """Return where records are, given camera and instant of each and its cell."""
-        return cls(BucketRuns.of(records["camera_id"], records["ts_ms"], site), cx, cy)
+    def of(cls, x: Ints, y: Ints, side_mm: int, frame: Ints, instants: Columns, site: SiteTables) -> _Places:
+        """Return where records are, given places, side of a cell and the row of `instants` of each."""
+        return cls(BucketRuns.of(frame, instants, site), x // side_mm, y // side_mm)
 
 
 def floor_cells(held: Held, site: SiteTables) -> Columns:
     """Return `facts/floor_cells`."""
-    located, persons, pairs = held["located"], held["in_violation"], held["pairs"]
-    cell_mm = int(site.params["cell_mm"])
-    stood = _chosen(located, located["is_owned"] & (located["x_mm"] != NULL))
-    close = _chosen(persons, persons["is_owned"] & (persons["x_mm"] != NULL))
+    located, persons, pairs, instants = (held[r] for r in ("located", "in_violation", "pairs", "instants"))
+    stood, close = (take(of, of["is_owned"] & (of["x_mm"] != NULL), *_OF_PERSON) for of in (located, persons))
     is_met = (pairs["distance_mm"] < site.params["distance_mm"]) & pairs["is_owned"]
-    met = _chosen(pairs, is_met & (pairs["x_a_mm"] != NULL) & (pairs["x_b_mm"] != NULL))
-    people = [_Places.of(of, of["x_mm"] // cell_mm, of["y_mm"] // cell_mm, site) for of in (stood, close)]
-    cx, cy = ((met[f"{c}_a_mm"] + met[f"{c}_b_mm"]) // (2 * cell_mm) for c in "xy")
-    numbers, cells = _numbered([*people, _Places.of(met, cx, cy, site)])
-    n = len(cells["cx"])
+    met = take(pairs, is_met & (pairs["x_a_mm"] != NULL) & (pairs["x_b_mm"] != NULL), *_OF_PAIR)
+    side_mm = int(site.params["cell_mm"])
+    places = [_Places.of(of["x_mm"], of["y_mm"], side_mm, of["_frame"], instants, site) for of in (stood, close)]
+    x, y = (met[f"{c}_a_mm"] + met[f"{c}_b_mm"] for c in "xy")  # twice that of the middle
+    places.append(_Places.of(x, y, 2 * side_mm, met["_frame"], instants, site))
+    numbers, cells_of, n = _numbered(places)
     counts = [np.bincount(of, minlength=n) for of in numbers]
-    found = {
-        "hour": cells["bucket_quarter"] // 4,
-        **cells,
-        "person_records": counts[0],
-        "exposure_ms": _added(stood["weight_ms"], numbers[0], n),
-        "violation_persons": counts[1],
-        "violation_ms": _added(close["weight_ms"], numbers[1], n),
-        "violation_records": counts[2],
-        "n_tracks": _n_tracks(numbers[0], stood["track_id"], people[0].runs.starts, n, site.n_tracks),
-    }
     used = np.flatnonzero(counts[0] + counts[1] + counts[2])
-    return found if len(used) == n else {name: values[used] for name, values in found.items()}
+    weight_ms = instants["weight_ms"]
+    times = [
+        _added(weight_ms, of["_frame"], at, n_of) for of, at, n_of in zip((stood, close), numbers, counts, strict=False)
+    ]
+    return {
+        **cells_of(used),
+        "person_records": counts[0][used],
+        "exposure_ms": times[0][used],
+        "violation_persons": counts[1][used],
+        "violation_ms": times[1][used],
+        "violation_records": counts[2][used],
+    }
 
 
-def _chosen(columns: Columns, is_chosen: Bools) -> Columns:
-    """Return some rows of the columns that are read here; all rows as they are."""
-    read = [c for c in columns if c.endswith("_mm") or c in ("camera_id", "ts_ms", "track_id", "weight_ms")]
-    if is_chosen.all():
-        return {c: columns[c] for c in read}
-    rows = np.flatnonzero(is_chosen)
-    return {c: columns[c][rows] for c in read}
+def cell_tracks(held: Held, site: SiteTables) -> Columns:
+    """Return `facts/cell_tracks`."""
+    located = held["located"]
+    is_named = located["is_owned"] & (located["x_mm"] != NULL) & (located["track_id"] >= 0)
+    stood = take(located, is_named, *_OF_PERSON, "track_id")
+    side_mm = int(site.params["cell_mm"])
+    places = _Places.of(stood["x_mm"], stood["y_mm"], side_mm, stood["_frame"], held["instants"], site)
+    (number,), cells_of, n = _numbered([places])
+    n_of_cell = _n_tracks(number, stood["track_id"], places.runs.starts, n, site.n_tracks)
+    used = np.flatnonzero(n_of_cell)
+    return {**cells_of(used), "n_tracks": n_of_cell[used]}
 
 
-def _added(values: Ints, at: Ints, n: int) -> Ints:
-    found = np.zeros(n, dtype=np.int64)
-    np.add.at(found, at, values)
+def _added(weight_ms: Ints, frame: Ints, cell: Ints, n_of: Ints) -> Ints:
+    """Return the sum of the weights in each cell.
+
+    Most frames count as long as the first one, so only what others differ from it is added up record by record.
+
+    Args:
+        weight_ms: Weight of each frame.
+        frame: Frame of each record.
+        cell: Cell of each record.
+        n_of: Number of records of each cell.
+    """
+    usual = int(weight_ms[0]) if len(weight_ms) else 0
+    others = np.flatnonzero(picked(weight_ms != usual, frame))
+    found = usual * n_of
+    np.add.at(found, cell[others], weight_ms[frame[others]] - usual)
     return found
 
 
-def _numbered(places: list[_Places]) -> tuple[list[Ints], Columns]:
-    """Return the number of the cell of each record, and camera, bucket and place of all cells, in order of the fact."""
+def _numbered(places: list[_Places]) -> tuple[list[Ints], Callable[[Ints], Columns], int]:
+    """Return the number of the cell of each record, what tells hour, camera, bucket and place of cells, and how many.
+
+    Numbers are in order of the fact.
+    """
     groups, cameras, buckets = numbered([of.runs for of in places])
     if not len(cameras):
-        return [of.cx for of in places], dict.fromkeys(("camera_id", "bucket_quarter", "cx", "cy"), cameras)
+        return [cameras] * len(places), lambda _: dict.fromkeys(_KEYS, cameras), 0
     n_cameras = int(cameras.max()) + 1
     (x0, n_x), (y0, n_y) = (_extents(places, c, n_cameras) for c in ("cx", "cy"))
     height = int(n_y.max())  # one for all cameras, so that records need not look it up
@@ -97,14 +120,22 @@ def _numbered(places: list[_Places]) -> tuple[list[Ints], Columns]:
     at_zero = first - x0[cameras] * height - y0[cameras]
     numbers = []
     for of, group in zip(places, groups, strict=True):
-        number = of.cx * height
+        number = np.multiply(of.cx, height, dtype=np.int64)
         number += of.cy
         number += of.runs.each(at_zero[group])
         numbers.append(number)
-    group = np.repeat(np.arange(len(cameras)), n_cells)
-    camera = cameras[group]
-    x, y = np.divmod(np.arange(ends[-1]) - first[group], height)
-    return numbers, {"camera_id": camera, "bucket_quarter": buckets[group], "cx": x + x0[camera], "cy": y + y0[camera]}
+
+    def cells_of(used: Ints) -> Columns:
+        group = np.searchsorted(ends, used, side="right")
+        camera = cameras[group]
+        x, y = np.divmod(used - first[group], height)
+        return _cells(camera, buckets[group], x + x0[camera], y + y0[camera])
+
+    return numbers, cells_of, int(ends[-1])
+
+
+def _cells(camera: Ints, bucket: Ints, cx: Ints, cy: Ints) -> Columns:
+    return dict(zip(_KEYS, (bucket // 4, camera, bucket, cx, cy), strict=True))
 
 
 def _extents(places: list[_Places], column: str, n_cameras: int) -> tuple[Ints, Ints]:
@@ -116,7 +147,9 @@ def _extents(places: list[_Places], column: str, n_cameras: int) -> tuple[Ints, 
     return low, np.maximum(high - low + 1, 0)
 
 
-def _sorted(places: list[_Places], groups: list[Ints], cameras: Ints, buckets: Ints) -> tuple[list[Ints], Columns]:
+def _sorted(
+    places: list[_Places], groups: list[Ints], cameras: Ints, buckets: Ints
+) -> tuple[list[Ints], Callable[[Ints], Columns], int]:
     """Do what `_numbered` does, with numbers for those cells only that have records."""
     group = np.concatenate([of.runs.each(own) for of, own in zip(places, groups, strict=True)])
     cx, cy = (np.concatenate([getattr(of, c) for of in places]) for c in ("cx", "cy"))
@@ -124,8 +157,8 @@ def _sorted(places: list[_Places], groups: list[Ints], cameras: Ints, buckets: I
     number = np.empty(len(order), dtype=np.int64)
     number[order] = run_of(starts, len(order))
     at = order[starts]
-    cells = {"camera_id": cameras[group[at]], "bucket_quarter": buckets[group[at]], "cx": cx[at], "cy": cy[at]}
-    return np.split(number, np.cumsum([len(of.cx) for of in places])[:-1]), cells
+    cells = _cells(cameras[group[at]], buckets[group[at]], cx[at], cy[at])
+    return np.split(number, np.cumsum([len(of.cx) for of in places])[:-1]), lambda used: take(cells, used), len(at)
 
 
 def _n_tracks(cell: Ints, track: Ints, starts: Ints, n_cells: int, n_tracks: int) -> Ints:
@@ -136,7 +169,7 @@ def _n_tracks(cell: Ints, track: Ints, starts: Ints, n_cells: int, n_tracks: int
 
     Args:
         cell: Number of the cell of each record.
-        track: Its track, negative where it has none.
+        track: Its track.
         starts: First row of each run.
         n_cells: Number of cells.
         n_tracks: Number of tracks.
@@ -146,7 +179,5 @@ def _n_tracks(cell: Ints, track: Ints, starts: Ints, n_cells: int, n_tracks: int
     found = np.zeros(n_cells, dtype=np.int64)
     for first, after in pairwise(edges):
         of, own = cell[first:after], track[first:after]
-        if own.min() < 0:
-            of, own = of[own >= 0], own[own >= 0]
         np.add.at(found, of[one_of_each(of * np.int64(n_tracks) + own)], 1)
     return found

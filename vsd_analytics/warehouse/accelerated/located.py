@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from vsd_analytics.warehouse.accelerated.columns import distinct, ends_of, order_by, picked, rounded, starts_of, take
+from vsd_analytics.warehouse.accelerated.columns import (
+    LazyColumns,
+    distinct,
+    ends_of,
+    order_by,
+    picked,
+    rounded,
+    starts_of,
+    take,
+)
 from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
 from vsd_analytics.warehouse.held import NULL, Bools, Columns, Held, Ints
 
@@ -14,11 +23,16 @@ _AFTER_ALL = 2**62
 
 def instants(held: Held, site: SiteTables) -> Columns:
     """Return `staging/instants`, in order of camera and instant; `_key` finds a row by camera and instant."""
-    tables = [held[f"stored_{t}"] for t in ("frames", "observations", "pairs") if f"stored_{t}" in held]
+    names = (f"stored_{t}" for t in ("frames", "observations", "pairs", "beside"))
+    tables = [held[name] for name in names if name in held]
     low = min((int(t["ts_ms"].min()) for t in tables if len(t["ts_ms"])), default=0)
     span = max((int(t["ts_ms"].max()) for t in tables if len(t["ts_ms"])), default=low) - low + 1
-    keys = (t["camera_id"] * np.int64(span) + (t["ts_ms"] - low) for t in tables)
-    key = distinct(np.concatenate([k[starts_of(k)] for k in keys]))  # records of a frame follow each other
+    firsts = ((t, starts_of(t["camera_id"], t["ts_ms"])) for t in tables)  # records of a frame follow each other
+    keys = [t["camera_id"][rows] * np.int64(span) + (t["ts_ms"][rows] - low) for t, rows in firsts]
+    key = distinct(keys[0])
+    others = [k[~_are_among(k, key)] for k in keys[1:]]
+    if any(map(len, others)):  # people of frames that were not sent as frames
+        key = distinct(np.concatenate([key, *others]))
     camera, ts = key // span, key % span + low
     n = len(key)
     to_next = np.full(n, _AFTER_ALL, dtype=np.int64)
@@ -54,6 +68,15 @@ def frame_of(instants: Columns, camera: Ints, ts_ms: Ints) -> Ints:
     return np.where((keys[at] == wanted) & (ts_ms >= low) & (ts_ms < low + span), at, -1)
 
 
+def _are_among(keys: Ints, known: Ints) -> Bools:
+    """Return whether each key is among some that are in order."""
+    if not len(known):
+        return np.zeros(len(keys), dtype=np.bool_)
+    at = np.minimum(np.searchsorted(known, keys), len(known) - 1)
+    found: Bools = known[at] == keys
+    return found
+
+
 def located(held: Held, site: SiteTables) -> Columns | None:
     """Return `staging/located`, in order of camera, instant and member.
 
@@ -61,15 +84,13 @@ def located(held: Held, site: SiteTables) -> Columns | None:
     None where a record has one floor coordinate without the other: only the query says what that means.
     """
     stored, frames = held["stored_observations"], held["instants"]
-    if np.any((stored["x_mm"] == NULL) != (stored["y_mm"] == NULL)):
+    if not is_placed_everywhere(stored) and np.any((stored["x_mm"] == NULL) != (stored["y_mm"] == NULL)):
         return None
     camera, ts = stored["camera_id"], stored["ts_ms"]
+    x, y = _places(held, stored, site)
+    if site.only_counts:
+        return _by_frame({"camera_id": camera, "ts_ms": ts, "x_mm": x, "y_mm": y}, frames, site)
     frame = frames_in_order(frames, camera, ts)
-    x, y = stored["x_mm"], stored["y_mm"]
-    projected = np.flatnonzero((x == NULL) & ~np.isnan(stored["u_px"]))
-    if len(projected):
-        x, y = x.copy(), y.copy()
-        x[projected], y[projected] = _projected(held["calibrations"], take(stored, projected), site)
     track = stored["track_id"]
     key = frame * (site.n_tracks + 1)
     key += np.where(track < 0, site.n_tracks, track)  # nulls last
@@ -99,6 +120,41 @@ def located(held: Held, site: SiteTables) -> Columns | None:
         "_frame": frame,
         "_key": ordered,
     }
+
+
+def is_placed_everywhere(stored: Columns) -> bool:
+    """Return whether every stored record is known to have a place: only then are places 32-bit numbers."""
+    return bool(stored["x_mm"].dtype == np.int32 == stored["y_mm"].dtype)
+
+
+def _places(held: Held, stored: Columns, site: SiteTables) -> tuple[Ints, Ints]:
+    """Return the floor places of stored records: as they were sent, else of foot points."""
+    x, y = stored["x_mm"], stored["y_mm"]
+    if is_placed_everywhere(stored):
+        return x, y
+    projected = np.flatnonzero((x == NULL) & ~np.isnan(stored["u_px"]))
+    if len(projected):
+        x, y = x.copy(), y.copy()
+        x[projected], y[projected] = _projected(held["calibrations"], take(stored, projected), site)
+    return x, y
+
+
+def _by_frame(records: Columns, frames: Columns, site: SiteTables) -> Columns:
+    """Return records in order of their frames, without members; weights and owners are computed when they are read."""
+    starts = starts_of(records["camera_id"], records["ts_ms"])
+    frame = frame_of(frames, *(records[c][starts] for c in ("camera_id", "ts_ms"))).astype(np.int32)
+    frame_of_each = np.repeat(frame, np.diff(starts, append=len(records["ts_ms"])))
+    if np.any(frame[1:] <= frame[:-1]) or np.any(frame[:1] < 0):  # of several parts, or of unknown cameras
+        rows = order_by(frame_of_each)
+        rows = rows[np.searchsorted(frame_of_each[rows], 0) :]
+        records, frame_of_each = take(records, rows), frame_of_each[rows]
+    return LazyColumns(
+        {**records, "_frame": frame_of_each},
+        {
+            "weight_ms": lambda: picked(frames["weight_ms"], frame_of_each),
+            "is_owned": lambda: site.floors.is_owned(*(records[c] for c in ("camera_id", "ts_ms", "x_mm", "y_mm"))),
+        },
+    )
 
 
 def is_counted(held: Held, site: SiteTables, camera: Ints, ts: Ints, track: Ints) -> Bools | None:

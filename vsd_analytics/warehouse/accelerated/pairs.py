@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable
+from typing import Any
 
-from vsd_analytics.warehouse.accelerated.columns import beside, grouped_by, order_by, picked, run_of, starts_of, take
+import numpy as np
+from numpy.typing import NDArray
+
+from vsd_analytics.warehouse.accelerated.columns import (
+    LazyColumns,
+    beside,
+    grouped_by,
+    order_by,
+    picked,
+    run_of,
+    starts_of,
+    take,
+)
 from vsd_analytics.warehouse.accelerated.located import HOUR_MS, frame_of, frames_in_order, is_counted
 from vsd_analytics.warehouse.accelerated.site_tables import SiteTables
 from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
 _CROWD = 40
+_FLOATS = 2**24
+"""Whole numbers below this are floats of 32 bits exactly."""
 _ROWS = 32_768
 """Persons that are compared at once: their numbers fit into the cache of a core."""
 
@@ -20,6 +35,8 @@ def pairs(held: Held, site: SiteTables) -> Columns | None:
     `_frame` is the row of `instants`; `_a` and `_b` number the persons, `_row_a` and `_row_b` are rows of `located`.
     None where a pair was sent without track ids: only the query says who is who then.
     """
+    if site.only_counts:
+        return _closer(held["located"], site)
     if "stored_pairs" not in held:
         return None
     stored, frames, instants, located = (held[r] for r in ("stored_pairs", "stored_frames", "instants", "located"))
@@ -38,6 +55,38 @@ def pairs(held: Held, site: SiteTables) -> Columns | None:
         stored, sent_in = take(stored, sides[0] & sides[1]), sent_in[sides[0] & sides[1]]
     found = _derived(located, others, site), _sent(stored, sent_in, instants, located, site)
     return with_rows({c: np.concatenate([of[c] for of in found]) for c in found[1]}, instants, located)
+
+
+def _closer(located: Columns, site: SiteTables) -> Columns:
+    """Return the pairs closer than `distance_m`, in order of frames; other columns are computed when they are read."""
+    reach, most = int(site.params["distance_mm"]), int(site.params["pair_max_mm"])
+    placed = np.flatnonzero(located["x_mm"] != NULL) if located["x_mm"].dtype == np.int64 else None
+    frame, x, y = (located[c] if placed is None else located[c][placed] for c in ("_frame", "x_mm", "y_mm"))
+    a, b, square = near(frame, x, y, min(reach, most))
+    if reach <= most and np.any(is_at_reach := square == reach * reach):
+        a, b, square = (of[~is_at_reach] for of in (a, b, square))
+    if placed is not None:
+        a, b = placed[a], placed[b]
+
+    def of_one(column: str, row: Ints) -> Callable[[], NDArray[Any]]:
+        return lambda: picked(located[column], row)
+
+    columns = LazyColumns(
+        {"_a": a, "_b": b, "is_derived": np.ones(1, dtype=np.bool_)},
+        {
+            **{c: of_one(c, a) for c in ("camera_id", "ts_ms", "weight_ms", "_frame")},
+            **{f"{c}_{side}_mm": of_one(f"{c}_mm", row) for side, row in (("a", a), ("b", b)) for c in "xy"},
+            "distance_mm": lambda: np.sqrt(square).astype(np.int64),
+            "is_owned": lambda: site.floors.is_owned(
+                columns["camera_id"],
+                columns["ts_ms"],
+                columns["x_a_mm"] + columns["x_b_mm"],
+                columns["y_a_mm"] + columns["y_b_mm"],
+                2,
+            ),
+        },
+    )
+    return columns
 
 
 def _derived(located: Columns, placed: Ints, site: SiteTables) -> Columns:
@@ -169,6 +218,7 @@ def near(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
     one, other, square = _near_of_few(frame[few], x[few], y[few], reach)
     found = [(few[one], few[other], square)]
     many = many[order_by(frame[many], x[many])]
+    x, y = x.astype(np.int64), y.astype(np.int64)  # squares need more than 32 bits
     for one, other in beside(frame[many], x[many], reach):
         a, b = many[one], many[other]
         square = (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
@@ -184,26 +234,42 @@ def _near_of_few(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints,
     Persons of a block are compared with those k rows on, k = 1, 2, ... while any two are of one frame.
     """
     most = int(np.bincount(frame, minlength=1).max()) + 1
-    one, other = [frame[:0]], [frame[:0]]
+    kind = _kind_of_distances(x, y, reach)
+    one, other = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     for first in range(0, len(frame), _ROWS):
         after = min(first + _ROWS + most, len(frame))
-        of, at_x, at_y = frame[first:after], x[first:after], y[first:after]
+        of = frame[first:after]
+        at_x, at_y = (values[first:after].astype(kind) for values in (x, y))
         is_near = np.zeros((min(_ROWS, len(of)), most), dtype=np.bool_)  # by person, and number of rows on
+        x_apart, y_apart, is_same = (np.empty(len(is_near), dtype=d) for d in (kind, kind, np.bool_))
         for k in range(1, most):
             n = min(_ROWS, len(of) - k)
-            is_same = of[:n] == of[k : n + k] if n > 0 else of[:0] > 0
-            if not is_same.any():
+            if n <= 0 or not np.equal(of[:n], of[k : n + k], out=is_same[:n]).any():
                 break
-            dx, dy = at_x[:n] - at_x[k : n + k], at_y[:n] - at_y[k : n + k]
+            dx = np.subtract(at_x[:n], at_x[k : n + k], out=x_apart[:n])
+            dy = np.subtract(at_y[:n], at_y[k : n + k], out=y_apart[:n])
             dx *= dx
             dy *= dy
             dx += dy
-            np.logical_and(is_same, dx <= reach * reach, out=is_near[:n, k])
+            np.logical_and(is_same[:n], dx <= reach * reach, out=is_near[:n, k])
         row, n_on = np.divmod(np.flatnonzero(is_near), most)
         one.append(row + first)
         other.append(row + first + n_on)
     a, b = np.concatenate(one), np.concatenate(other)
-    return a, b, (picked(x, a) - picked(x, b)) ** 2 + (picked(y, a) - picked(y, b)) ** 2
+    dx, dy = (picked(of, a).astype(np.int64) - picked(of, b) for of in (x, y))
+    return a, b, dx * dx + dy * dy
+
+
+def _kind_of_distances(x: Ints, y: Ints, reach: int) -> np.dtype[Any]:
+    """Return the type that squares of distances are compared in: short floats take a third of the time of integers.
+
+    Floats are right where they hold every coordinate and twice the square of `reach` exactly. A greater square may be
+    rounded, but never to one within reach, as rounding keeps the order.
+    """
+    is_exact = 2 * reach * reach < _FLOATS and all(
+        len(of) == 0 or (int(of.min()) > -_FLOATS and int(of.max()) < _FLOATS) for of in (x, y)
+    )
+    return np.dtype(np.float32 if is_exact else np.int64)
 
 
 def with_rows(pairs: Columns, instants: Columns, located: Columns) -> Columns:

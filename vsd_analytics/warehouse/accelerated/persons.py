@@ -27,6 +27,7 @@ from vsd_analytics.warehouse.held import NULL, Bools, Columns, Held, Ints
 
 _LAST = 2**62
 _QUARTER_MS = 900_000
+_OF_PEOPLE = ("camera_id", "ts_ms", "x_mm", "y_mm", "weight_ms", "is_owned", "_frame")
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +114,10 @@ def _of_side(pairs: Columns, a: str, b: str, row: Ints, is_b: Bools) -> NDArray[
 def in_violation(held: Held, site: SiteTables) -> Columns:
     """Return `staging/in_violation`, in order of camera, instant and member; `_person` numbers the persons of pairs."""
     pairs = held["pairs"]
+    if site.only_counts:  # all pairs are closer, and persons are rows of their records
+        is_close = np.zeros(len(held["located"]["_frame"]), dtype=np.bool_)
+        is_close[pairs["_a"]] = is_close[pairs["_b"]] = True
+        return take(held["located"], np.flatnonzero(is_close), "x_mm", "y_mm", "is_owned", "_frame")
     persons = _PersonsInPairs.of(pairs, np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"]))
     n_unknown = persons.n_unknown("track_b", "track_a")
     return {
@@ -130,10 +135,9 @@ def in_violation(held: Held, site: SiteTables) -> Columns:
 def _people(held: Held, persons: _PersonsInPairs, site: SiteTables) -> Columns:
     """Return camera, instant, place and weight of persons, and whether their camera counts them."""
     pairs = held["pairs"]
-    columns = ("camera_id", "ts_ms", "x_mm", "y_mm", "weight_ms", "is_owned")
     if pairs["is_derived"].all():  # then their numbers are those of their records
-        return take(held["located"], persons.number, *columns)
-    found = {name: persons.one(name, name) for name in ("camera_id", "ts_ms", "weight_ms")}
+        return take(held["located"], persons.number, *_OF_PEOPLE)
+    found = {name: persons.one(name, name) for name in ("camera_id", "ts_ms", "weight_ms", "_frame")}
     x, y = (persons.least(f"{c}_a_mm", f"{c}_b_mm", unknown=NULL) for c in "xy")
     # people without a place are in pairs without one, which their own camera counts
     is_owned = site.floors.is_owned(found["camera_id"], found["ts_ms"], x, y)
@@ -145,7 +149,7 @@ def distance_times(held: Held, site: SiteTables) -> Columns:
     pairs = held["pairs"]
     of_pairs = _PersonsInPairs.of(pairs, np.arange(len(pairs["_a"])))
     persons = _people(held, of_pairs, site)
-    runs = [BucketRuns.of(of["camera_id"], of["ts_ms"], site) for of in (pairs, persons)]
+    runs = [BucketRuns.of(of["_frame"], held["instants"], site) for of in (pairs, persons)]
     groups, cameras, buckets = numbered(runs)
     distances = pairs["distance_mm"], of_pairs.least("distance_mm", "distance_mm", unknown=NULL)
     width = max((int(of.max()) + 1 for of in distances if len(of)), default=1)
@@ -198,18 +202,16 @@ def _in_buckets(rows: Columns, site: SiteTables, keys: tuple[str, ...], values: 
 
 def violation_time(held: Held, site: SiteTables) -> Columns:
     """Return `facts/violation_time`."""
-    pairs, persons = held["pairs"], held["in_violation"]
-    close = np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"])
-    n, n_persons = len(close), len(persons["ts_ms"])
-    camera = np.concatenate([pairs["camera_id"][close], persons["camera_id"]])
-    quarter = np.concatenate([pairs["ts_ms"][close], persons["ts_ms"]]) // _QUARTER_MS
-    violation_ms = np.where(persons["is_owned"], persons["weight_ms"], 0)
+    pairs, persons, frames = held["pairs"], held["in_violation"], held["instants"]
+    close = pairs["distance_mm"] < site.params["distance_mm"]
+    n_frames = len(frames["ts_ms"])
+    frame = np.flatnonzero(np.bincount(pairs["_frame"][close], minlength=n_frames))
+    n_pairs = np.bincount(pairs["_frame"][close & pairs["is_owned"]], minlength=n_frames)
+    n_persons = np.bincount(persons["_frame"][persons["is_owned"]], minlength=n_frames)
+    quarter = frames["ts_ms"][frame] // _QUARTER_MS
     return summed(
-        {"hour": quarter // 4, "camera_id": camera, "quarter": quarter},
-        {
-            "violation_records": np.concatenate([pairs["is_owned"][close], np.zeros(n_persons, dtype=np.bool_)]),
-            "violation_ms": np.concatenate([np.zeros(n, dtype=np.int64), violation_ms]),
-        },
+        {"hour": quarter // 4, "camera_id": frames["camera_id"][frame], "quarter": quarter},
+        {"violation_records": n_pairs[frame], "violation_ms": n_persons[frame] * frames["weight_ms"][frame]},
     )
 
 

@@ -70,6 +70,8 @@ class Floors:
 
     def is_owned(self, camera: NDArray[Any], ts_ms: Ints, sum_x_mm: Ints, sum_y_mm: Ints, n: int | Ints = 1) -> Bools:
         """Return whether a camera counts at each of its places itself: nobody else does, or the place is unknown."""
+        if not self._spans:
+            return np.ones(len(camera), dtype=np.bool_)
         owner = self.owner(camera, ts_ms, sum_x_mm, sum_y_mm, n)
         is_owned: Bools = owner < 0
         is_owned |= owner == camera
@@ -166,6 +168,8 @@ class SiteTables:
         n_tracks: Number of track names.
         floors: Which camera counts where.
         days: Frame intervals.
+        only_counts: No fact of the batch asks who is who. So people have no numbers in their frame and come in any
+            order there, and `pairs` has those closer than `distance_m` only.
     """
 
     params: Mapping[str, Any]
@@ -173,6 +177,7 @@ class SiteTables:
     n_tracks: int
     floors: Floors
     days: DayIntervals
+    only_counts: bool = False
 
 
 def gap_ms(interval_ms: Ints, least_ms: int, site: SiteTables) -> Ints:
@@ -189,7 +194,7 @@ def bucket_of(ts_ms: Ints, site: SiteTables) -> Ints:
 
 @dataclass(frozen=True, slots=True)
 class BucketRuns:
-    """Runs of records of one camera and time bucket, given records in order of camera and instant within an hour.
+    """Runs of records of one camera and time bucket, given records of a camera and hour in order of their frames.
 
     Attributes:
         n: Number of records.
@@ -203,13 +208,13 @@ class BucketRuns:
     bucket: Ints
 
     @classmethod
-    def of(cls, camera_id: NDArray[Any], ts_ms: Ints, site: SiteTables) -> BucketRuns:
-        """Return the runs of records, given camera and instant of each."""
-        frames = starts_of(camera_id, ts_ms)
-        bucket = bucket_of(ts_ms[frames], site)
-        runs = starts_of(camera_id[frames], bucket)
-        starts = frames[runs]
-        return cls(len(ts_ms), starts, camera_id[starts].astype(np.int64), bucket[runs])
+    def of(cls, frame: Ints, instants: Columns, site: SiteTables) -> BucketRuns:
+        """Return the runs of records, given the row of `instants` of each."""
+        starts = starts_of(frame)
+        camera, ts_ms = (instants[c][frame[starts]] for c in ("camera_id", "ts_ms"))
+        bucket = bucket_of(ts_ms, site)
+        runs = starts_of(camera, bucket)
+        return cls(len(frame), starts[runs], camera[runs].astype(np.int64), bucket[runs])
 
     def each(self, of_run: Ints) -> Ints:
         """Return a number of each record, given one of each run."""

@@ -7,6 +7,7 @@ import numpy as np
 from vsd_analytics.warehouse.accelerated.columns import (
     ends_of,
     grouped_by,
+    n_true,
     order_by,
     picked,
     starts_of,
@@ -23,15 +24,17 @@ _QUARTER_MS, _HOUR_MS = 900_000, 3_600_000
 def exposure(held: Held, site: SiteTables) -> Columns:
     """Return `facts/exposure`."""
     del site
-    located = held["located"]
-    quarter, is_owned = located["ts_ms"] // _QUARTER_MS, located["is_owned"]
+    located, frames = held["located"], held["instants"]
+    starts = starts_of(located["_frame"])
+    frame, n_owned = located["_frame"][starts], n_true(located["is_owned"], starts)
+    quarter = frames["ts_ms"][frame] // _QUARTER_MS
     return summed(
-        {"hour": quarter // 4, "camera_id": located["camera_id"], "quarter": quarter},
+        {"hour": quarter // 4, "camera_id": frames["camera_id"][frame], "quarter": quarter},
         {
-            "person_records": is_owned,
-            "n_doubled": ~is_owned,
-            "n_unlocated": located["x_mm"] == NULL,
-            "exposure_ms": np.where(is_owned, located["weight_ms"], 0),
+            "person_records": n_owned,
+            "n_doubled": np.diff(starts, append=len(located["_frame"])) - n_owned,
+            "n_unlocated": n_true(located["x_mm"] == NULL, starts),
+            "exposure_ms": n_owned * frames["weight_ms"][frame],
         },
     )
 
