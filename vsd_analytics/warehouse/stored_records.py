@@ -71,7 +71,7 @@ class PartReader:
         is_own = {p: first_hour <= p.hour <= last_hour for p in parts["observations"]}
         frames = [_within(self.rows("frames", p, FRAME_KEYS), *edges) for p in parts["frames"]]
         people = {p: self.rows("observations", p, PLACES) for p in is_own}
-        beside = [_within(rows.select(FRAME_KEYS), *edges) for p, rows in people.items() if not is_own[p]]
+        beside = [_within(self._frames(p, rows), *edges) for p, rows in people.items() if not is_own[p]]
         of_frames = _schema("frames", FRAME_KEYS).empty_table()
         own = [rows for p, rows in people.items() if is_own[p]]
         return {
@@ -79,6 +79,18 @@ class PartReader:
             "observations": pa.concat_tables([_schema("observations", PLACES).empty_table(), *own]),
             "beside": pa.concat_tables([of_frames, *beside]),
         }
+
+    def _frames(self, part: Part, people: pa.Table) -> pa.Table:
+        """Return camera and instant of each frame in which a part has people, given its rows."""
+        if (part, FRAME_KEYS) not in self._rows:
+            keys = people.select(FRAME_KEYS).combine_chunks()
+            columns = columns_of(keys)
+            is_first = np.ones(keys.num_rows, dtype=np.bool_)
+            is_first[1:] = False
+            for column in columns.values():
+                is_first[1:] |= column[1:] != column[:-1]
+            self._rows[part, FRAME_KEYS] = keys.take(np.flatnonzero(is_first))
+        return self._rows[part, FRAME_KEYS]
 
 
 def opened(part: Part, table: TableName) -> pq.ParquetFile:

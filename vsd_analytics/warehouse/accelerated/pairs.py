@@ -25,8 +25,8 @@ from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 _CROWD = 40
 _FLOATS = 2**24
 """Whole numbers below this are floats of 32 bits exactly."""
-_ROWS = 32_768
-"""Persons that are compared at once: their numbers fit into the cache of a core."""
+_PAIRS = 100_000
+"""Pairs of people that are compared at once: their numbers fit into the cache of a core."""
 
 
 def pairs(held: Held, site: SiteTables) -> Columns | None:
@@ -105,8 +105,7 @@ def _derived(located: Columns, placed: Ints, site: SiteTables) -> Columns:
     a, b = picked(placed, np.minimum(one, other)), picked(placed, np.maximum(one, other))
     ts = picked(located["ts_ms"], a)
     hour = ts // HOUR_MS
-    # people of frames without a crowd were compared in order
-    order = order_by(hour, a, b) if np.bincount(frame, minlength=1).max() > _CROWD else order_by(hour)
+    order = order_by(hour, a, b)
     a, b, hour, square, ts = (picked(of, order) for of in (a, b, hour, square, ts))
     camera = picked(located["camera_id"], a)
     x_a, y_a, x_b, y_b = (picked(located[c], side) for side in (a, b) for c in ("x_mm", "y_mm"))
@@ -229,32 +228,30 @@ def near(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
 
 
 def _near_of_few(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
-    """Do what `near` does for frames without a crowd, each person with each, in order of both.
+    """Do what `near` does for frames without a crowd, each person with each, in order of the size of frames.
 
-    Persons of a block are compared with those k rows on, k = 1, 2, ... while any two are of one frame.
+    People of frames of one size are a table: a row for the first one of each frame, a row for the second one, and so
+    on. So each two of a frame are compared in two rows of it.
     """
-    most = int(np.bincount(frame, minlength=1).max()) + 1
     kind = _kind_of_distances(x, y, reach)
+    starts = starts_of(frame)
+    sizes = np.diff(starts, append=len(frame))
     one, other = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-    for first in range(0, len(frame), _ROWS):
-        after = min(first + _ROWS + most, len(frame))
-        of = frame[first:after]
-        at_x, at_y = (values[first:after].astype(kind) for values in (x, y))
-        is_near = np.zeros((min(_ROWS, len(of)), most), dtype=np.bool_)  # by person, and number of rows on
-        x_apart, y_apart, is_same = (np.empty(len(is_near), dtype=d) for d in (kind, kind, np.bool_))
-        for k in range(1, most):
-            n = min(_ROWS, len(of) - k)
-            if n <= 0 or not np.equal(of[:n], of[k : n + k], out=is_same[:n]).any():
-                break
-            dx = np.subtract(at_x[:n], at_x[k : n + k], out=x_apart[:n])
-            dy = np.subtract(at_y[:n], at_y[k : n + k], out=y_apart[:n])
-            dx *= dx
-            dy *= dy
-            dx += dy
-            np.logical_and(is_same[:n], dx <= reach * reach, out=is_near[:n, k])
-        row, n_on = np.divmod(np.flatnonzero(is_near), most)
-        one.append(row + first)
-        other.append(row + first + n_on)
+    for size in np.flatnonzero(np.bincount(sizes[sizes > 1], minlength=1)).tolist():
+        first, second = np.triu_indices(size, 1)
+        of_size = starts[sizes == size]
+        for rows in np.split(of_size, np.arange(0, len(of_size), max(1, _PAIRS // len(first)))[1:]):
+            people = rows + np.arange(size)[:, None]
+            square = np.zeros((len(first), len(rows)), dtype=kind)
+            for values in (x, y):
+                of_people = picked(values, people).astype(kind)
+                apart = of_people.take(first, axis=0)
+                apart -= of_people.take(second, axis=0)
+                apart *= apart
+                square += apart
+            pair, column = np.divmod(np.flatnonzero(square <= reach * reach), len(rows))
+            one.append(rows[column] + first[pair])
+            other.append(rows[column] + second[pair])
     a, b = np.concatenate(one), np.concatenate(other)
     dx, dy = (picked(of, a).astype(np.int64) - picked(of, b) for of in (x, y))
     return a, b, dx * dx + dy * dy
