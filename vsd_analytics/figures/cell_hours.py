@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from vsd_analytics.answer import Reason, State
-from vsd_analytics.figures.floor_days import NO_FLOOR, Flags, Floats, Grid, Ints, grid_over
+from vsd_analytics.figures.floor_days import NO_FLOOR, Flags, Floats, Grid, Ints, add_at, grid_over
 from vsd_analytics.figures.slots import NO_POSITIONS, NOTHING_OPEN
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Floor
@@ -72,7 +72,7 @@ class CellHours:
         """Return sums by cell, shape of the grid; with `by`, below n, one map of each: shape (n, ...)."""
         assert self.grid is not None
         made = np.zeros((n, *self.grid.shape))
-        np.add.at(made, (np.zeros(len(values), dtype=np.int64) if by is None else by, *self.at), values)
+        add_at(made, (np.zeros(len(values), dtype=np.int64) if by is None else by, *self.at), values)
         return made if by is not None else made[0]
 
     def where(self, kept: Flags) -> CellHours:
@@ -215,7 +215,7 @@ def mixed_of_pieces(warehouse: Warehouse, floor: Floor, pieces: Sequence[CellHou
     for piece, start in zip(pieces, starts[:-1], strict=True):
         group = of_camera[start + piece.hour]
         np.add.at(people, group, piece.exposure_s)
-        np.add.at(density, (of_hour[start + piece.hour], *piece.at), piece.exposure_s / 3600 / together_h[group])
+        add_at(density, (of_hour[start + piece.hour], *piece.at), piece.exposure_s / 3600 / together_h[group])
     people = people / 3600 / together_h
     near = nearby(density, closeness(cell_m=grid.cell_m, distance_m=warehouse.site.settings.distance_m))
     others = _others(warehouse, floor, used)

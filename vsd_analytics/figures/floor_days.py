@@ -113,6 +113,7 @@ class FloorDays:
         self._places = {c.camera_id: k for k, c in enumerate(self.cameras)}
         self._ids = pa.array([c.camera_id for c in self.cameras], pa.string())
         self.unknown: dict[tuple[int, int], Reason] = {}
+        self._seen: dict[tuple[bytes | float, ...], Floats] = {}
         self.is_open, self.is_used = self._camera_days()
         self.why_no_grid: Reason | None = None
         self._rows = self._cells(round(cell_m / MART_CELL_M))
@@ -151,10 +152,10 @@ class FloorDays:
         at = (at[0][inside], at[1][inside], at[2][inside])
         made = [np.zeros(shape) for _ in values]
         for total, value in zip(made, values, strict=True):
-            np.add.at(total, at, value[used][inside])
+            add_at(total, at, value[used][inside])
         recorded = np.repeat(self.is_used[:, days].any(axis=0), shape[1] * shape[2]).reshape(shape)
         by_camera = np.zeros((len(self.cameras), *self.grid.shape))
-        np.add.at(by_camera, (camera[used][inside], at[1], at[2]), values[1][used][inside])
+        add_at(by_camera, (camera[used][inside], at[1], at[2]), values[1][used][inside])
         counts = (by_camera > 0) & (by_camera >= OWNER_SHARE * by_camera.sum(axis=0))
         for k in range(len(self.cameras)):
             recorded[:, counts[k]] &= self.is_used[k, days][:, None]
@@ -178,13 +179,14 @@ class FloorDays:
         known = [view for view in views if view is not None]
         if len(known) < len(views):
             return None
-        rows, columns = np.nonzero(cells)
+        # windows of many days share views and most cells, and discs of all cells take longer than the rest of a window
+        share = self._seen.setdefault((*(view.wkb for view in known), radius_m), np.full(self.grid.shape, np.nan))
+        rows, columns = np.nonzero(cells & np.isnan(share))
         x, y = self.grid.x_m(columns), self.grid.y_m(rows)
-        share = np.full(self.grid.shape, np.nan)
         share[rows, columns] = camera_views.seen_share(
             np.column_stack((x, y)), views=known, radius_m=radius_m, bounds=bounds
         )
-        return share
+        return np.where(cells, share, np.nan)
 
     def _camera_days(self) -> tuple[Flags, Flags]:
         """Return open days and the camera-days that take part; note why the others cannot be known."""
@@ -242,6 +244,20 @@ class FloorDays:
             self.why_no_grid = found
             return None
         return found if all(found.shape) else None
+
+
+def add_at(total: Floats, at: tuple[Ints, ...], values: Floats) -> None:
+    """Add values one after the other at places of an array: the sums of `numpy.add.at`, in a fifth of its time.
+
+    Args:
+        total: The array, contiguous; it changes.
+        at: Indices of each value along the axes, not negative.
+        values: The values.
+    """
+    place = at[0]
+    for size, index in zip(total.shape[1:], at[1:], strict=True):
+        place = place * size + index
+    np.add.at(total.reshape(-1), place, values)
 
 
 def grid_over(cx: Ints, cy: Ints, *, floor: Floor, cell_m: float) -> Grid | Reason:

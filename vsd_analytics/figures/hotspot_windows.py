@@ -21,7 +21,7 @@ from vsd_analytics.answer import Reason
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.cell_hours import mixed_of_pieces
 from vsd_analytics.figures.cell_weeks import CellWeeks
-from vsd_analytics.figures.floor_days import Cube, FloorDays, Grid
+from vsd_analytics.figures.floor_days import Cube, FloorDays, Grid, add_at
 from vsd_analytics.figures.share.together import Ints, evened_days
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.site.model import Floor
@@ -169,8 +169,9 @@ def _person_time(floor: FloorWindows, days: slice) -> tuple[NDArray[np.float64],
         inside = (at[1] >= 0) & (at[1] < data.grid.shape[0]) & (at[2] >= 0) & (at[2] < data.grid.shape[1])
         used = inside & np.isfinite(mixed) & data.is_used[camera[piece.hour], days.start + at[0]]
         is_any |= bool(used.any())
+        places = tuple(v[used] for v in at)
         for total, values in zip(made, (piece.violation_s, piece.exposure_s, mixed), strict=True):
-            np.add.at(total, tuple(v[used] for v in at), values[used] / 3600)
+            add_at(total, places, values[used] / 3600)
     return tuple(made) if is_any else None
 
 
