@@ -78,6 +78,27 @@ def test_records_go_and_every_figure_stays_to_the_byte(project: Path) -> None:
     assert litter(project) == []
 
 
+def test_a_purge_leaves_the_marts_whose_rows_stay(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = figures(project)
+    weeks = {p: p.read_bytes() for p in (project / "facts" / "weeks").rglob("*.parquet")}
+    monkeypatch.setattr(warehouse.Warehouse, "_rows_of_days", lambda *_: pytest.fail("a mart is computed"))
+    for cut in DAYS[1:]:
+        vsd(project, "purge", "--older-than", cut, "--force")
+        assert figures(project) == before
+    assert {p: p.read_bytes() for p in weeks} == weeks
+
+
+def test_marts_that_do_not_follow_from_sealed_facts_go_with_the_records(project: Path) -> None:
+    """Those of other settings, and those that were stale."""
+    figures(project)
+    toml = (project / "vsd.toml").read_text()
+    (project / "vsd.toml").write_text(toml + "[rule]\npair_max_m = 3.0\n")
+    vsd(project, "purge", "--older-than", DAYS[2], "--force")
+    names = {p.parents[2].name for p in (project / "facts" / "weeks").rglob("*.parquet")}
+    assert "camera_hours" not in names
+    (project / "vsd.toml").write_text(toml)
+
+
 def test_purging_day_by_day_gives_what_purging_at_once_gives(project: Path) -> None:
     before = figures(project)
     for cut in DAYS[1:]:

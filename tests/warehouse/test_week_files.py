@@ -194,22 +194,30 @@ def test_weeks_of_sealed_days_have_the_same_rows(project: Site) -> None:
     assert now["camera_hours"] == was["camera_hours"]
 
 
-def test_a_purge_leaves_the_weeks_of_what_was_purged_long_before(project: Site) -> None:
-    """Their rows come from sealed facts; those of the days whose records go, and near them, are removed with them."""
+def test_a_purge_leaves_the_weeks_of_marts_whose_rows_follow_from_sealed_facts(project: Site) -> None:
     was = rows(project)
-    _purge_half(project)
-    rows(project)
     before = {path: path.read_bytes() for path in weeks(project)}
-    purge_older(project, before=MONDAY + timedelta(days=16), terms=Terms(now=NOW, is_forced=True))
-    left = {path: path.read_bytes() for path in weeks(project)}
-    assert left.keys() < before.keys()
-    assert left.items() <= before.items()
-    assert {path.parent.name for path in left} == {f"date={MONDAY}"}
-    assert {path.relative_to(project.root).parts[2] for path in left} == set(SOME) - set(FACTS)
-    now = rows(project)
-    assert now == rows(project, uses_days=False)
-    assert now["camera_hours"] == was["camera_hours"]
-    assert left.items() <= {path: path.read_bytes() for path in weeks(project)}.items()
+    for n_days in (9, 16):
+        purge_older(project, before=MONDAY + timedelta(days=n_days), terms=Terms(now=NOW, is_forced=True))
+        left = {path: path.read_bytes() for path in weeks(project)}
+        marts = {path.relative_to(project.root).parts[2] for path in left}
+        assert marts == set(SOME) - set(FACTS), "facts go: they are sealed"
+        assert left.items() <= before.items()
+        assert {path for path in before if path.relative_to(project.root).parts[2] in marts} == left.keys()
+        assert rows(project) == rows(project, uses_days=False)
+        assert rows(project)["camera_hours"] == was["camera_hours"]
+        assert left.items() <= {path: path.read_bytes() for path in weeks(project)}.items()
+
+
+def test_a_purge_removes_weeks_of_marts_that_are_stale(project: Site) -> None:
+    """Nobody could tell from what records their rows came."""
+    rows(project)
+    fresh = next((project.root / "facts" / FOLDER / "violations").rglob(f"date={MONDAY}/*.parquet"))
+    stale = fresh.with_name("00-0123456789abcdef.parquet")
+    stale.write_bytes(fresh.read_bytes())
+    _purge_half(project)
+    assert fresh.exists()
+    assert not stale.exists()
 
 
 @pytest.mark.parametrize(("folder", "name"), [("days", "violations"), (FOLDER, "episode_areas")])

@@ -28,7 +28,14 @@ from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.secrets import DayKeys
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
-from vsd_analytics.warehouse.day_files import facts_around, spare_other_days
+from vsd_analytics.warehouse.day_files import (
+    AROUND_H,
+    DayFiles,
+    facts_around,
+    relations_stored_by_day,
+    spare_other_days,
+)
+from vsd_analytics.warehouse.stored_days import calendar_days
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,10 +143,35 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
         # Of hours that were purged before, marts come from sealed facts: another purge takes nothing from them.
         hours = sorted({p.hour for p in going})
         spare_other_days(site, hours)
-        unlink = [*(p.path for p in going), *again, *facts_around(site, hours)]
+        staying = _marts_that_stay(site, hours)
+        around = (path for path in facts_around(site, hours) if path not in staying)
+        unlink = [*(p.path for p in going), *again, *around]
         entry = audit_line(terms, purged, {"older_than": before.isoformat()})
         remove_records(store.root, Intent(site_id=site.site_id, entry=entry, unlink=below(site.root, unlink)))
         return purged
+
+
+def _marts_that_stay(site: Site, hours: Sequence[int]) -> set[Path]:
+    """Return the week files of marts whose rows would be computed again from sealed facts, and would be the same.
+
+    They are those of whole weeks that are fresh now that the hours are sealed. Nothing is computed to find them.
+    """
+    if not hours:
+        return set()
+    first, last = (datetime.fromtimestamp(h * 3600, tz=site.zone).date() for h in (hours[0], hours[-1]))
+    # a mart of a day reads facts of a day and an hour on either side, which may be in the week beside
+    monday = first - timedelta(days=first.weekday(), weeks=1)
+    next_monday = last + timedelta(days=-last.weekday(), weeks=2)
+    begin, end = (
+        int(datetime(day.year, day.month, day.day, tzinfo=site.zone).timestamp()) // 3600
+        for day in (monday, next_monday)
+    )
+    built = build(
+        site, first_hour=begin - AROUND_H, last_hour=end - 1 + AROUND_H, facts=(), has_lock=True, is_trusting=True
+    )
+    files = DayFiles(site, built, extents=calendar_days(site, monday, next_monday - timedelta(days=1)))
+    marts = (relation for relation in relations_stored_by_day() if relation.layer == "marts")
+    return {week.path for relation in marts for week in files.weeks(relation)}
 
 
 def purge_range(site: Site, *, camera_id: str | None, first_ms: int, after_ms: int, terms: Terms) -> Purged:

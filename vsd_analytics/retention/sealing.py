@@ -84,7 +84,7 @@ class Sealer:
     def _day(self, day: int, built: BuildResult) -> UnitSeal:
         data = day_bytes_of(built.paths[DAY_FACT][day], DAY_FACT, day)
         digest = self._seals.put(DAY_FACT, day * 24, data)
-        return UnitSeal(fingerprint=built.day_fingerprints[day], causes={}, facts={DAY_FACT: digest})
+        return UnitSeal(fingerprint=built.day_fingerprints[day], causes={}, facts={DAY_FACT: digest}, is_as_built=True)
 
     def _hour(self, hour: int, fingerprint: str, facts: Mapping[str, str], *, is_in_day: bool) -> UnitSeal:
         records: dict[str, int] = {}
@@ -110,6 +110,7 @@ class Sealer:
             last_ms=last_ms,
             cameras=cameras,
             imports=tuple(sorted(imports)),
+            is_as_built=True,
         )
 
 

@@ -52,6 +52,8 @@ class UnitSeal:
         last_ms: Instant of each camera's last record in the unit (UTC milliseconds).
         cameras: Cameras with records when it was sealed; the hashes of their calibrations are in `causes`.
         imports: Imports that brought the records (`store.owners`): they cannot be taken back any more.
+        is_as_built: The facts are those built from the inputs of `fingerprint`: no purge by camera took rows from them.
+            Seals of versions before 2.0 do not say so.
     """
 
     fingerprint: str
@@ -63,6 +65,7 @@ class UnitSeal:
     last_ms: Mapping[str, int] = field(default_factory=dict)
     cameras: tuple[str, ...] = ()
     imports: tuple[str, ...] = ()
+    is_as_built: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,7 +34,7 @@ def unseal(seals: Seals, hours: Collection[int], camera_id: str | None) -> None:
         whole_day = seal.camera_days
         left = {c for unit in units.values() for c in unit.last_ms}
         if whole_day is not None and (camera_id is None or camera_id not in left):
-            whole_day = replace(whole_day, facts=_reduced(seals, day * 24, whole_day, camera_id))
+            whole_day = _with_facts(whole_day, _reduced(seals, day * 24, whole_day, camera_id))
         seals.write(replace(seal, hours=units, camera_days=whole_day))
     seals.sweep(days)  # only now: the old fact files must stay until no seal names them
 
@@ -45,13 +45,18 @@ def _reduced_hours(seals: Seals, seal: DaySeal, going: Set[int], camera_id: str 
     hours = {}
     if of_day := going & together.keys():
         facts = _reduced(seals, seal.day * 24, together[min(of_day)], camera_id, hours=of_day)
-        hours = {h: replace(unit, facts=facts) for h, unit in together.items()}
+        hours = {h: _with_facts(unit, facts) for h, unit in together.items()}
     for hour in going - together.keys():
-        hours[hour] = replace(seal.hours[hour], facts=_reduced(seals, hour, seal.hours[hour], camera_id))
+        hours[hour] = _with_facts(seal.hours[hour], _reduced(seals, hour, seal.hours[hour], camera_id))
     for hour in going:
         last_ms = {c: ms for c, ms in hours[hour].last_ms.items() if camera_id is not None and c != camera_id}
         hours[hour] = replace(hours[hour], last_ms=last_ms)
     return hours
+
+
+def _with_facts(unit: UnitSeal, facts: dict[str, str]) -> UnitSeal:
+    """Return a unit with other facts, by digest; those of a camera without rows are the same."""
+    return replace(unit, facts=facts, is_as_built=unit.is_as_built and facts == unit.facts)
 
 
 def _reduced(

@@ -26,6 +26,7 @@ from pathlib import Path
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.layout import list_parts, unit_folder
+from vsd_analytics.store.seals import UnitSeal
 from vsd_analytics.warehouse import settings_variants
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.dimensions import params
@@ -78,11 +79,10 @@ class DayFiles:
         self._site, self._extents = site, extents
         self._roots, self._root = settings_variants.roots(site), settings_variants.root_of_marts(site)
         self._params, self._times = params(site), SiteInputs(site)
-        # The fingerprint of a sealed hour is not enough: a purge by camera changes its facts and not their fingerprint.
-        hours = {h: [u.fingerprint, sorted(u.facts.items())] for h, u in built.sealed.hours.items()}
+        hours = {h: _inputs_of_sealed(u) for h, u in built.sealed.hours.items()}
         self._hours: Mapping[int, object] = {**dict(built.fingerprints), **hours}
         self._alone = Counter(h // 24 for h, u in built.sealed.hours.items() if not u.is_in_day)
-        days = {d: [u.fingerprint, sorted(u.facts.items())] for d, u in built.sealed.days.items()}
+        days = {d: _inputs_of_sealed(u) for d, u in built.sealed.days.items()}
         self._days: Mapping[int, object] = {**days, **dict(built.day_fingerprints)}
         self._known_days = sorted({*(h // 24 for h in self._hours), *self._days})
         self._hashes: dict[tuple[int, int], str] = {}
@@ -188,6 +188,14 @@ class DayFiles:
             known = [(d, self._days[d]) for d in days if d in self._days]
             self._hashes[first_hour, last_hour] = text_hash([hours, known])
         return self._hashes[first_hour, last_hour]
+
+
+def _inputs_of_sealed(unit: UnitSeal) -> object:
+    """Return what identifies the facts of a sealed hour or day: their fingerprint from before, while they are the same.
+
+    So a purge by age makes no mart stale. A purge by camera changes facts, and not their fingerprint.
+    """
+    return unit.fingerprint if unit.is_as_built else [unit.fingerprint, sorted(unit.facts.items())]
 
 
 def _weeks_of(extent: Extent) -> Iterator[tuple[date, date, date]]:
