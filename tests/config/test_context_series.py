@@ -215,3 +215,11 @@ def test_the_command_says_what_was_added_and_what_was_not(site: Site, capsys: py
     assert run(cli, [*project, "remove", "sales"]) == 0
     assert run(cli, [*project, "remove", "sales"]) == 0
     assert capsys.readouterr().out == "removed  sales\nwas removed before  sales\n"
+
+
+def test_a_series_is_added_and_taken_back_again_at_one_instant(site: Site) -> None:
+    """A clock that stands still, as `--now` does, makes no line pass for one that is there."""
+    for _ in range(3):
+        assert added(site, "2026-11-09T09:00,8").series.values.tolist() == [8]
+        assert remove_context(site, "sales", at=AT)
+        assert context_series(site) == {}

@@ -82,6 +82,9 @@ def test_too_few_weeks_and_no_areas_have_their_reason(tmp_path: Path) -> None:
     few = planned(tmp_path, weeks=3)
     assert few.reason is not None
     assert few.reason.code == "logged_change.reference_weeks"
+    calm = planned(tmp_path, rate=lambda area_id, day: float(area_id != "queue" or day >= 70))
+    assert calm.reason is not None
+    assert (calm.reason.code, calm.reason.values["has"]) == ("logged_change.counted_weeks", 2)
     alone = planned(tmp_path, site=site_of(tmp_path, areas=AREAS[:1]))
     assert alone.reason is not None
     assert alone.reason.code == "logged_change.no_comparison"

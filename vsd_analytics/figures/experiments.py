@@ -30,6 +30,7 @@ from vsd_analytics.figures.comparison_areas import areas_that_serve
 from vsd_analytics.figures.panels import WEEK, FloorHours
 from vsd_analytics.site.model import Area, LogEntry, Site
 from vsd_analytics.site.places import known_area, known_floor
+from vsd_analytics.stats.comparison_weights import weekly_log_ratios
 from vsd_analytics.stats.experiment import Variation, WeeksNeeded, choices, variation_of
 from vsd_analytics.stats.running_verdict import MIN_REFERENCE_WEEKS
 from vsd_analytics.warehouse.stored_days import stored_extent
@@ -239,9 +240,12 @@ def _planned(
     few = Reason("logged_change.reference_weeks", least=MIN_REFERENCE_WEEKS, has=n_weeks)
     if not chosen or n_weeks == 0:
         return replace(unknown, reason=few if chosen else Reason("logged_change.no_comparison"))
-    variation = variation_of(history_of(data, area, chosen, known), None)
+    history = history_of(data, area, chosen, known)
+    variation = variation_of(history, None)
     if variation is None:
-        return replace(unknown, reason=few)
+        counted = np.isfinite(weekly_log_ratios(history, None)[1])
+        why = Reason("logged_change.counted_weeks", least=MIN_REFERENCE_WEEKS, has=int(counted.sum()))
+        return replace(unknown, reason=few if n_weeks < MIN_REFERENCE_WEEKS else why)
     ways = choices(
         variation, 1 + unknown.effect, power=unknown.power, weeks_max=unknown.weeks_max,
         confidence=site.settings.confidence,
