@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
 from dataclasses import replace
 from datetime import date
 
@@ -10,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vsd_analytics.answer import Answer, Answers, Column, HoldsFor, Reason, Row, Sum, Value, value_of
-from vsd_analytics.figures.share.answers import share
+from vsd_analytics.figures.share.answers import COUNTS_IN_REASONS, share
 from vsd_analytics.figures.share.counts import is_small
+from vsd_analytics.resources import shipped
 
 HOLDS = HoldsFor("shop", "ground", date(2026, 11, 9), date(2026, 11, 15))
 BELOW = 5
@@ -25,6 +28,63 @@ TOTALS = (
     Column("wait_s", "seconds", "s", tells=("n_entered",)),
 )
 HOURS = (AREA, Column("local_hour", "key"), Column("n_entered", "count"))
+NUMBERS_OF_OTHER_THINGS = {
+    "change.pairs",
+    "change.person_hours",
+    "clusters.short",
+    "compare.compared",
+    "context.incomplete",
+    "context.weeks",
+    "flow.days",
+    "forecast.weeks",
+    "hidden.hotspots",
+    "hotspots.days",
+    "hotspots.left_out",
+    "level.days",
+    "level.interval_person_hours",
+    "level.person_hours",
+    "logged_change.counted_weeks",
+    "logged_change.days_after",
+    "logged_change.days_before",
+    "logged_change.few_areas",
+    "logged_change.not_yet_lasting",
+    "logged_change.pairs",
+    "logged_change.person_hours_after",
+    "logged_change.person_hours_before",
+    "logged_change.reference_weeks",
+    "logged_change.stored",
+    "logged_change.unseen_trend",
+    "mixing.days",
+    "routes.days",
+    "selfcheck.weeks",
+    "switchback.event",
+    "switchback.few_days",
+    "switchback.not_recorded",
+    "today.days",
+    "today.whole_days",
+    "trend.weeks",
+    "unusual.weeks",
+    "violations.days",
+    "visits.days",
+    "waits.days",
+    "whatif.few_days",
+    "whatif.little_time",
+    "whatif.no_way",
+    "whatif.said_around",
+    "whatif.said_blocked",
+    "whatif.said_door_refused",
+    "whatif.said_entrance",
+    "whatif.said_exit",
+    "whatif.said_hours",
+    "whatif.said_hours_refused",
+    "whatif.said_one_way",
+    "whatif.said_removed",
+    "whatif.search_alike",
+    "whatif.search_best",
+    "whatif.stays",
+    "whatif.stays_unknown",
+}
+"""Reasons whose number is one of days, weeks, hours, cameras, places or rows that are left out: nobody is in it."""
 COUNTS = st.lists(st.tuples(st.integers(0, 12), st.integers(0, 12)), min_size=1, max_size=5)
 
 
@@ -148,3 +208,37 @@ def test_operators_own_answers_are_exact() -> None:
                a.holds_for, tuple(s for s in a.sums if s.parts == ("hours.n_entered",)))
         for a in exact
     )  # fmt: skip
+
+
+@given(st.sampled_from(sorted(COUNTS_IN_REASONS)), st.integers(0, 12))
+def test_no_reason_that_is_shared_names_a_small_count(code: str, n: int) -> None:
+    """Of a value, of a row's note and of a whole answer; also where the reason is part of another."""
+    word = COUNTS_IN_REASONS[code]
+    bare = Reason(code, **{"least": 30, word: n})
+    nested = Reason("logged_change.not_yet", why=bare)
+    row: Row = {"area_id": "queue", "wait_s": Value.missing(nested)}
+    columns = (AREA, Column("wait_s", "seconds", "s"))
+    exact = [
+        Answer("waits", columns, (row,), HOLDS, notes=((None, bare),)),
+        Answer("nobody", columns, (), HOLDS, nothing=bare),
+    ]
+    waits, nobody = share(exact, below=BELOW)
+    few = Reason("hidden.few_counted", least=BELOW)
+    shown = few if is_small(n, below=BELOW) else bare
+    assert value_of(waits.rows[0], "wait_s").reason == Reason("logged_change.not_yet", why=shown)
+    assert waits.notes == ((None, shown),)
+    assert nobody.nothing == shown
+
+
+def test_every_reason_that_names_a_number_is_known_to_be_a_count_of_people_or_not() -> None:
+    """Whoever adds a reason decides whether a small number in it may be told."""
+    wording = tomllib.loads((shipped("reports") / "wording" / "en.toml").read_text(encoding="utf-8"))["reason"]
+    named = {
+        f"{group}.{code}"
+        for group, codes in wording.items()
+        if isinstance(codes, dict)
+        for code, text in codes.items()
+        if isinstance(text, str) and re.search(r"\{(?:has|n)\b", text)
+    }
+    assert named - COUNTS_IN_REASONS.keys() == NUMBERS_OF_OTHER_THINGS
+    assert COUNTS_IN_REASONS.keys() <= named

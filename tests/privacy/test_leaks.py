@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from collections.abc import Iterator
 from datetime import date, timedelta
 from pathlib import Path
@@ -235,3 +236,29 @@ def test_how_long_the_visits_of_one_person_last_is_not_told(tmp_path: Path) -> N
             assert {name: row[name]["value"] for name in names} == dict.fromkeys(names), answer
     [beside] = [row for row in shared["queues"]["rows"] if row["area_id"] == "queue"]
     assert beside["people_waiting"]["value"] is not None
+
+
+def three_all_week(monday: date) -> Iterator[dict[str, Any]]:
+    """Yield frames of a week in which many people come one by one, and three pairs are too close in one hour."""
+
+    def counts(day: int, hour: int) -> dict[w.Place, int]:
+        return {FAR_QUEUE: 0, FAR_DOOR: 3 if (day, hour) == (1, 10) else 0, FAR_TILL: 0}
+
+    for k, message in enumerate(w.messages(counts, monday=monday, is_alone=False)):
+        ones = [
+            w.person(f"{place[0]}-{k // 6}", place[0] + 1.5 * (k // 6 % 2), place[1]) for place in (FAR_QUEUE, FAR_TILL)
+        ]
+        yield {**message, "persons": [*message["persons"], *ones]}
+
+
+def test_a_week_of_three_violations_told_their_number_and_the_time_too_close(tmp_path: Path) -> None:
+    """Reasons said how many there were, and figures of other limits what the share of time too close is."""
+    site = w.world(tmp_path / "shop", w.toml(areas=FAR), three_all_week(w.MONDAY))
+    exact, shared = (report_json(of) for of in (site.with_settings(mask_below=0), site))
+    assert exact["answers"]["violations"]["rows"][0]["n_violations"]["value"] == 3
+    assert exact["answers"]["threshold_sensitivity"]["rows"], "the operator sees the share under each limit"
+    assert shared["answers"]["violations"]["rows"][0]["n_violations"]["value"] is None
+    for name in ("close_time", "threshold_sensitivity", "distances", "durations", "contacts", "clusters", "mixing"):
+        for row in shared["answers"][name]["rows"]:
+            assert [c for c in row.values() if isinstance(c, dict) and c["value"] is not None] == [], name
+    assert re.findall(r"[^\"]*\b(?:has|of|the) 3\b[^\"]*", json.dumps(shared["answers"])) == []

@@ -141,8 +141,8 @@ def how_long_and_close(inputs: FigureInputs) -> tuple[Answer, ...]:
         for s in distances.shares
     ]
     nothing = lack(distances.state, distances.reason) if distances.state != "ok" else None
-    if inputs.why_few_people is not None:
-        rows, nothing = [], inputs.why_few_people
+    if inputs.why_no_time_too_close is not None:
+        rows, nothing = [], inputs.why_no_time_too_close
     return (
         inputs.floor_answer("durations", DURATIONS, cells, *notes),
         inputs.list_answer("distances", DISTANCES, rows, nothing=nothing),
@@ -158,7 +158,7 @@ def contacts(inputs: FigureInputs) -> tuple[Answer, ...]:
     other (M34).
     """
     pairs, met = inputs.found.episodes.contacts, _met(inputs)
-    why_pairs = inputs.why_few_people
+    why_pairs = inputs.why_no_time_too_close
     if why_pairs is None and (pairs.n is None or pairs.state != "ok"):
         why_pairs = lack(pairs.state, pairs.reason)
     cells: dict[str, Value] = {
@@ -205,8 +205,8 @@ def together(inputs: FigureInputs) -> tuple[Answer, ...]:
     gatherings per 100 recorded open hours; `gatherings`: those with most person-time (M22).
     """
     found = next((f for f in inputs.found.gatherings.floors if f.floor_id == inputs.floor_id), None)
-    if found is None or inputs.why_few_people is not None:
-        none = inputs.why_few_people or lack("not_enough_data", None)
+    if found is None or inputs.why_no_time_too_close is not None:
+        none = inputs.why_no_time_too_close or lack("not_enough_data", None)
         cells: Row = {"gatherings_per_100_h": none, "n_gatherings": none, "recorded_h": inputs.recorded_h}
         return (
             inputs.list_answer("clusters", CLUSTERS, (), nothing=none),
@@ -283,9 +283,9 @@ def mixing(inputs: FigureInputs) -> tuple[Answer, ...]:
     """
     found = inputs.found.mixing_now
     change = inputs.found.mixing if inputs.level.violation_rate.verdict is not None else None
-    if inputs.why_few_people is not None or found.layout is None or found.behaviour is None:
+    if inputs.why_no_time_too_close is not None or found.layout is None or found.behaviour is None:
         names = [c.name for c in MIXING if c.name != "copresent_pair_h"]
-        why = inputs.why_few_people or lack(found.state, found.reason)
+        why = inputs.why_no_time_too_close or lack(found.state, found.reason)
         cells: Row = {**dict.fromkeys(names, why), "copresent_pair_h": None}
         return (inputs.floor_answer("mixing", MIXING, cells),)
     reason = found.reason if found.lo is None else None

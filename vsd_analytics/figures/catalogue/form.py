@@ -68,6 +68,15 @@ class FigureInputs:
         return None if self.data.hidden.why_untimed is None else Value.missing(self.data.hidden.why_untimed)
 
     @property
+    def why_no_time_too_close(self) -> Value | None:
+        """Return why nothing is printed of the time that people spent too close, as a value; None where it is.
+
+        Where few violations are hidden, or few people, each of the figures made of that time would tell of them.
+        """
+        why = self.data.hidden.why_floor
+        return self.why_few_people if why is None else Value.missing(why)
+
+    @property
     def why_no_violations(self) -> Value | None:
         """Return why figures of violations are not printed, as a value; None where they are."""
         if self.level.violations is not None:

@@ -135,7 +135,7 @@ def threshold_sensitivity(inputs: FigureInputs) -> tuple[Answer, ...]:
     calibrations state.
     """
     found = inputs.found.sensitivity
-    if (why := inputs.why_few_people) is not None:
+    if (why := inputs.why_no_time_too_close) is not None:
         return (inputs.list_answer("threshold_sensitivity", THRESHOLDS, (), nothing=why),)
     rows: list[Row] = []
     for point in found.points:

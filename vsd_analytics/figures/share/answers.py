@@ -9,10 +9,25 @@ the operator (`Column.audience`) are left out; where they are small they hide wh
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
 
 from vsd_analytics.answer import Answer, Answers, Cell, Reason, Row, Sum, Value, check_sums, value_of
 from vsd_analytics.figures.share.counts import is_small, mask_of
 from vsd_analytics.site.model import Site
+
+COUNTS_IN_REASONS: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("level.events", "visits.events", "flow.events", "gatherings.events"), "has"),
+    **dict.fromkeys(("violations.few", "visits.few", "flow.few", "routes.few", "met.few"), "has"),
+    **dict.fromkeys(("waits.few", "waits.few_served"), "has"),
+    **dict.fromkeys(("logged_change.events_before", "logged_change.events_after"), "has"),
+    **dict.fromkeys(("logged_change.comparison_events_before", "logged_change.comparison_events_after"), "has"),
+    **dict.fromkeys(("visits.all_cut", "flow.all_lost", "routes.all_lost", "ids.few_ends"), "n"),
+    **dict.fromkeys(("change.small", "change.poisson", "whatif.few_people"), "n"),
+    **dict.fromkeys(("violations.none_of", "violations.all_of", "note.gatherings"), "n"),
+    **dict.fromkeys(("accuracy.expected", "accuracy.moved", "accuracy.moved_at_least"), "n"),
+}
+"""Reasons that name a number of people, visits or violations, and under which word: a small one is not shared."""
 
 Place = tuple[str, int, str]
 """A cell: answer, number of the row, column."""
@@ -97,6 +112,7 @@ def _shared(answer: Answer, small: set[Place], hidden: set[Place], below: int) -
         value = row[name]
         if not isinstance(value, Value):
             return value
+        value = replace(value, reason=without_small_count(value.reason, below=below))
         told = [(answer.name, k, column) for column in (name, *tells)]
         if any(place in small for place in told):
             return Value.missing(Reason("hidden.few_counted", least=below))
@@ -106,5 +122,18 @@ def _shared(answer: Answer, small: set[Place], hidden: set[Place], below: int) -
     names = {c.name for c in columns}
     sums = tuple(s for s in answer.sums if s.total in names and all("." in p or p in names for p in s.parts))
     with_small = {k for name, k, _ in small if name == answer.name}
-    notes = tuple((k, note) for k, note in answer.notes if k not in with_small)
-    return Answer(answer.name, columns, rows, answer.holds_for, sums, notes, answer.nothing, answer.state)
+    told = [(k, without_small_count(note, below=below)) for k, note in answer.notes if k not in with_small]
+    notes = tuple((k, note) for k, note in told if note is not None)
+    nothing = without_small_count(answer.nothing, below=below)
+    return Answer(answer.name, columns, rows, answer.holds_for, sums, notes, nothing, answer.state)
+
+
+def without_small_count(reason: Reason | None, *, below: int) -> Reason | None:
+    """Return a reason, or in its place that few were counted where it, or a reason in it, names a small count."""
+    if reason is None:
+        return None
+    word = COUNTS_IN_REASONS.get(reason.code)
+    if word is not None and is_small(float(str(reason.values[word])), below=below):
+        return Reason("hidden.few_counted", least=below)
+    inner = {key: without_small_count(v, below=below) for key, v in reason.values.items() if isinstance(v, Reason)}
+    return Reason(reason.code, **{**reason.values, **inner}) if inner else reason
