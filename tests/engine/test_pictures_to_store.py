@@ -237,7 +237,23 @@ def crossings(k: int) -> Walk:
     return Walk(at)
 
 
+def without_calibration(folder: Path, camera: str) -> None:
+    for path in (folder / "calibration").glob(f"{camera}*"):
+        path.unlink()
+
+
+def test_a_measured_calibration_is_not_replaced_by_one_from_people(tmp_path: Path, three_cameras: Vsd) -> None:
+    """It would hold for all records of the camera, and its distances are less certain."""
+    video = write_blob_video(tmp_path / "door.avi", approach(0), seconds=1, fps=5)
+    before = {p.name: p.read_bytes() for p in (tmp_path / "calibration").iterdir()}
+    words = ["engine", "run", str(video), "--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx")]
+    code, _, err = three_cameras(*words, "--start", "2026-11-09T09:00", "--from-people")
+    assert (code, "leave --from-people out" in err) == (2, True)
+    assert {p.name: p.read_bytes() for p in (tmp_path / "calibration").iterdir()} == before
+
+
 def test_people_of_the_same_video_calibrate_the_camera_first(tmp_path: Path, three_cameras: Vsd) -> None:
+    without_calibration(tmp_path, "cam-1")
     video = write_blob_video(tmp_path / "door.avi", [crossings(k) for k in range(3)], seconds=100, fps=5)
     out = tmp_path / "frames.jsonl"
     words = ["engine", "run", str(video), "--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx")]
@@ -254,6 +270,7 @@ def test_people_of_the_same_video_calibrate_the_camera_first(tmp_path: Path, thr
 
 
 def test_too_few_people_are_refused_and_nothing_is_written(tmp_path: Path, three_cameras: Vsd) -> None:
+    without_calibration(tmp_path, "cam-1")
     video = write_blob_video(tmp_path / "door.avi", approach(0), seconds=10, fps=5)
     out = tmp_path / "frames.jsonl"
     words = ["engine", "run", str(video), "--camera", "cam-1", "--detector", str(tmp_path / "blobs.onnx")]

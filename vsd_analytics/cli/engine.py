@@ -185,6 +185,13 @@ def run(
         raise UsageError(
             "--from-people belongs to --detector", fix=f"vsd calibrate {camera_id} --from-people {source}, then this"
         )
+    if is_calibrated and (measured := next((c for c in camera.calibrations if not c.error_cells), None)) is not None:
+        known = "vsd.toml" if measured.source is None else measured.source.name
+        raise UsageError(
+            f"camera {camera_id!r} has a calibration that was not made from people ({known}), and it would be replaced",
+            why="distances of one made from people are less certain, and all records of the camera would get them",
+            fix="leave --from-people out; to replace it all the same, first take it out of vsd.toml and calibration/",
+        )
     if without_statues and detector is None:
         raise UsageError("--without-statues belongs to --detector", fix="leave it out")
     _check_source(source, detector, method=method, size=size)
