@@ -120,7 +120,7 @@ def _shared_otherwise(monday: date) -> ReportError:
         f"the week {monday:%G-W%V} was shared before, and too little changed since",
         code="E503",
         why="who has both versions would have the difference, which tells of a few people",
-        fix="share what was made then; or add --exact, for your own eyes",
+        fix="share what was made then; or add --exact, for your own eyes; has nobody seen it yet: vsd explain E503",
     )
 
 
