@@ -257,6 +257,7 @@ def test_the_command_prints_a_week_a_score_and_what_was_unusual(
     assert text.startswith("Forecast, 2026-11-16 to 2026-11-22\n")
     assert "2026-11-18" not in text, "the shop is closed on that day"
     assert "6 (6 to 6)" in text
+    assert "How good the last forecast was, 2026-11-09 to 2026-11-15\n" in text
     assert "people      2026-W46     18" in text
     assert "2026-11-11  10    90          2" in text
 

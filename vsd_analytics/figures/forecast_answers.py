@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from dataclasses import replace
 from datetime import date, timedelta
 from typing import Final
 
@@ -98,7 +99,12 @@ def forecast_answers(found: FloorForecast, holds: HoldsFor) -> tuple[Answer, Ans
     else:
         forecast = Answer("forecast", FORECAST, rows, holds, notes=tuple(notes))
     scores = tuple(_score(found, name, one) for name, one in series.items() if name != "gathering")
-    return forecast, Answer("forecast_score", SCORE, scores, holds)
+    return forecast, Answer("forecast_score", SCORE, scores, week_before(holds))
+
+
+def week_before(holds: HoldsFor) -> HoldsFor:
+    """Return the week before another one: a score is of the week that is over, not of the week that is forecast."""
+    return replace(holds, first=holds.first - timedelta(days=7), last=holds.last - timedelta(days=7))
 
 
 def _hour(

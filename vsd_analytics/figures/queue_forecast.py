@@ -19,6 +19,7 @@ from vsd_analytics.figures.forecast import (
     SeriesForecast,
     series_forecast,
 )
+from vsd_analytics.figures.forecast_answers import week_before
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.people_present import Presence
 from vsd_analytics.figures.periods import Period
@@ -90,7 +91,7 @@ def queue_forecast(data: FloorHours, monday: date) -> tuple[Answer, Answer]:
         notes.append(Reason("queues.no_limit", places=", ".join(no_limit)))
     return (
         Answer("queue_forecast", COLUMNS, hours, holds, notes=tuple((None, note) for note in notes)),
-        Answer("queue_forecast_score", SCORE_COLUMNS, scores, holds),
+        Answer("queue_forecast_score", SCORE_COLUMNS, scores, week_before(holds)),
     )
 
 

@@ -130,10 +130,17 @@ def _shared(answer: Answer, small: set[Place], hidden: set[Place], below: int) -
 
 def without_small_count(reason: Reason | None, *, below: int) -> Reason | None:
     """Return a reason, or in its place that few were counted where it, or a reason in it, names a small count."""
-    if reason is None:
-        return None
+    return None if reason is None else _told(reason, below)
+
+
+def _told(reason: Reason, below: int) -> Reason:
     word = COUNTS_IN_REASONS.get(reason.code)
     if word is not None and is_small(float(str(reason.values[word])), below=below):
         return Reason("hidden.few_counted", least=below)
-    inner = {key: without_small_count(v, below=below) for key, v in reason.values.items() if isinstance(v, Reason)}
+    inner: dict[str, Reason | tuple[Reason, ...]] = {}
+    for key, value in reason.values.items():
+        if isinstance(value, Reason):
+            inner[key] = _told(value, below)
+        elif isinstance(value, tuple):
+            inner[key] = tuple(_told(each, below) for each in value)
     return Reason(reason.code, **{**reason.values, **inner}) if inner else reason
