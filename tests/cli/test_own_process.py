@@ -72,7 +72,7 @@ def test_facts_of_people_with_ids_are_the_same_without_duckdb(tmp_path: Path) ->
     assert run_alone("-C", str(tmp_path / "without"), "build") == "False True False"
     assert run(cli, ["-C", str(tmp_path / "with"), "build"]) == 0
     files = [sorted((tmp_path / name / "facts").rglob("*.parquet")) for name in ("with", "without")]
-    assert len(files[0]) == 22
+    assert len(files[0]) == 23
     assert [p.read_bytes() for p in files[0]] == [p.read_bytes() for p in files[1]]
 
 
