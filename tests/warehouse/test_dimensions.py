@@ -137,3 +137,15 @@ def test_what_decides_the_ground_side_of_a_homography_is_part_of_the_digest() ->
     high = replace(camera, picture_px=(640, 480))
     sites = [make_site(ROOT, cameras=[c]) for c in (camera, high)]
     assert len({SiteInputs(site).of_hour(0, present={"cam"})["calibration"] for site in sites}) == 2
+
+
+@pytest.mark.parametrize("end", [None, date(2026, 11, 10)])
+def test_hashes_of_an_hour_do_not_depend_on_the_hours_asked_before(end: date | None) -> None:
+    """A camera that is taken down gives its floor to another one: hours after it have other owners."""
+    view = ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))
+    cameras = [Camera("a", "", "ground", view=view), Camera("b", "", "ground", view=view, end_day=end)]
+    hours = [T0 // 3_600_000 + 24 * days for days in (-3, 3)]
+    asked_alone = [SiteInputs(make_site(ROOT, cameras=cameras)).of_hour(hour, present={"a"}) for hour in hours]
+    one = SiteInputs(make_site(ROOT, cameras=cameras))
+    assert [one.of_hour(hour, present={"a"}) for hour in hours] == asked_alone
+    assert (asked_alone[0]["views"] == asked_alone[1]["views"]) is (end is None)

@@ -177,8 +177,8 @@ class SiteInputs:
         """
         # Facts of an hour read records of the hours on either side (episodes, next frames).
         window = ((hour - 1) * HOUR_MS, (hour + 2) * HOUR_MS)
-        # Hours with the same cameras between the same two calibration changes share one answer: owner cells of a site
-        # are many, and hashing them for every hour of ten years would dominate the build.
+        # Hours with the same cameras between the same two changes (calibrations, lives of cameras and of lines) share
+        # one answer: owner cells are many, and hashing them for every hour of ten years would dominate the build.
         key = (frozenset(present), bisect_right(self._changes, window[0]), bisect_left(self._changes, window[1]))
         if key not in self._computed:
             cameras = [c for c in self._site.cameras if c.camera_id in key[0]]
@@ -232,8 +232,9 @@ class SiteInputs:
 
     @cached_property
     def _changes(self) -> Sequence[int]:
-        lives = {ms for rows in self._lines for row in rows for ms in row[1:3]}
-        return sorted(lives | {row[1] for rows in self._calibrations.values() for row in rows})
+        spans = (*self._owners, *(row for rows in self._lines for row in rows))
+        ends = {ms for span in spans for ms in span[1:3]}
+        return sorted(ends | {row[1] for rows in self._calibrations.values() for row in rows})
 
 
 def _within(window: tuple[int, int], spans: Iterable[tuple[Any, ...]]) -> list[list[Any]]:
