@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from figures.test_lines import LINE, shop, through
+from figures.test_line_counts import LINE, shop, through
 from hypothesis import given
 from hypothesis import strategies as st
 from warehouse.small_projects import DAY, HOUR, T0, Frame, Person, beats
@@ -138,3 +138,23 @@ def test_an_empty_hour_is_a_whole_quarter_hour(tmp_path: Path) -> None:
     assert "not on a quarter hour" in str(caught.value.problems[0])
     (tmp_path / "vsd.toml").write_text((tmp_path / "vsd.toml").read_text("utf-8").replace("04:10", "04:15"), "utf-8")
     assert load_site(tmp_path).doors_empty_min == 255
+
+
+def test_sums_over_doors_do_not_tell_the_few_of_one_door(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    back = '[[line]]\nid = "back"\nname = "Back"\npoints = [[4, 0], [6, 0]]\ninside = "left"\n'
+    records: list[Person | Frame] = [r for d in range(7) for r in day_of(d, in_=50, out=50)]
+    for d, n in ((1, 1), (2, 3), (3, 9)):  # out by the back door: 13 in the week, few on two days
+        for k in range(n):
+            start = T0 + d * DAY + HOUR // 2 + 15_000 + k * 30_000
+            records += [Person(start + i * 1000, f"back-{d}-{k}", 5000, 1500 - i * 600) for i in range(6)]
+    root = shop(tmp_path, sorted(records, key=lambda r: r.ts), lines=DOORS.replace("[doors]", back + "[doors]"))
+    found = printed(root, capsys)
+    back_days = [r["n_to_right"]["value"] for r in found["line_days"] if r["line_id"] == "back"]
+    assert back_days == [0, None, None, None, 0, 0, 0]
+    assert [r["n_out"]["value"] for r in found["door_days"]] == [None] * 7, "less the other door, it is the back door's"
+    assert [r["drift"]["value"] for r in found["door_days"]] == [None] * 7, "people in less this are people out"
+    assert [r["n_in"]["value"] for r in found["door_days"]] == [50] * 7
+    (whole,) = found["doors"]
+    assert (whole["n_in"]["value"], whole["n_out"]["value"]) == (350, 363)
+    assert (whole["drift"]["value"], whole["drift_per_1000"]["value"]) == (None, None), "of 0, it would tell each day"
+    assert not {"n_in_least", "n_out_least", "n_day_least"} & whole.keys()

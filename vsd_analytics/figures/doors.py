@@ -47,14 +47,18 @@ group by local_date
 order by local_date
 """
 _BOTH: Final = ("n_in", "n_out")
+_LEAST: Final = ("n_in_least", "n_out_least", "n_day_least")
 _NUMBERS: Final = (
-    Column("n_in", "count", "people"),
-    Column("n_out", "count", "people"),
+    Column("n_in", "count", "people", tells=_LEAST[:1]),
+    Column("n_out", "count", "people", tells=_LEAST[1:2]),
     Column("people", "people", "people", "M58", tells=_BOTH, per="known_open_h"),
     Column("people_in_view", "people", "people", tells=_BOTH),
     Column("most_people", "people", "people", "M58", tells=_BOTH),
-    Column("drift", "people", "people", "M58", tells=_BOTH),
-    Column("drift_per_1000", "rate", "per_1000_crossings", "M58", tells=_BOTH),
+    Column("drift", "people", "people", "M58", tells=_BOTH + _LEAST[2:]),
+    Column("drift_per_1000", "rate", "per_1000_crossings", "M58", tells=_BOTH + _LEAST[2:]),
+    Column("n_in_least", "count", "people", audience="operator"),
+    Column("n_out_least", "count", "people", audience="operator"),
+    Column("n_day_least", "count", "people", audience="operator"),
     Column("known_open_h", "fact", "h"),
     Column("open_h", "fact", "h"),
 )
@@ -90,7 +94,9 @@ def door_answers(period: Period) -> tuple[Answer, Answer]:
     Columns: people in and out; people inside, mean of recorded opening time, beside people in view; the most at the
     end of a quarter-hour; the drift, people who are inside by the doors when the day is over, and that by 1,000
     crossings (M58); opening hours in which the number is known. A day begins at `[doors] empty_at`. Over the days the
-    drift is the mean without sign.
+    drift is the mean without sign. For the operator: the fewest people above 0 whom one door counted in and out, in
+    `door_days` on one day, and the fewer of these on one day; where they are few, numbers of all doors less those of
+    the others would tell them.
     """
     data = period.data
     doors = {n.line_id: n.inside for n in data.site.lines if n.floor_id == data.floor.floor_id and n.inside}
@@ -107,11 +113,16 @@ def door_answers(period: Period) -> tuple[Answer, Answer]:
     in_view = {row["local_date"]: row["people"] for row in data.warehouse.rows(_IN_VIEW, asked)}
     quarters = [q for q in inside_by_doors(rows, doors, empty_min=empty_min) if q.day >= period.first]
     days = {day: list(of_day) for day, of_day in groupby(quarters, key=lambda q: q.day)}
+    crossed = [row for row in rows if row["line_id"] in doors and row["local_date"] >= period.first]
+    of_day, of_all = (least_of_doors(crossed, doors, by_day=by_day) for by_day in (True, False))
+    day_least = _least([n for n in of_day if n is not None])
     key: Row = {"floor_id": data.floor.floor_id}
     by_day = tuple(
-        {**key, "local_date": day, **_numbers([of_day], {day: in_view.get(day)})} for day, of_day in days.items()
+        {**key, "local_date": day, **_numbers([of_one], {day: in_view.get(day)}, (*of_day, day_least))}
+        for day, of_one in days.items()
     )
-    whole: Row = {**key, **_numbers(list(days.values()), {d: in_view.get(d) for d in days}), "n_days": len(days)}
+    seen = {day: in_view.get(day) for day in days}
+    whole: Row = {**key, **_numbers(list(days.values()), seen, (*of_all, day_least)), "n_days": len(days)}
     return (
         Answer("doors", DOOR_COLUMNS, (whole,), period.holds_for, _SUMS),
         Answer("door_days", DAY_COLUMNS, by_day, period.holds_for),
@@ -152,6 +163,33 @@ def inside_by_doors(
         )
 
 
+def least_of_doors(
+    rows: Sequence[Mapping[str, Any]], doors: Mapping[str, str], *, by_day: bool
+) -> tuple[int | None, int | None]:
+    """Return the fewest people above 0 that one door counted in, and out; 0 without any, None where none is known.
+
+    Args:
+        rows: Rows of `line_counts` of doors.
+        doors: The side that is inside, by line.
+        by_day: Of one door and local day; else of one door over all rows.
+    """
+    sums: tuple[dict[Any, int], dict[Any, int]] = ({}, {})
+    for row in rows:
+        counts = row["n_to_left"], row["n_to_right"]
+        ways = counts if doors[row["line_id"]] == "left" else counts[::-1]
+        place = (row["line_id"], row["local_date"] if by_day else None)
+        for of_way, n in zip(sums, ways, strict=True):
+            if n is not None:
+                of_way[place] = of_way.get(place, 0) + n
+    n_in, n_out = (_least(list(of_way.values())) for of_way in sums)
+    return n_in, n_out
+
+
+def _least(counts: Sequence[int]) -> int | None:
+    """Return the smallest count above 0; 0 where all are 0, None without any."""
+    return min((n for n in counts if n), default=0) if counts else None
+
+
 def drift_of(quarters: Sequence[DoorQuarter]) -> int | None:
     """Return the people inside by the doors when a day is over: the last known number after it closed, else None."""
     last_open = max((k for k, q in enumerate(quarters) if q.is_open), default=0)
@@ -163,7 +201,9 @@ def _known_sum(counts: Sequence[int | None]) -> int | None:
     return sum(known) if known else None
 
 
-def _numbers(days: Sequence[Sequence[DoorQuarter]], in_view: Mapping[date, float | None]) -> Row:
+def _numbers(
+    days: Sequence[Sequence[DoorQuarter]], in_view: Mapping[date, float | None], least: Sequence[int | None]
+) -> Row:
     """Return the cells of some days."""
     quarters = [q for day in days for q in day]
     is_open = [q for q in quarters if q.is_open]
@@ -185,6 +225,7 @@ def _numbers(days: Sequence[Sequence[DoorQuarter]], in_view: Mapping[date, float
         "most_people": Value(max(peaks)) if known else unknown,
         "drift": unknown if drift is None else Value(drift),
         "drift_per_1000": unknown if per_1000 is None else Value(per_1000),
+        **{name: unknown if n is None else Value(n) for name, n in zip(_LEAST, least, strict=True)},
         "known_open_h": len(known) / 4,
         "open_h": len(is_open) / 4,
     }
