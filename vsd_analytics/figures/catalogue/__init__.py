@@ -39,6 +39,8 @@ OF_CAPACITIES: Final = frozenset({"M41"})
 
 OF_SPACE: Final = OF_VISITS | OF_QUEUES | OF_CAPACITIES
 """Figures of how a space is used, which places of the floor ask for."""
+OF_LINES: Final = frozenset({"M57", "M58"})
+"""Figures of counting lines, and of those that are doors."""
 OF_CONTEXT: Final = frozenset({"M50", "M51", "M52"})
 """Figures that use series of what else happened; of weeks only."""
 FILES_OF_SPACE: Final = frozenset({"space_answers"})
@@ -79,15 +81,15 @@ def shared_answers(
 ) -> Answers:
     """Return the answers of a week as they may leave the operator's hands, all of them together.
 
-    Those of visits, queues and capacities are absent where no place of the floor asks for them, and of days that are
-    no week those that need weeks.
+    Those of visits, queues, capacities, lines and doors are absent where the floor has none, and of days that are no
+    week those that need weeks.
 
     Args:
         inputs: The week.
         metrics: Only the answers that hold these figures; None = all.
         has_context: With those that use what else happened.
     """
-    asked = asks_for(inputs.data)
+    asked = asks_for(inputs.data) | lines_ask_for(inputs.data)
     if asked:
         _import(FILES_OF_SPACE)
     if has_context:
@@ -97,7 +99,7 @@ def shared_answers(
     )
     if has_year:
         _import(FILES_OF_YEAR)
-    left_out = (OF_SPACE - asked) | (frozenset() if has_context else OF_CONTEXT)
+    left_out = ((OF_SPACE | OF_LINES) - asked) | (frozenset() if has_context else OF_CONTEXT)
     left_out |= frozenset() if has_year else OF_YEAR
     left_out |= frozenset() if inputs.data.is_week else OF_WEEKS | OF_CONTEXT
     wanted = (ANSWER_MAKERS.keys() if metrics is None else metrics) - left_out
@@ -127,6 +129,13 @@ def asks_for(data: WeekData) -> frozenset[str]:
     if floor.capacity is not None or any(area.capacity is not None for area in areas):
         found |= OF_CAPACITIES
     return found
+
+
+def lines_ask_for(data: WeekData) -> frozenset[str]:
+    """Return which figures of counting lines the floor has lines for in these days."""
+    lines = [n for n in data.site.lines if n.floor_id == data.floor.floor_id]
+    is_any = any(n.is_there(data.monday, data.sunday) for n in lines)
+    return (frozenset({"M57"}) if is_any else frozenset()) | ({"M58"} if any(n.inside for n in lines) else set())
 
 
 def figure_unit(metric: str, rules: UnitRules) -> Reason:
