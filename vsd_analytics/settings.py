@@ -102,6 +102,7 @@ class Settings:
     about_same_share: float = _setting("report", 0.15, "", 0.01, 0.5, "A change is called about the same when its whole interval lies within 1 -+ this share.")
     material_share: float = _setting("report", 0.05, "", 0.0, 1.0, "A place gets a card, a headline or the week's question when at least this share of the floor's time too close is spent in it.")
     show_context: bool = _setting("report", False, "", None, None, "Reports show what else happened, the series of vsd context add, and figures made with them.")
+    show_lines: bool = _setting("report", False, "", None, None, "The weekly page has the section of counting lines and doors.")
     mask_below: int = _setting("report", 5, "", 0, 1000, "Counts from 1 to just under this are hidden in what leaves the operator's hands (small-count suppression).")
     heat_steps: tuple[float, ...] = _setting("report", (0.5, 1.0, 2.0, 4.0, 8.0), "violations per m2 per open hour", 0.0, 1e6, "Lower ends of the five colour bands of every map.")
     hour_steps: tuple[float, ...] = _setting("report", (0.0, 50.0, 100.0, 150.0, 200.0), "violations per hour", 0.0, 1e6, "Lower ends of the five colour bands of the timetable.")

@@ -31,6 +31,8 @@ _COUNTS: Final = (
     Column("net_to_left", "people", "people", "M57", digits=6, tells=_BOTH),
     Column("recorded_h", "fact", "h"),
     Column("unrecorded_open_h", "fact", "h"),
+    Column("open_h", "fact", "h"),
+    Column("recorded_open_share", "fact", "share"),
 )
 _KEYS: Final = (Column("floor_id", "key"), Column("line_id", "key"))
 _NAME: Final = Column("name", "fact")
@@ -48,7 +50,8 @@ def line_answers(period: Period) -> tuple[Answer, Answer, Answer]:
 
     Columns: names of both sides; crossings to either side, of all recorded quarter-hours (M57); crossings to the left
     less those to the right, where every opening hour was recorded in full; recorded hours of the camera of a line
-    that recorded least; opening hours that were not recorded in full.
+    that recorded least; opening hours that were not recorded in full; all opening hours, and the share of them that
+    was recorded in full (None without opening hours).
     """
     lines = [n for n in period.data.site.lines if n.floor_id == period.data.floor.floor_id]
     lines = [n for n in lines if n.is_there(period.first, period.last)]
@@ -90,6 +93,7 @@ def _counts(line: Line, quarters: Rows) -> Row:
     """Return the cells of some quarter-hours of a line."""
     known = [row for row in quarters if row["n_to_left"] is not None]
     open_unrecorded = sum(row["is_open"] and (row["state"] != "full" or not row["can_count"]) for row in quarters)
+    n_open = sum(row["is_open"] for row in quarters)
     n_left, n_right = (sum(row[name] for row in known) for name in _BOTH)
     if known:
         counts = Value(n_left), Value(n_right)
@@ -109,4 +113,6 @@ def _counts(line: Line, quarters: Rows) -> Row:
         "net_to_left": net,
         "recorded_h": sum(row["recorded_s"] for row in quarters) / 3600,
         "unrecorded_open_h": open_unrecorded / 4,
+        "open_h": n_open / 4,
+        "recorded_open_share": (n_open - open_unrecorded) / n_open if n_open else None,
     }

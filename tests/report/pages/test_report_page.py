@@ -24,7 +24,7 @@ from vsd_analytics.resources import shipped
 
 OF_THE_WEEK = (
     *("week", "hero", "ask", "where", "spots", "when", "changed", "bars", "trend", "next", "data", "about", "macros"),
-    *("change_maps", "small_maps", "log", "waiting", "context"),
+    *("change_maps", "small_maps", "log", "waiting", "lines", "context"),
 )
 TEMPLATES = [shipped("reports") / "templates" / f"{name}.html.j2" for name in OF_THE_WEEK]
 CALLS = {"say", "say_html", "html_tag"}

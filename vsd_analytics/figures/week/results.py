@@ -135,6 +135,7 @@ class Rules:
     retention_days: int = _f("Days raw records are meant to be kept.", "days", default=30)
     outage_min_s: float = _f("An outage is at least this much opening time without data.", "s", default=600.0)
     contact_s: float = _f("Two people this long too close within 24 hours are a close contact.", "s", default=900.0)
+    show_lines: bool = _f("The page has the section of counting lines and doors.", default=False)
     material_share: float = _f("A place with less of the floor's time too close makes no news.", "share", default=0.05)
 
 

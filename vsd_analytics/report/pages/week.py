@@ -24,6 +24,7 @@ from vsd_analytics.report.pages.contributions import Contributions, contribution
 from vsd_analytics.report.pages.figure_list import FigureRow, further_figures
 from vsd_analytics.report.pages.json_and_csv import rounded
 from vsd_analytics.report.pages.key_figures import Tile, tiles
+from vsd_analytics.report.pages.lines import LinesView, has_lines, lines_and_doors
 from vsd_analytics.report.pages.logged_changes import AskedLine, LogRow, asked_lines, log_rows
 from vsd_analytics.report.pages.map_figures import MapFigures, map_figures
 from vsd_analytics.report.pages.replies import ReplyButton, reply_buttons
@@ -40,7 +41,7 @@ from vsd_analytics.wording.reasons import reason_text
 
 WIDE = 1.8
 LETTER = "@page { size: letter; margin: 10mm 14mm 14mm }@media print { :root { --paper: 254.9mm } }"
-_SECTIONS = ("where", "spots", "when", "changed", "waiting", "trend", "context", "next", "data", "about")
+_SECTIONS = ("where", "spots", "when", "changed", "waiting", "lines", "trend", "context", "next", "data", "about")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,6 +111,7 @@ class Page:
         trend: The last weeks.
         outlook: The next week.
         waiting: Queues and capacities.
+        crossed: Counting lines and doors.
         what_else: What else happened.
         log: What happened at the site.
         log_section: Position of that list: "trend" below charts that mark it, else "changed".
@@ -168,6 +170,7 @@ class Page:
     trend: sections.TrendView | None
     outlook: sections.Listed | None
     waiting: WaitingView | None
+    crossed: LinesView | None
     what_else: ContextView | None
     log: tuple[LogRow, ...]
     log_section: str
@@ -265,6 +268,7 @@ def make_page(report: WeekReport, *, paper: str = "a4", is_at_desk: bool = False
         trend=weeks,
         outlook=sections.outlook(report),
         waiting=waiting(report.answers),
+        crossed=lines_and_doors(report),
         what_else=context(report),
         log=log_rows(report, with_weeks=log_section == "trend"),
         log_section=log_section,
@@ -291,6 +295,7 @@ def _shown(report: WeekReport, figures: MapFigures, *, log_section: str) -> froz
         maps |= {"spots"}
     hours = set() if report.level.violation_rate.state == "not_measurable" else {"when"}
     asked = {"waiting"} if "queues" in report.answers or "capacity" in report.answers else set()
+    asked |= {"lines"} if has_lines(report) else set()
     days = report.answers.get("context_days")
     asked |= {"context"} if days is not None and days.rows else set()
     return frozenset({"changed"} | always | hours | maps | asked)
