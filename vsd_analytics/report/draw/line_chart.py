@@ -69,7 +69,8 @@ def line_chart(days: Sequence[LineDay], *, width: int, label: str) -> Markup:
                 place = {"x": round(x + at * step, 1), "y": round(base - height, 1)}
                 size = {"width": round(0.34 * step, 1), "height": round(height, 1)}
                 dashes: Look = {} if day.is_whole else {"stroke": INK, "stroke_width": 1.6, "stroke_dasharray": "4 3"}
-                parts.append(el("rect", class_=style, fill=fill, **place, **size, **dashes))
+                class_ = style if day.is_whole else f"{style} tw"
+                parts.append(el("rect", class_=class_, fill=fill, **place, **size, **dashes))
             elif n is None and day.is_recorded:
                 parts.append(chart_text(fmt.MISSING, x + (at + 0.17) * step, base - 4))
         if k % every == 0:
