@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import site_pages
@@ -72,18 +73,13 @@ def test_the_site_loads_nothing_from_elsewhere(site: Path) -> None:
 
 
 @pytest.mark.browser
-def test_a_page_opened_from_its_folder_searches_without_a_server(site: Path) -> None:
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    chromium = shutil.which("chromium") or shutil.which("google-chrome")
-    if chromium is None:
-        pytest.skip("no Chromium on this machine")
-    with sync_api.sync_playwright() as engines:
-        tab = engines.chromium.launch(executable_path=chromium, args=["--no-sandbox"]).new_page()
-        tab.goto((site / "index.html").as_uri())
-        tab.keyboard.press("s")
-        tab.wait_for_selector("input[name=query]:focus")
-        tab.keyboard.type("opening hours")
-        tab.wait_for_selector(".md-search-result__link", state="attached")
-        first = tab.locator(".md-search-result__link").first.get_attribute("href")
+def test_a_page_opened_from_its_folder_searches_without_a_server(site: Path, tab: Callable[..., Any]) -> None:
+    page = tab((site / "index.html").as_uri())
+    page.keyboard.press("s")
+    page.wait_for_selector("input[name=query]:focus")
+    page.keyboard.type("opening hours")
+    page.wait_for_selector(".md-search-result__link", state="attached")
+    first = page.locator(".md-search-result__link").first.get_attribute("href")
     assert first is not None
     assert "/methods/" not in first
+    assert all(address.startswith(("file:", "about:", "data:")) for address in page.seen)
