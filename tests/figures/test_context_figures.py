@@ -119,6 +119,8 @@ def test_m0_and_its_usual_range_are_those_of_the_page(site: Site) -> None:
     assert usual is not None
     row = next(report.answers["context_change"].where(series="temperature"))
     assert (row["usual_lo"].value, row["usual_hi"].value) == pytest.approx((usual.lo, usual.hi))
+    assert row["series_change"].value is None, "degrees have no percent: their zero is somebody's choice"
+    assert row["series_difference"].value is not None
     assert row["violation_rate"].value == report.level.violation_rate.value
     assert row["violation_rate_change"].value == report.level.violation_rate.change
     assert row["violation_rate_verdict"] == report.level.violation_rate.verdict

@@ -22,7 +22,8 @@ LAYOUTS: Final[dict[str, Layout]] = {
     ),
     "context_value": (TableLayout(("series", "name", "value_per_person_h", "value_unit", "n_days", "known_share")),),
     "context_change": (
-        TableLayout(("series", "name", "series_change", "violation_rate_change", "violation_rate_verdict")),
+        TableLayout(("series", "name", "series_change", "series_difference", "value_unit")),
+        TableLayout(("series", "violation_rate_change", "violation_rate_verdict")),
         TableLayout(("series", "equal_value_change", "equal_value_verdict")),
         TableLayout(("series", "series_step", "step_change", "n_weeks", "n_days")),
         TableLayout(

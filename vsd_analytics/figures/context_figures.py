@@ -68,7 +68,9 @@ CHANGE: Final = (
     Column("series", "key"),
     Column("area_id", "fact"),
     Column("name", "fact"),
+    Column("value_unit", "fact"),
     Column("series_change", "rate", "change"),
+    Column("series_difference", "rate"),
     Column("violation_rate_change", "rate", "change", "M0"),
     Column("violation_rate_verdict", "fact", "verdict"),
     Column("equal_value_change", "rate", "change", "M52"),
@@ -320,7 +322,7 @@ def _change(inputs: FigureInputs, series: ContextSeries, area: Area | None) -> R
     why = None
     if estimate.verdict is None or estimate.change is None:
         why = lack(estimate.state, estimate.reason or Reason("change.not_compared"))
-    plain = equal = series_change = why or Value.missing(Reason("change.not_compared"))
+    plain = equal = series_change = difference = why or Value.missing(Reason("change.not_compared"))
     verdict = plain_verdict = None
     if why is None:
         before, now = pair.compared(place)
@@ -338,7 +340,7 @@ def _change(inputs: FigureInputs, series: ContextSeries, area: Area | None) -> R
             found = widened(found, confidence=settings.confidence, about_same_share=settings.about_same_share)
         equal, verdict = relative(found, reason=effect.reason or Reason("change.not_compared")), found.verdict
         plain, plain_verdict = Value(estimate.change, estimate.change_lo, estimate.change_hi), estimate.verdict
-        series_change = _series_change(covariate, before, now, paired)
+        series_change, difference = _series_moved(series, covariate, before, now, paired)
     step, per_step = _per_step(effect, covariate, series)
     usual = _usual(inputs, covariate, effect) if area is None else (None, None, Reason("context.floor_only"))
     is_told = why is None or estimate.value is not None
@@ -346,7 +348,9 @@ def _change(inputs: FigureInputs, series: ContextSeries, area: Area | None) -> R
         "series": series.name,
         "area_id": None if area is None else area.area_id,
         "name": data.floor.name if area is None else area.name,
+        "value_unit": series.unit,
         "series_change": series_change,
+        "series_difference": difference,
         "violation_rate_change": plain,
         "violation_rate_verdict": plain_verdict,
         "equal_value_change": equal,
@@ -377,16 +381,24 @@ def _effect(data: WeekData, place: Place, panel: Panel, covariate: _Covariate, d
     )
 
 
-def _series_change(covariate: _Covariate, before: Panel, now: Panel, paired: Sequence[Sequence[date]]) -> Value:
-    """Return by what share the mean value of a day changed over the days compared."""
+def _series_moved(
+    series: ContextSeries, covariate: _Covariate, before: Panel, now: Panel, paired: Sequence[Sequence[date]]
+) -> tuple[Value, Value]:
+    """Return by what share, and by how much, the mean value of a day changed over the days compared.
+
+    A series that does not add up has no share: the zero of degrees is somebody's choice.
+    """
     is_used = ((before.x_h > 0) & (now.x_h > 0)).any(axis=0)
     means = []
     for days in paired:
         z = covariate.of(days)[is_used]
         means.append(float(np.mean(np.exp(z) if covariate.is_log else z)) if len(z) else np.nan)
-    if not np.isfinite(means).all() or means[0] <= 0:
-        return Value.missing(Reason("context.no_share") if np.isfinite(means).all() else Reason("context.unknown_days"))
-    return Value(means[1] / means[0] - 1)
+    if not np.isfinite(means).all():
+        unknown = Value.missing(Reason("context.unknown_days"))
+        return unknown, unknown
+    has_share = series.adds == "sum" and means[0] > 0
+    share = Value(means[1] / means[0] - 1) if has_share else Value.missing(Reason("context.no_share"))
+    return share, Value(means[1] - means[0])
 
 
 def _per_step(effect: CovariateEffect, covariate: _Covariate, series: ContextSeries) -> tuple[str, Value]:

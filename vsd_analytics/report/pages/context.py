@@ -87,8 +87,11 @@ def _lines(answers: Answers, series: str) -> Iterator[str]:
     row = next(iter(() if changes is None else changes.where(series=series)), None)
     if row is not None:
         equal, plain, moved = (value_of(row, f"{n}_change") for n in ("equal_value", "violation_rate", "series"))
+        difference = value_of(row, "series_difference").value
         if moved.value is not None:
             yield say("context.moved", change=fmt.signed(moved.value))
+        elif difference is not None:
+            yield say("context.moved", change=f"{fmt.signed_fixed(difference, 1)} {row['value_unit']}")
         if equal.value is None:
             yield say("context.no_equal", reason=_why(equal))
         else:
