@@ -90,7 +90,7 @@ def test_row_of_the_legal_distance_has_the_range_in_the_json_file(pairs: Site) -
     with open_day(with_errors(pairs, calibrated(pairs.cameras[0], error_m=0.07))) as warehouse:
         found = threshold_sensitivity(warehouse)
     assert found.calibration is not None
-    hidden = SimpleNamespace(why_untimed=None, untimed=frozenset())
+    hidden = SimpleNamespace(why_floor=None, why_untimed=None, untimed=frozenset())
     data = SimpleNamespace(floor=pairs.floors[0], site=pairs, this=SimpleNamespace(holds_for=HOLDS), hidden=hidden)
     inputs = FigureInputs(*cast(Any, (data, SimpleNamespace(sensitivity=found), None, None, (), None, True)))
     [answer] = violations.threshold_sensitivity(inputs)
