@@ -22,9 +22,10 @@ from change_worlds import MUSEUM, OFFICE, SHOP, Drawn, World, draw
 from planted_changes import area
 from planted_marts import plant
 
+from vsd_analytics.figures.week import trend_weeks
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.lazy_answers import LazyAnswers
-from vsd_analytics.report.model import assemble, site_changes
+from vsd_analytics.report.model import assemble
 from vsd_analytics.report.model.sections import add_week_sections
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.story import finish
@@ -287,8 +288,8 @@ def page_model(warehouse: Warehouse, truth: Truth) -> WeekReport:
         old = ("acme 1.0",) if new is None or first < new else ()
         return (*old, *(("acme 2.0",) if new is not None and last >= new else ()))
 
-    with mock.patch.object(assemble, "engines", engines), mock.patch.object(site_changes, "engines", engines):
-        report = assemble._report(data, data.floor, found, None)
+    with mock.patch.object(assemble, "engines", engines), mock.patch.object(trend_weeks, "engines", engines):
+        report = assemble._report(data, data.floor, found, None, has_context=False)
         report = finish(add_week_sections(report, data, found))
     return replace(report, maps=())
 
