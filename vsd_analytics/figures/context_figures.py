@@ -340,7 +340,8 @@ def _change(inputs: FigureInputs, series: ContextSeries, area: Area | None) -> R
             found = widened(found, confidence=settings.confidence, about_same_share=settings.about_same_share)
         equal, verdict = relative(found, reason=effect.reason or Reason("change.not_compared")), found.verdict
         plain, plain_verdict = Value(estimate.change, estimate.change_lo, estimate.change_hi), estimate.verdict
-        series_change, difference = _series_moved(series, covariate, before, now, paired)
+        is_used = np.asarray(((before.x_h > 0) & (now.x_h > 0)).any(axis=0))
+        series_change, difference = _series_moved(series, covariate, is_used, paired)
     step, per_step = _per_step(effect, covariate, series)
     usual = _usual(inputs, covariate, effect) if area is None else (None, None, Reason("context.floor_only"))
     is_told = why is None or estimate.value is not None
@@ -382,23 +383,15 @@ def _effect(data: WeekData, place: Place, panel: Panel, covariate: _Covariate, d
 
 
 def _series_moved(
-    series: ContextSeries, covariate: _Covariate, before: Panel, now: Panel, paired: Sequence[Sequence[date]]
+    series: ContextSeries, covariate: _Covariate, is_used: Flags, paired: Sequence[Sequence[date]]
 ) -> tuple[Value, Value]:
-    """Return by what share, and by how much, the mean value of a day changed over the days compared.
-
-    A series that does not add up has no share: the zero of degrees is somebody's choice.
-    """
-    is_used = ((before.x_h > 0) & (now.x_h > 0)).any(axis=0)
-    means = []
-    for days in paired:
-        z = covariate.of(days)[is_used]
-        means.append(float(np.mean(np.exp(z) if covariate.is_log else z)) if len(z) else np.nan)
-    if not np.isfinite(means).all():
-        unknown = Value.missing(Reason("context.unknown_days"))
-        return unknown, unknown
-    has_share = series.adds == "sum" and means[0] > 0
-    share = Value(means[1] / means[0] - 1) if has_share else Value.missing(Reason("context.no_share"))
-    return share, Value(means[1] - means[0])
+    """Return by what share, and by how much, the mean value of a day changed; degrees have no share."""
+    values = [covariate.of(days)[is_used] for days in paired]
+    before, now = (float(np.mean(np.exp(z) if covariate.is_log else z)) if len(z) else np.nan for z in values)
+    if not np.isfinite(now - before):
+        return (unknown := Value.missing(Reason("context.unknown_days"))), unknown
+    has_share = series.adds == "sum" and before > 0
+    return Value(now / before - 1) if has_share else Value.missing(Reason("context.no_share")), Value(now - before)
 
 
 def _per_step(effect: CovariateEffect, covariate: _Covariate, series: ContextSeries) -> tuple[str, Value]:
