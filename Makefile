@@ -102,6 +102,10 @@ prove: $(VENV)/.installed-test
 	$(BIN)/python tests/realdata/prove_crowding.py
 	$(BIN)/python tests/realdata/prove_whatif.py
 	$(BIN)/python tests/realdata/prove_standers.py
+	$(BIN)/python tests/realdata/prove_lines.py
+	$(BIN)/python tests/realdata/prove_joined_views.py
+	$(BIN)/python tests/stats/prove_context.py
+	$(BIN)/python tests/warehouse/prove_staff.py
 	$(BIN)/python tests/whatif/prove_scenes.py
 	$(BIN)/python tests/whatif/prove_october.py
 	$(BIN)/python tests/engine/prove_engine.py

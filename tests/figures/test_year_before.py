@@ -61,6 +61,9 @@ def test_a_week_that_was_recorded_too_little_says_so(tmp_path: Path) -> None:
     value = found.rows[0]["violation_rate_before"]
     assert (value.value, value.reason.code) == (None, "compare.coverage")
     assert "Week 46, 2025, a year before, cannot be compared" in render_html(w.report(site))
+    exact = year(replace(site, settings=site.settings.with_values({"mask_below": 0})))
+    assert exact is not None
+    assert [exact.rows[0][name].value for name in ("n_before", "n_now")] == [None, None], "not compared is not zero"
 
 
 def test_a_week_of_another_engine_is_not_compared(tmp_path: Path) -> None:

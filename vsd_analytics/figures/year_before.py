@@ -20,7 +20,7 @@ from vsd_analytics.figures.panels import Flags
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.share.weeks import HiddenWeek
-from vsd_analytics.figures.values import lack, measured, relative
+from vsd_analytics.figures.values import known, lack, measured, relative
 from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import open_warehouse
@@ -63,9 +63,8 @@ def year_before(inputs: FigureInputs) -> Answer:
 
 def _cells(inputs: FigureInputs, data: WeekData, pair: TwoPeriods) -> Row:
     state, reason = compare.why_not(pair)
-    none = Value(0.0)
     if state != "ok":
-        return {**dict.fromkeys(_VALUES, lack(state, reason)), "n_before": none, "n_now": none}
+        return dict.fromkeys((*_VALUES, "n_before", "n_now"), lack(state, reason))
     found = compare.place_change(pair, data.floor)
     rate, people = found.split.violation_rate, found.split.people
     nothing = Reason("change.not_compared")
@@ -76,8 +75,8 @@ def _cells(inputs: FigureInputs, data: WeekData, pair: TwoPeriods) -> Row:
         "close_time_share_change": relative(found.close_time_share, reason=found.close_time_share.reason or nothing),
         "people_before": Value.missing(nothing) if people.rate_a is None else Value(people.rate_a),
         "people_change": relative(people, reason=people.reason or nothing),
-        "n_before": Value(rate.n_a or 0.0),
-        "n_now": Value(rate.n_b or 0.0),
+        "n_before": known(rate.n_a, nothing),
+        "n_now": known(rate.n_b, nothing),
     }
     return {**cells, **_hidden(inputs, data, pair)}
 
