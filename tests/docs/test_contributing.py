@@ -167,7 +167,7 @@ def test_the_renderer_example_renders_an_answer_it_never_saw() -> None:
     module = types.ModuleType("vsd_analytics.render.markdown")
     exec(compile(example("renderer"), "markdown.py", "exec"), module.__dict__)
     lines = module.markdown(visits_answer()).splitlines()
-    assert lines[0] == "| area | area | visits seen | followed | share |"
+    assert lines[0] == "| area | name | visits seen | followed | share |"
     assert lines[1] == "| --- | --- | --- | --- | --- |"
     assert lines[2] == "| door | Door | 12 | 9 | \u2013 |"
 

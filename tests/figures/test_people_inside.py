@@ -37,6 +37,7 @@ def row(
         "minute": quarter % 4 * 15,
         "is_open": quarter < 8,
         "is_whole": is_whole,
+        "is_over": True,
         "n_to_left": n_in,
         "n_to_right": n_out,
     }

@@ -29,7 +29,7 @@ SHOWN = (TableLayout(("name", "local_hour", "n_visits", "people", "dwell_median_
 
 def test_text_has_headings_clock_hours_ranges_and_dashes() -> None:
     lines = text(one_of_each(), SHOWN)
-    assert [line.split("  ")[0] for line in lines] == ["area", '=cmd|"/c calc"\ufffd[31m\ufffdnext', "Till"]
+    assert [line.split("  ")[0] for line in lines] == ["name", '=cmd|"/c calc"\ufffd[31m\ufffdnext', "Till"]
     assert lines[0].split()[1:] == ["hour", "visits", "seen", "people", "median", "stay", "long", "visits"]
     assert lines[1].endswith("08:00  1,234        1.2 (<0.001 to 1.4)  2.5 min (at least 45 s)  0.6% (<0.1% to 12%)")
     assert lines[2].split() == ["Till", "09:00", "–", "–", "–", "–"]
@@ -200,5 +200,5 @@ def test_changes_have_signs_and_codes_have_words_in_the_language_of_the_reader()
 
 def test_rows_that_a_table_leaves_out_have_no_remarks() -> None:
     only = (TableLayout(("name", "people"), only="people"),)
-    assert [line.split("  ")[0] for line in text(one_of_each(), only)] == ["area", '=cmd|"/c calc"\ufffd[31m\ufffdnext']
+    assert [line.split("  ")[0] for line in text(one_of_each(), only)] == ["name", '=cmd|"/c calc"\ufffd[31m\ufffdnext']
     assert not any(NEEDS in line for line in remarks(one_of_each(), only))

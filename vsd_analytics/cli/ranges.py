@@ -144,7 +144,7 @@ def period_with_history(
 
     first, last = shared_days(project, week=week, days=days)
     with warehouse_of(project, week=None, days=f"{first - (n_weeks or HISTORY_WEEKS) * WEEK}..{last}") as warehouse:
-        yield Period(FloorHours(warehouse, floor=floor), first, last)
+        yield Period(FloorHours(warehouse, floor=floor, clock=project.now), first, last)
 
 
 RECORD_NAMES = {"observations": "person record", "pairs": "pair record", "frames": "frame"}

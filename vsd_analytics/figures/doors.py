@@ -25,6 +25,7 @@ select
     local_hour,
     (quarter * 900000 - hour_start_ms) / 60000 as minute,
     is_open,
+    $until is null or quarter * 900000 < $until as is_over,
     state = 'full' and can_count as is_whole,
     n_to_left,
     n_to_right
@@ -76,12 +77,14 @@ class DoorQuarter:
     Attributes:
         day: Local day on which the last empty hour before it was.
         is_open: Opening time.
+        is_over: Its hour is over.
         n_in, n_out: People through all doors, as far as recorded; None where no door was.
         before, after: People inside when it begins and ends; None where unknown.
     """
 
     day: date
     is_open: bool
+    is_over: bool
     n_in: int | None
     n_out: int | None
     before: int | None
@@ -109,10 +112,11 @@ def door_answers(period: Period) -> tuple[Answer, Answer]:
         )
     # the empty hour may be after midnight, so that a day ends on the next local date
     asked = {"floor": data.floor.floor_id, "first": period.first - timedelta(days=1), "last": period.last}
-    rows = data.warehouse.rows(_ROWS, asked)
+    rows = data.warehouse.rows(_ROWS, {**asked, "until": period.not_over_ms})
     in_view = {row["local_date"]: row["people"] for row in data.warehouse.rows(_IN_VIEW, asked)}
     quarters = [q for q in inside_by_doors(rows, doors, empty_min=empty_min) if q.day >= period.first]
-    days = {day: list(of_day) for day, of_day in groupby(quarters, key=lambda q: q.day)}
+    of_days = {day: list(of_day) for day, of_day in groupby(quarters, key=lambda q: q.day)}
+    days = {day: of_day for day, of_day in of_days.items() if of_day[0].is_over}
     crossed = [row for row in rows if row["line_id"] in doors and row["local_date"] >= period.first]
     of_day, of_all = (least_of_doors(crossed, doors, by_day=by_day) for by_day in (True, False))
     day_least = _least([n for n in of_day if n is not None])
@@ -136,7 +140,7 @@ def inside_by_doors(
 
     Args:
         rows: Rows of `line_counts` of the floor, in order of their quarter-hours, with `minute` of the local hour and
-            `is_whole`.
+            `is_whole`; `is_over`: the hour is over.
         doors: The side that is inside, by line.
         empty_min: Minutes after local midnight at which the floor is empty.
     """
@@ -158,9 +162,8 @@ def inside_by_doors(
         before = inside
         is_known = inside is not None and all(row["is_whole"] for row in found)
         inside = inside + sum(n_in) - sum(n_out) if is_known and inside is not None else None
-        yield DoorQuarter(
-            day, one["is_open"], _known_sum(n_in), _known_sum(n_out), before if is_known else None, inside
-        )
+        counts = _known_sum(n_in), _known_sum(n_out)
+        yield DoorQuarter(day, one["is_open"], one["is_over"], *counts, before if is_known else None, inside)
 
 
 def least_of_doors(
@@ -205,7 +208,7 @@ def _numbers(
     days: Sequence[Sequence[DoorQuarter]], in_view: Mapping[date, float | None], least: Sequence[int | None]
 ) -> Row:
     """Return the cells of some days."""
-    quarters = [q for day in days for q in day]
+    quarters = [q for day in days for q in day if q.is_over]
     is_open = [q for q in quarters if q.is_open]
     known = [(q.before + q.after) / 2 for q in is_open if q.before is not None and q.after is not None]
     n_in, n_out = _known_sum([q.n_in for q in quarters]), _known_sum([q.n_out for q in quarters])

@@ -6,7 +6,7 @@ The net number, in less out, needs every opening hour: one that was not recorded
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 from vsd_analytics.answer import Answer, Cell, Column, Reason, Row, Sum, Value
@@ -19,7 +19,7 @@ Rows = Sequence[dict[str, Any]]
 _ROWS: Final = """
 select line_id, local_date, local_hour, is_open, recorded_s, state, can_count, n_to_left, n_to_right
 from line_counts
-where floor_id = $floor and local_date between $first and $last
+where floor_id = $floor and local_date between $first and $last and ($until is null or quarter * 900000 < $until)
 order by quarter, line_no
 """
 _BOTH: Final = ("n_to_left", "n_to_right")
@@ -29,6 +29,7 @@ _COUNTS: Final = (
     Column("right", "fact"),
     Column("n_to_right", "count", "crossings", "M57", per="recorded_h"),
     Column("net_to_left", "people", "people", "M57", digits=6, tells=_BOTH),
+    Column("inside", "fact"),
     Column("recorded_h", "fact", "h"),
     Column("unrecorded_open_h", "fact", "h"),
     Column("open_h", "fact", "h"),
@@ -42,6 +43,7 @@ DAY_COLUMNS: Final = (*_KEYS, Column("local_date", "key"), _NAME, *_COUNTS)
 """Columns of `line_days`."""
 HOUR_COLUMNS: Final = (*_KEYS, Column("local_hour", "key", "hour_of_day"), _NAME, *_COUNTS)
 """Columns of `line_hours`."""
+_DAY_HOUR_COLUMNS: Final = (*DAY_COLUMNS[:3], Column("local_hour", "key", "hour_of_day"), *DAY_COLUMNS[3:])
 _SUMS: Final = tuple(Sum(n, (f"{table}.{n}",)) for table in ("line_days", "line_hours") for n in _BOTH)
 
 
@@ -49,12 +51,11 @@ def line_answers(period: Period) -> tuple[Answer, Answer, Answer]:
     """Return who crossed each counting line of a floor: over the days, by day, and by hour of the day.
 
     Columns: names of both sides; crossings to either side, of all recorded quarter-hours (M57); crossings to the left
-    less those to the right, where every opening hour was recorded in full; recorded hours of the camera of a line
-    that recorded least; opening hours that were not recorded in full; all opening hours, and the share of them that
-    was recorded in full (None without opening hours).
+    less those to the right, where every opening hour was recorded in full; of a door, the side that is inside; recorded
+    hours of the camera of a line that recorded least; opening hours that were not recorded in full; all opening hours,
+    and the share of them that was recorded in full (None without opening hours). Hours to come are left out.
     """
-    lines = [n for n in period.data.site.lines if n.floor_id == period.data.floor.floor_id]
-    lines = [n for n in lines if n.is_there(period.first, period.last)]
+    lines = lines_of(period)
     names = (("lines", LINE_COLUMNS), ("line_days", DAY_COLUMNS), ("line_hours", HOUR_COLUMNS))
     if not lines:
         nothing = Reason("lines.not_asked")
@@ -62,30 +63,44 @@ def line_answers(period: Period) -> tuple[Answer, Answer, Answer]:
         return whole, by_day, by_hour
     rows = line_rows(period)
     return (
-        Answer("lines", LINE_COLUMNS, _grouped(period, lines, rows, None), period.holds_for, _SUMS),
+        Answer("lines", LINE_COLUMNS, _grouped(period, lines, rows), period.holds_for, _SUMS),
         Answer("line_days", DAY_COLUMNS, _grouped(period, lines, rows, "local_date"), period.holds_for),
         Answer("line_hours", HOUR_COLUMNS, _grouped(period, lines, rows, "local_hour"), period.holds_for),
     )
 
 
+def line_day_hours(period: Period) -> Answer:
+    """Return who crossed each counting line of a floor by day and hour of the day: `line_hours` of each day.
+
+    It is for the operator: hidden days and hours that add up to known numbers in two ways would tell each other.
+    """
+    rows = _grouped(period, lines_of(period), line_rows(period), "local_date", "local_hour")
+    return Answer("line_day_hours", _DAY_HOUR_COLUMNS, rows, period.holds_for)
+
+
+def lines_of(period: Period) -> list[Line]:
+    """Return the counting lines of a period's floor that are there on some of its days."""
+    lines = [n for n in period.data.site.lines if n.floor_id == period.data.floor.floor_id]
+    return [n for n in lines if n.is_there(period.first, period.last)]
+
+
 def line_rows(period: Period) -> Rows:
-    """Return the quarter-hours of the counting lines of a period's floor, in order."""
+    """Return the quarter-hours of the counting lines of a period's floor, in order, as far as their hours are over."""
     values = {"floor": period.data.floor.floor_id, "first": period.first, "last": period.last}
-    return period.data.warehouse.rows(_ROWS, values)
+    return period.data.warehouse.rows(_ROWS, {**values, "until": period.not_over_ms})
 
 
-def _grouped(period: Period, lines: Sequence[Line], rows: Rows, key: str | None) -> tuple[Row, ...]:
-    """Return a row for each line and value of a column of `line_counts`; None = each line."""
-    value_of: Callable[[dict[str, Any]], Any] = (lambda row: row[key]) if key else (lambda _: None)
+def _grouped(period: Period, lines: Sequence[Line], rows: Rows, *keys: str) -> tuple[Row, ...]:
+    """Return a row for each line and values of columns of `line_counts`; without columns, for each line."""
     cells = []
     for line in lines:
         of_line = [row for row in rows if row["line_id"] == line.line_id]
-        groups: dict[Any, list[dict[str, Any]]] = {}
+        groups: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
         for row in of_line:
-            groups.setdefault(value_of(row), []).append(row)
-        for value, quarters in sorted(groups.items(), key=lambda group: (group[0] is not None, group[0])):
-            keys: dict[str, Cell] = {"floor_id": period.data.floor.floor_id, "line_id": line.line_id}
-            cells.append({**keys, **({key: value} if key else {}), **_counts(line, quarters)})
+            groups.setdefault(tuple(row[key] for key in keys), []).append(row)
+        for values, quarters in sorted(groups.items()):
+            of: dict[str, Cell] = {"floor_id": period.data.floor.floor_id, "line_id": line.line_id}
+            cells.append({**of, **dict(zip(keys, values, strict=True)), **_counts(line, quarters)})
     return tuple(cells)
 
 
@@ -111,6 +126,7 @@ def _counts(line: Line, quarters: Rows) -> Row:
         "right": line.right,
         "n_to_right": counts[1],
         "net_to_left": net,
+        "inside": line.inside,
         "recorded_h": sum(row["recorded_s"] for row in quarters) / 3600,
         "unrecorded_open_h": open_unrecorded / 4,
         "open_h": n_open / 4,

@@ -106,10 +106,11 @@ class FloorHours:
     Args:
         warehouse: Opened over all days that are to be used.
         floor: The floor.
+        clock: The present; None = all hours are over.
     """
 
-    def __init__(self, warehouse: Warehouse, *, floor: Floor) -> None:
-        self.warehouse, self.floor = warehouse, floor
+    def __init__(self, warehouse: Warehouse, *, floor: Floor, clock: datetime | None = None) -> None:
+        self.warehouse, self.floor, self.clock = warehouse, floor, clock
         self.site: Site = warehouse.site
         self.mask = Mask(int(self.site.settings.mask_below))
         self.cameras: Sequence[Camera] = [c for c in self.site.cameras if c.floor_id == floor.floor_id]

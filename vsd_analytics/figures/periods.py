@@ -16,6 +16,7 @@ import numpy as np
 from vsd_analytics.answer import HoldsFor, Reason
 from vsd_analytics.figures.comparable import DAY_MS, Recalibration, has_other_owners, pair_days, recalibrations
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
+from vsd_analytics.figures.operator_counts import begun_until_ms
 from vsd_analytics.figures.panels import MIN_CAMERA_SHARE, WEEK, Array, Flags, FloorHours, Ints, Panel, Place
 from vsd_analytics.figures.share.people import people_by_day, why_few_on_floor
 from vsd_analytics.figures.slots import NO_POSITIONS
@@ -43,6 +44,19 @@ class Period:
         site, floor = self.data.site, self.data.floor
         settings, inputs = site.settings.settings_id(), self.data.warehouse.inputs_digest
         return HoldsFor(site.site_id, floor.floor_id, self.first, self.last, settings=settings, inputs=inputs)
+
+    @cached_property
+    def not_over_ms(self) -> int | None:
+        """Return the UTC start of the first hour that is not over, while opening hours of these days are still to come.
+
+        None where the opening hours are all over, or none of them is: such days have nothing to be part of.
+        """
+        data = self.data
+        until_ms = None if data.clock is None else begun_until_ms(data.warehouse, now=data.clock)
+        if until_ms is None:
+            return None
+        is_open, is_over = self.is_inside & (data.hours.open_s > 0), data.hours.start_ms < until_ms
+        return until_ms if (is_open & is_over).any() and (is_open & ~is_over).any() else None
 
     @cached_property
     def scheduled_h(self) -> float:

@@ -42,7 +42,7 @@ class TwoWeeks(WeekData):
     @cached_property
     def until_ms(self) -> int | None:
         """Return the UTC start of the first hour that is not over, where one of the two weeks is begun and not over."""
-        found = (self.not_over_in(first) for first in (self.monday, self.pair.before.first))
+        found = (period.not_over_ms for period in (self.pair.now, self.pair.before))
         return next((ms for ms in found if ms is not None), None)
 
 

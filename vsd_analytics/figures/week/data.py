@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 
 from vsd_analytics.answer import Reason
-from vsd_analytics.figures.operator_counts import begun_until_ms
 from vsd_analytics.figures.panels import WEEK, Flags, FloorHours, Panel, Place
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.share import earlier
@@ -53,9 +52,8 @@ class WeekData(FloorHours):
         clock: datetime | None = None,
         released: Release | None = None,
     ) -> None:
-        super().__init__(warehouse, floor=floor)
+        super().__init__(warehouse, floor=floor, clock=clock)
         self._released = released
-        self._clock = clock
         self.monday, self.sunday = monday, monday + timedelta(days=6) if last is None else last
         self.is_week = last is None
         self.span = self.sunday + timedelta(days=1) - monday
@@ -81,23 +79,8 @@ class WeekData(FloorHours):
 
     @cached_property
     def not_over_ms(self) -> int | None:
-        """Return `not_over_in` of this week."""
-        return self.not_over_in(self.monday)
-
-    def not_over_in(self, monday: date) -> int | None:
-        """Return the UTC start of the first hour of a week that is not over, while opening hours are still to come.
-
-        None where the week's opening hours are all over, or none of them is: such a week has nothing to be part of.
-
-        Args:
-            monday: First day of the week.
-        """
-        until_ms = None if self._clock is None else begun_until_ms(self.warehouse, now=self._clock)
-        if until_ms is None:
-            return None
-        is_open = self.week(monday) & (self.hours.open_s > 0)
-        is_over = self.hours.start_ms < until_ms
-        return until_ms if (is_open & is_over).any() and (is_open & ~is_over).any() else None
+        """Return the UTC start of the first hour of this week that is not over (`Period.not_over_ms`)."""
+        return self.this.not_over_ms
 
     def week_so_far(self) -> Flags:
         """Return which hours of this week are over."""
