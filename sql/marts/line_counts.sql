@@ -1,7 +1,7 @@
 -- name: marts/line_counts
 -- One row per counting line and quarter-hour of the calendar in its life: who crossed it in either direction, as far as recorded.
 -- grain: line_id, quarter
--- reads: line_crossings, count_lines, line_parts, coverage, camera_days, calendar
+-- reads: line_crossings, count_lines, line_parts, counter_lines, counter_quarters, coverage, camera_days, calendar
 -- params: full_hour_share, partial_hour_share, line_lost_ms
 -- columns:
 --   floor_id
@@ -12,16 +12,19 @@
 --   local_date
 --   local_hour     0 to 23
 --   is_open        opening time
---   recorded_s     recorded seconds of the camera of this line that recorded least
---   state          full, partial, low_data or no_data, of that camera
---   can_count      every camera of this line that recorded gives track ids, and a frame in 10 s at least
+--   recorded_s     recorded seconds of the camera of this line that recorded least, or seconds of which its counter sent sums
+--   state          full, partial, low_data or no_data, of that camera or counter
+--   can_count      every camera of this line that recorded gives track ids, and a frame in 10 s at least; a counter can
+--   interval_s     longest interval of the counter's sums; those of over 900 s are spread evenly; null for lines that cameras count
 --   n_to_left      crossings to the left, seen from the line's first point; null where nothing was recorded or crossings cannot be counted
 --   n_to_right     likewise to the right
+--   n_both         crossings either way; the only number of a counter that does not tell ways apart
 -- figure: M57 Crossings
---   definition   people who cross each counting line, by direction: from 0.25 m on one side to 0.25 m on the other, each way back too
+--   definition   people who cross each counting line, by direction: from 0.25 m on one side to 0.25 m on the other, each way back too;
+--                or as its door counter sends them
 --   unit         crossings
 --   denominator  recorded hours
---   needs        positions with track ids, a frame in 10 s at least
+--   needs        positions with track ids, a frame in 10 s at least; or the sums of a door counter
 --   uncertainty  none: a count; the net number is given only where all opening hours were recorded
 --   by           vsd_analytics.figures.lines.line_answers
 -- figure: M58 People inside by the doors
@@ -32,22 +35,52 @@
 --   needs        [doors] empty_at; every door recorded in full since then
 --   uncertainty  the drift shows it: a count that nobody corrects
 --   by           vsd_analytics.figures.doors.door_answers
+-- figure: M60 Footfall
+--   definition   crossings of a counting line, either way, per recorded open hour of the week, beside the usual range by the weeks
+--                before, the change to the week before and to the week 52 weeks before, and the crossings expected next week
+--   unit         crossings per open hour; relative change; crossings
+--   denominator  open hours recorded in full
+--   needs        lines with crossings either way; four weeks before for ranges and expectations
+--   uncertainty  the usual range, and a range of the busiest hour; changes have no interval and no verdict
+--   by           vsd_analytics.figures.footfall.footfall_answers
 -- steps:
+--   counted_lines  lines of cameras and of counters
 --   seers  a line that several cameras see is recorded only where all of them recorded
 -- assumes: a quarter-hour without a crossing is 0 where all cameras of the line recorded, unknown where one did not at all
-with quarters_of_lines as (
+with counted_lines as (
     select
-        count_lines.floor_id,
-        count_lines.line_id,
-        count_lines.line_no,
+        floor_id,
+        from_ms,
+        to_ms,
+        line_id,
+        line_no,
+        false as is_by_counter
+    from count_lines
+    union all
+    select
+        floor_id,
+        from_ms,
+        to_ms,
+        line_id,
+        line_no,
+        true as is_by_counter
+    from counter_lines
+),
+
+quarters_of_lines as (
+    select
+        counted_lines.floor_id,
+        counted_lines.line_id,
+        counted_lines.line_no,
+        counted_lines.is_by_counter,
         calendar.quarter,
         calendar.hour_start_ms,
         calendar.local_date,
         calendar.local_hour,
         calendar.is_open
     from calendar
-    inner join count_lines
-        on calendar.quarter * 900000 >= count_lines.from_ms and calendar.quarter * 900000 < count_lines.to_ms
+    inner join counted_lines
+        on calendar.quarter * 900000 >= counted_lines.from_ms and calendar.quarter * 900000 < counted_lines.to_ms
 ),
 
 seers as (
@@ -85,26 +118,48 @@ crossed as (
         count(*) filter (where not is_to_left) as n_to_right
     from line_crossings
     group by line_id, cast(floor(ts_ms / 900000) as bigint)
+),
+
+by_line as (
+    select
+        q.floor_id,
+        q.line_id,
+        q.line_no,
+        q.quarter,
+        q.hour_start_ms,
+        q.local_date,
+        q.local_hour,
+        q.is_open,
+        case when q.is_by_counter then coalesce(c.recorded_s, 0) else coalesce(r.recorded_s, 0) end as recorded_s,
+        q.is_by_counter or coalesce(r.can_count, true) as can_count,
+        c.interval_s,
+        case when q.is_by_counter then c.n_to_left when r.recorded_s > 0 and r.can_count then coalesce(x.n_to_left, 0) end as n_to_left,
+        case
+            when q.is_by_counter then c.n_to_right when r.recorded_s > 0 and r.can_count then coalesce(x.n_to_right, 0)
+        end as n_to_right,
+        c.n_both
+    from quarters_of_lines as q
+    left join recorded as r on q.line_id = r.line_id and q.quarter = r.quarter
+    left join crossed as x on q.line_id = x.line_id and q.quarter = x.quarter
+    left join counter_quarters as c on q.is_by_counter and q.line_id = c.line_id and q.quarter = c.quarter
 )
 
 select
-    q.floor_id,
-    q.line_id,
-    q.line_no,
-    q.quarter,
-    q.hour_start_ms,
-    q.local_date,
-    q.local_hour,
-    q.is_open,
-    coalesce(recorded.recorded_s, 0) as recorded_s,
-    recording_state(
-        900, coalesce(recorded.recorded_s, 0) / 900, params.full_hour_share, params.partial_hour_share
-    ) as state,
-    coalesce(recorded.can_count, true) as can_count,
-    case when recorded.recorded_s > 0 and recorded.can_count then coalesce(crossed.n_to_left, 0) end as n_to_left,
-    case when recorded.recorded_s > 0 and recorded.can_count then coalesce(crossed.n_to_right, 0) end as n_to_right
-from quarters_of_lines as q
+    b.floor_id,
+    b.line_id,
+    b.line_no,
+    b.quarter,
+    b.hour_start_ms,
+    b.local_date,
+    b.local_hour,
+    b.is_open,
+    b.recorded_s,
+    recording_state(900, b.recorded_s / 900, params.full_hour_share, params.partial_hour_share) as state,
+    b.can_count,
+    b.interval_s,
+    b.n_to_left,
+    b.n_to_right,
+    coalesce(b.n_both, b.n_to_left + b.n_to_right) as n_both
+from by_line as b
 cross join params
-left join recorded on q.line_id = recorded.line_id and q.quarter = recorded.quarter
-left join crossed on q.line_id = crossed.line_id and q.quarter = crossed.quarter
-order by q.quarter, q.line_no
+order by b.quarter, b.line_no

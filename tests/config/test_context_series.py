@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 from tests.site_text import site_text
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
-from vsd_analytics.config.context_file import ContextColumns, ContextRow, RefusedRow, read_context_file
-from vsd_analytics.config.context_series import AddedContext, add_context, context_series, remove_context
+from vsd_analytics.config.context_file import ContextColumns, read_context_file
+from vsd_analytics.config.context_series import add_context, context_series, remove_context
+from vsd_analytics.config.interval_rows import AddedIntervals, IntervalRow, RefusedRow
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import InputError, UsageError
 from vsd_analytics.site.model import Site
@@ -32,7 +33,7 @@ def site(tmp_path: Path) -> Site:
 
 def read(
     folder: Path, text: str, *, every: str | None = "1h", zone: str = "Europe/Rome"
-) -> tuple[list[ContextRow], list[RefusedRow]]:
+) -> tuple[list[IntervalRow[float]], list[RefusedRow]]:
     file = folder / "series.csv"
     file.write_text(text, encoding="utf-8")
     return read_context_file(file, ContextColumns("time", "value", "end", every, ZoneInfo(zone)))
@@ -41,13 +42,14 @@ def read(
 def added(
     site: Site, *lines: str, name: str = "sales", unit: str | None = "EUR", every: str = "1h", at: datetime = AT,
     is_replacing: bool = False,
-) -> AddedContext:  # fmt: skip
+) -> AddedIntervals:  # fmt: skip
     file = site.root / "series.csv"
     file.write_text("\n".join(["time,value", *lines]), encoding="utf-8")
     columns = ContextColumns("time", "value", "end", every, site.zone)
-    return add_context(
+    _, result = add_context(
         site, file, columns, name=name, at=at, unit=unit, adds="sum" if unit else None, is_replacing=is_replacing
     )
+    return result
 
 
 def utc(ms: int) -> str:
@@ -170,7 +172,8 @@ def test_a_series_has_one_unit(site: Site) -> None:
     added(site, "2026-11-09T08:00,5")
     with pytest.raises(UsageError, match="the series sales has --unit EUR, and not USD"):
         added(site, "2026-11-09T09:00,5", unit="USD")
-    assert added(site, "2026-11-09T09:00,5", unit=None).series.unit == "EUR"
+    added(site, "2026-11-09T09:00,5", unit=None)
+    assert context_series(site)["sales"].unit == "EUR"
 
 
 @pytest.mark.parametrize("name", ["Sales", "=cmd()", "../x", "a" * 41, "", "sales\n"])
@@ -184,7 +187,8 @@ def test_a_removed_series_is_gone_and_can_be_added_again(site: Site) -> None:
     assert remove_context(site, "sales", at=AT)
     assert context_series(site) == {}
     assert not remove_context(site, "sales", at=AT.replace(hour=10))
-    assert added(site, "2026-11-09T09:00,8", unit="USD", at=AT.replace(hour=11)).series.unit == "USD"
+    added(site, "2026-11-09T09:00,8", unit="USD", at=AT.replace(hour=11))
+    assert context_series(site)["sales"].unit == "USD"
     assert context_series(site)["sales"].values.tolist() == [8]
     assert remove_context(site, "sales", at=AT.replace(hour=12))
     with pytest.raises(UsageError, match="there is no series 'weather'"):
@@ -220,6 +224,7 @@ def test_the_command_says_what_was_added_and_what_was_not(site: Site, capsys: py
 def test_a_series_is_added_and_taken_back_again_at_one_instant(site: Site) -> None:
     """A clock that stands still, as `--now` does, makes no line pass for one that is there."""
     for _ in range(3):
-        assert added(site, "2026-11-09T09:00,8").series.values.tolist() == [8]
+        added(site, "2026-11-09T09:00,8")
+        assert context_series(site)["sales"].values.tolist() == [8]
         assert remove_context(site, "sales", at=AT)
         assert context_series(site) == {}

@@ -37,6 +37,7 @@ from vsd_analytics.schema import SCHEMAS
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.store.duck import connect
 from vsd_analytics.warehouse.compute import create
+from vsd_analytics.warehouse.counter_lines import counter_quarters
 from vsd_analytics.warehouse.dimensions import calendar, create_tables, quarters, register_site, site_days
 from vsd_analytics.warehouse.sqlfiles import Relation, relations
 
@@ -135,12 +136,15 @@ def types() -> Mapping[str, Mapping[str, str]]:
         found[f"stored_{table}"] = _described(con, f"stored_{table}")
         con.execute(f"create temp table part_{table} as select *, 0 as part, 0 as part_hour, 0 as part_row from _empty")
         found[f"part_{table}"] = _described(con, f"part_{table}")
-    con.register("_calendar", calendar(site(), date(1970, 1, 1), date(1970, 1, 1)))
-    con.execute("create temp table calendar as select * from _calendar where false")
-    found["calendar"] = _described(con, "calendar")
-    con.register("_site_days", site_days(site(), date(1970, 1, 1), date(1970, 1, 1)))
-    con.execute("create temp table site_days as select * from _site_days where false")
-    found["site_days"] = _described(con, "site_days")
+    day = date(1970, 1, 1)
+    hours = calendar(site(), day, day)
+    of_days = {
+        "calendar": hours,
+        "counter_quarters": counter_quarters(site(), hours["quarter"]),
+        "site_days": site_days(site(), day, day),
+    }
+    create_tables(con, {name: rows.slice(0, 0) for name, rows in of_days.items()})
+    found.update({name: _described(con, name) for name in of_days})
     for relation in (r for r in all_relations() if r.layer != "tables"):
         create(con, relation)
         found[relation.name] = _described(con, relation.name)

@@ -34,6 +34,7 @@ JOBS: Final = {
             "queue",
             "capacity",
             "lines",
+            "counts",
             "context",
             "forecast",
         ),

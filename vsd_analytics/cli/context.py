@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
+from vsd_analytics.cli.added_intervals import print_added
 from vsd_analytics.cli.options import exact_option, floor_option, json_option
-from vsd_analytics.cli.output import count, emit_json, plain, table
+from vsd_analytics.cli.output import emit_json, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.render.text import Layout, TableLayout
 
 if TYPE_CHECKING:
     from vsd_analytics.config.context_series import Adds, ContextSeries
 
-_SHOWN = 10
 LAYOUTS: Final[dict[str, Layout]] = {
     "context_conversion": (
         TableLayout(("series", "name", "value_per_visit", "value_unit", "n_visits", "n_days", "known_share")),
@@ -91,23 +91,11 @@ def context_add(
     columns = ContextColumns(
         time_column, value_column, end_column, every, site.zone if zone is None else zone_named(zone)
     )
-    added = add_context(
+    series, added = add_context(
         site, file, columns,
         name=name, at=project.now, unit=unit, place=place, adds=adds, is_replacing=is_replacing,
     )  # fmt: skip
-    if as_json:
-        refused = [{"line": row.line, "why": row.why, "fix": row.fix} for row in added.refused]
-        counts = {"n_new": added.n_new, "n_known": added.n_known, "n_replaced": added.n_replaced}
-        emit_json({**_described(project, added.series), **counts, "refused": refused})
-        return 1 if added.refused else 0
-    known = f", {added.n_known:,} were there already" if added.n_known else ""
-    replaced = f", {added.n_replaced:,} of them replaced" if added.n_replaced else ""
-    click.echo(f"{name}: {count(added.n_new, 'interval')} added{replaced}{known}")
-    for row in added.refused[:_SHOWN]:
-        click.echo(plain(f"line {row.line} not added: {row.why} (fix: {row.fix})"), err=True)
-    if len(added.refused) > _SHOWN:
-        click.echo(f"{len(added.refused) - _SHOWN:,} more lines not added: --json lists all", err=True)
-    return 1 if added.refused else 0
+    return print_added(name, added, described=_described(project, series), as_json=as_json)
 
 
 @context.command("list")

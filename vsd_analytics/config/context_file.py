@@ -14,37 +14,13 @@ from pathlib import Path
 from typing import Final
 from zoneinfo import ZoneInfo
 
+from vsd_analytics.config.interval_rows import IntervalRow, RefusedRow
 from vsd_analytics.errors import InputError, UsageError, Where
 from vsd_analytics.site.instants import day_start_ms
 
 BYTES_MAX: Final = 64 * 2**20
 _YEARS: Final = range(1970, 2200)
 _EVERY: Final = re.compile(r"([1-9][0-9]{0,3})(min|h|d)")
-
-
-@dataclass(frozen=True, slots=True)
-class ContextRow:
-    """One interval.
-
-    Attributes:
-        line: Its line in the file, from 1.
-        from_ms, to_ms: Its ends, UTC milliseconds, end exclusive.
-        value: In the unit of the series.
-    """
-
-    line: int
-    from_ms: int
-    to_ms: int
-    value: float
-
-
-@dataclass(frozen=True, slots=True)
-class RefusedRow:
-    """A line that was not taken, why, and how to fix it."""
-
-    line: int
-    why: str
-    fix: str
 
 
 class _BadRowError(ValueError):
@@ -86,7 +62,7 @@ def zone_named(name: str) -> ZoneInfo:
         raise UsageError(f"--zone: there is no time zone {name!r}", fix="--zone Europe/Rome, or --zone UTC") from None
 
 
-def read_context_file(path: Path, columns: ContextColumns) -> tuple[list[ContextRow], list[RefusedRow]]:
+def read_context_file(path: Path, columns: ContextColumns) -> tuple[list[IntervalRow[float]], list[RefusedRow]]:
     """Return the intervals of a file by time, and the lines that were refused.
 
     The first line names the columns; cells are separated by commas, semicolons or tabs. Equal lines count once. Lines
@@ -102,7 +78,7 @@ def read_context_file(path: Path, columns: ContextColumns) -> tuple[list[Context
     for line, time_text, end_text, value_text in _cells(path, columns):
         try:
             from_ms, to_ms = _interval(time_text, end_text, length, columns.zone)
-            rows.append(ContextRow(line, from_ms, to_ms, _value(value_text)))
+            rows.append(IntervalRow(line, from_ms, to_ms, _value(value_text)))
         except _BadRowError as error:
             refused.append(RefusedRow(line, str(error), error.fix))
     rows.sort(key=lambda row: (row.from_ms, row.to_ms, row.line))
@@ -118,9 +94,9 @@ def read_context_file(path: Path, columns: ContextColumns) -> tuple[list[Context
     return _without_overlaps(chosen, refused), sorted(refused, key=lambda row: row.line)
 
 
-def _without_overlaps(rows: Sequence[ContextRow], refused: list[RefusedRow]) -> list[ContextRow]:
+def _without_overlaps(rows: Sequence[IntervalRow[float]], refused: list[RefusedRow]) -> list[IntervalRow[float]]:
     """Return rows, sorted by time, without those that overlap an earlier one; these are added to `refused`."""
-    chosen: list[ContextRow] = []
+    chosen: list[IntervalRow[float]] = []
     for row in rows:
         if chosen and row.from_ms < chosen[-1].to_ms:
             why = f"its interval overlaps that of line {chosen[-1].line}"

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.config.append_only import AppendOnlyFile
-from vsd_analytics.config.context_file import ContextColumns, ContextRow, RefusedRow, read_context_file
+from vsd_analytics.config.context_file import ContextColumns, read_context_file
+from vsd_analytics.config.interval_rows import AddedIntervals, new_rows, nothing_usable
 from vsd_analytics.config.reader import nearest
 from vsd_analytics.errors import CONTROL, UsageError
 from vsd_analytics.site.model import Site
@@ -80,25 +81,6 @@ class ContextSeries:
         return first, last
 
 
-@dataclass(frozen=True, slots=True)
-class AddedContext:
-    """What became of a file.
-
-    Attributes:
-        series: The series with it.
-        n_new: Intervals that were added.
-        n_known: Intervals that the series had already, with the same value.
-        n_replaced: Intervals of `n_new` that had another value before.
-        refused: Lines that were not taken.
-    """
-
-    series: ContextSeries
-    n_new: int
-    n_known: int
-    n_replaced: int
-    refused: tuple[RefusedRow, ...]
-
-
 def _written(record: ContextRecord) -> dict[str, Any]:
     written: dict[str, Any] = msgspec.to_builtins(record)
     return written
@@ -146,7 +128,7 @@ def add_context(
     place: str | None = None,
     adds: Adds | None = None,
     is_replacing: bool = False,
-) -> AddedContext:
+) -> tuple[ContextSeries, AddedIntervals]:
     """Add the intervals of a CSV file to a series, durably.
 
     Args:
@@ -160,6 +142,9 @@ def add_context(
         adds: How values of several intervals become one; None = as the series does.
         is_replacing: An interval that the series has with another value gets the new one; else the line is refused.
 
+    Returns:
+        The series with the file, and what became of the file.
+
     Raises:
         UsageError: E101, a name, unit or place that cannot be, or another one than the series has.
         InputError: E110 a line of context.jsonl is wrong, E201 to E209 the file cannot be used, E202 no line of it can.
@@ -171,25 +156,14 @@ def add_context(
         known = context_series(site)
         head = _head(site, known.get(name), name=name, at=at, unit=unit, place=place, adds=adds)
         before = {} if name not in known else _values(known[name])
-        new, n_known, n_replaced = [], 0, 0
-        for row in rows:
-            stored = before.get((row.from_ms, row.to_ms))
-            if stored == row.value:
-                n_known += 1
-            elif stored is not None and not is_replacing:
-                why = f"the series has {stored:g} for this interval, and the line says {row.value:g}"
-                refused.append(RefusedRow(row.line, why, "--replace takes the values of the file"))
-            else:
-                new.append(row)
-                n_replaced += stored is not None
-        new = _beside(new, before, refused)
+        new, n_known, n_replaced = new_rows(rows, before, refused, is_replacing=is_replacing, shown="{:g}".format)
         if not new and not n_known:
-            raise _nothing_usable(path, refused)
+            raise nothing_usable(path, refused)
         if new:
             from_ms, to_ms, values = zip(*((r.from_ms, r.to_ms, r.value) for r in new), strict=True)
             _RECORDS.add(site, replace(head, at=_later(site, at), from_ms=from_ms, to_ms=to_ms, values=values))
         refused.sort(key=lambda row: row.line)
-        return AddedContext(context_series(site)[name], len(new), n_known, n_replaced, tuple(refused))
+        return context_series(site)[name], AddedIntervals(len(new), n_known, n_replaced, tuple(refused))
 
 
 def remove_context(site: Site, name: str, *, at: datetime) -> bool:
@@ -268,30 +242,4 @@ def _values(series: ContextSeries) -> dict[tuple[int, int], float]:
     return dict(zip(pairs, series.values.tolist(), strict=True))
 
 
-def _beside(new: list[ContextRow], before: dict[tuple[int, int], float], refused: list[RefusedRow]) -> list[ContextRow]:
-    """Return the rows that do not overlap another interval of the series; the others are added to `refused`."""
-    ends = np.array(sorted(before), np.int64).reshape(-1, 2)
-    chosen = []
-    for row in new:
-        at = int(np.searchsorted(ends[:, 1], row.from_ms, side="right"))  # the first that ends after its start
-        is_free = at == len(ends) or ends[at, 0] >= row.to_ms
-        if is_free or (row.from_ms, row.to_ms) in before:
-            chosen.append(row)
-        else:
-            why = "its interval overlaps one of another length that the series has"
-            refused.append(RefusedRow(row.line, why, "the --every of the first file, or vsd context remove"))
-    return chosen
-
-
-def _nothing_usable(path: Path, refused: list[RefusedRow]) -> Exception:
-    from vsd_analytics.errors import InputError, Where
-
-    if not refused:
-        return InputError(f"{path} has no line below its header", code="E202", fix="export it again")
-    first = min(refused, key=lambda row: row.line)
-    where = Where(str(path), first.line)
-    what = f"no line of {path} can be used"
-    return InputError(what, code="E202", where=where, why=f"line {first.line}: {first.why}", fix=first.fix)
-
-
-__all__ = ["AddedContext", "Adds", "ContextSeries", "add_context", "context_series", "remove_context"]
+__all__ = ["Adds", "ContextSeries", "add_context", "context_series", "remove_context"]

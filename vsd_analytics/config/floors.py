@@ -56,6 +56,12 @@ def read_floors(root: TableReader) -> dict[str, Floor]:
     return floors or {"floor": Floor("floor", "Floor")}
 
 
+def _raw(root: TableReader, key: str) -> list[Any]:
+    """Return the items of an array of tables as the file has them; its own reader says what is wrong with them."""
+    items = root.values.get(key)
+    return items if isinstance(items, list) else []
+
+
 def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: str) -> tuple[Camera, ...]:
     """Return the cameras in the order of the file.
 
@@ -63,8 +69,11 @@ def read_cameras(root: TableReader, *, floors: Mapping[str, Floor], timezone: st
         root: Reader of the whole file.
         floors: Floors they may look at.
         timezone: Zone of calibration dates without an offset.
+
+    A site whose lines door counters count needs none.
     """
-    if "camera" not in root.values:
+    has_counters = any(isinstance(line, dict) and line.get("counted_by") == "counter" for line in _raw(root, "line"))
+    if "camera" not in root.values and not has_counters:
         fix = 'add: [[camera]] with id = "cam-1" and name = "Entrance"'
         root.mistakes.add((), f"{root.label} has no [[camera]]", code="E123", fix=fix)
     tables = root.each("camera")
@@ -222,7 +231,11 @@ def read_lines(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
         line_id = _unique(table, table.id("id", example='"entrance"'), lines, kind="line")
         name = table.text("name", example='"Entrance"', required=True)
         floor_id = read_floor(table, floors)
+        counted_by = table.word("counted_by", ("cameras", "counter"), example="counter", fix="counter") or "cameras"
+        is_by_counter = counted_by == "counter"
         ends = _line_ends(table)
+        if not is_by_counter and "points" not in table.values:
+            table.missing("points", _LINE, instead="counted_by")
         left = table.text("left", example='"street"') or "left"
         right = table.text("right", example='"shop"') or "right"
         inside = table.word("inside", _SIDES, example="right", fix="left")
@@ -236,8 +249,9 @@ def read_lines(root: TableReader, *, floors: Mapping[str, Floor], timezone: str)
                 fix='left = "street", right = "shop"',
             )
         table.close()
-        if line_id is not None and ends is not None:
-            lines[line_id] = Line(line_id, name or "", floor_id, ends, left, right, inside, first_day, end_day)
+        if line_id is not None and (ends is not None or is_by_counter):
+            life = (first_day, end_day)
+            lines[line_id] = Line(line_id, name or "", floor_id, ends, left, right, inside, *life, is_by_counter)
     return tuple(lines.values())
 
 
@@ -245,8 +259,6 @@ def _line_ends(table: TableReader) -> tuple[Point, Point] | None:
     """Return the two ends of a line."""
     points = table.points("points", least=2, example=_LINE)
     if points is None:
-        if "points" not in table.values:
-            table.missing("points", _LINE)
         return None
     first, second = points[0], points[-1]
     length_m = math.dist(first, second)

@@ -74,7 +74,7 @@ def watch(data: FloorHours, reference: Days, watched: Days) -> tuple[CameraWatch
         watched: Whole weeks after them.
     """
     n_reference, n_watched = (((last - first).days + 1) // 7 for first, last in (reference, watched))
-    if len(data.cameras) == 1:
+    if len(data.cameras) <= 1:
         return tuple(CameraWatch(c.camera_id, c.name, None, reason=Reason("watch.alone")) for c in data.cameras)
     sides = [_weeks(data, days[0], n) for days, n in ((reference, n_reference), (watched, n_watched))]
     people, is_counted = (np.concatenate(parts, axis=1) for parts in zip(*sides, strict=True))

@@ -160,8 +160,9 @@ def inside_by_doors(
             for is_in in (True, False)
         )
         before = inside
-        is_known = inside is not None and all(row["is_whole"] for row in found)
-        inside = inside + sum(n_in) - sum(n_out) if is_known and inside is not None else None
+        known_in, known_out = (sum(n for n in ways if n is not None) for ways in (n_in, n_out))
+        is_known = inside is not None and all(row["is_whole"] for row in found) and None not in (*n_in, *n_out)
+        inside = inside + known_in - known_out if is_known and inside is not None else None
         counts = _known_sum(n_in), _known_sum(n_out)
         yield DoorQuarter(day, one["is_open"], one["is_over"], *counts, before if is_known else None, inside)
 

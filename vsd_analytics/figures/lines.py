@@ -17,17 +17,19 @@ from vsd_analytics.site.lines import Line
 
 Rows = Sequence[dict[str, Any]]
 _ROWS: Final = """
-select line_id, local_date, local_hour, is_open, recorded_s, state, can_count, n_to_left, n_to_right
+select line_id, local_date, local_hour, is_open, recorded_s, state, can_count, n_to_left, n_to_right, n_both
 from line_counts
 where floor_id = $floor and local_date between $first and $last and ($until is null or quarter * 900000 < $until)
 order by quarter, line_no
 """
 _BOTH: Final = ("n_to_left", "n_to_right")
+_WAYS: Final = (*_BOTH, "n_both")
 _COUNTS: Final = (
     Column("left", "fact"),
     Column("n_to_left", "count", "crossings", "M57", per="recorded_h"),
     Column("right", "fact"),
     Column("n_to_right", "count", "crossings", "M57", per="recorded_h"),
+    Column("n_both", "count", "crossings", "M57", per="recorded_h", tells=_BOTH),
     Column("net_to_left", "people", "people", "M57", digits=6, tells=_BOTH),
     Column("inside", "fact"),
     Column("recorded_h", "fact", "h"),
@@ -44,16 +46,19 @@ DAY_COLUMNS: Final = (*_KEYS, Column("local_date", "key"), _NAME, *_COUNTS)
 HOUR_COLUMNS: Final = (*_KEYS, Column("local_hour", "key", "hour_of_day"), _NAME, *_COUNTS)
 """Columns of `line_hours`."""
 _DAY_HOUR_COLUMNS: Final = (*DAY_COLUMNS[:3], Column("local_hour", "key", "hour_of_day"), *DAY_COLUMNS[3:])
-_SUMS: Final = tuple(Sum(n, (f"{table}.{n}",)) for table in ("line_days", "line_hours") for n in _BOTH)
+_SUMS: Final = tuple(Sum(n, (f"{table}.{n}",)) for table in ("line_days", "line_hours") for n in _WAYS)
+ONE_NUMBER: Final = Reason("lines.one_number")
+"""Why a line has no number for a side: its counter counts both ways, or the other way only."""
 
 
 def line_answers(period: Period) -> tuple[Answer, Answer, Answer]:
     """Return who crossed each counting line of a floor: over the days, by day, and by hour of the day.
 
-    Columns: names of both sides; crossings to either side, of all recorded quarter-hours (M57); crossings to the left
-    less those to the right, where every opening hour was recorded in full; of a door, the side that is inside; recorded
-    hours of the camera of a line that recorded least; opening hours that were not recorded in full; all opening hours,
-    and the share of them that was recorded in full (None without opening hours). Hours to come are left out.
+    Columns: names of both sides; crossings to either side and both ways, of all recorded quarter-hours (M57); crossings
+    to the left less those to the right, where every opening hour was recorded in full; of a door, the side that is
+    inside; recorded hours of the camera of a line that recorded least, or of its counter; opening hours that were not
+    recorded in full; all opening hours, and the share of them that was recorded in full (None without opening hours).
+    Hours to come are left out.
     """
     lines = lines_of(period)
     names = (("lines", LINE_COLUMNS), ("line_days", DAY_COLUMNS), ("line_hours", HOUR_COLUMNS))
@@ -106,25 +111,28 @@ def _grouped(period: Period, lines: Sequence[Line], rows: Rows, *keys: str) -> t
 
 def _counts(line: Line, quarters: Rows) -> Row:
     """Return the cells of some quarter-hours of a line."""
-    known = [row for row in quarters if row["n_to_left"] is not None]
     open_unrecorded = sum(row["is_open"] and (row["state"] != "full" or not row["can_count"]) for row in quarters)
     n_open = sum(row["is_open"] for row in quarters)
-    n_left, n_right = (sum(row[name] for row in known) for name in _BOTH)
-    if known:
-        counts = Value(n_left), Value(n_right)
-        net = Value(n_left - n_right)
+    is_recorded = any(row["recorded_s"] for row in quarters)
+    can_count = all(row["can_count"] for row in quarters)
+    n_left, n_right, n_both = (_sum(quarters, name) for name in _WAYS)
+    if not can_count and n_left is None:
+        missing = Value.missing(NO_TRACK_IDS, "not_measurable")
     else:
-        can_count = all(row["can_count"] for row in quarters)
-        why = Value.of(NOT_RECORDED) if can_count else Value.missing(NO_TRACK_IDS, "not_measurable")
-        counts, net = (why, why), why
-    if known and open_unrecorded:
+        missing = Value.missing(ONE_NUMBER, "not_measurable") if is_recorded else Value.of(NOT_RECORDED)
+    if n_left is None or n_right is None:
+        net = missing
+    elif open_unrecorded:
         net = Value.missing(Reason("lines.net_unknown", hours=open_unrecorded / 4))
+    else:
+        net = Value(n_left - n_right)
     return {
         "name": line.name,
         "left": line.left,
-        "n_to_left": counts[0],
+        "n_to_left": missing if n_left is None else Value(n_left),
         "right": line.right,
-        "n_to_right": counts[1],
+        "n_to_right": missing if n_right is None else Value(n_right),
+        "n_both": missing if n_both is None else Value(n_both),
         "net_to_left": net,
         "inside": line.inside,
         "recorded_h": sum(row["recorded_s"] for row in quarters) / 3600,
@@ -132,3 +140,9 @@ def _counts(line: Line, quarters: Rows) -> Row:
         "open_h": n_open / 4,
         "recorded_open_share": (n_open - open_unrecorded) / n_open if n_open else None,
     }
+
+
+def _sum(quarters: Rows, name: str) -> int | None:
+    """Return the sum of what is known of a column, None where nothing is."""
+    known = [row[name] for row in quarters if row[name] is not None]
+    return sum(known) if known else None

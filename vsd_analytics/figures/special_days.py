@@ -93,3 +93,13 @@ def notes_of_days(site: Site, first: date) -> tuple[Reason, ...]:
     if is_after_clock_change(site.zone, days[0]) or is_after_clock_change(site.zone, days[-1]):
         notes.append(Reason("calendar.clock"))
     return tuple(notes)
+
+
+def days_of_one_week(site: Site, *mondays: date) -> tuple[str, ...]:
+    """Return the names of public holidays and events that do not lie in all of some weeks, in order of the alphabet."""
+    named: list[set[str]] = []
+    for monday in mondays:
+        days = [monday + timedelta(days=k) for k in range(7)]
+        special = [each for day in days for each in (site.calendar.holiday(day), site.calendar.event(day)) if each]
+        named.append({str(getattr(each, "name", each)) for each in special})
+    return tuple(sorted(set[str]().union(*named) - named[0].intersection(*named)))

@@ -7,7 +7,7 @@ apart differ by chance is not known from weeks in a row.
 
 from __future__ import annotations
 
-from datetime import date, timedelta
+from datetime import timedelta
 from typing import Final
 
 import numpy as np
@@ -20,9 +20,9 @@ from vsd_analytics.figures.panels import Flags
 from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.share.weeks import HiddenWeek
+from vsd_analytics.figures.special_days import days_of_one_week
 from vsd_analytics.figures.values import known, lack, measured, relative
 from vsd_analytics.figures.week.data import WeekData
-from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
 COLUMNS: Final = (
@@ -55,9 +55,8 @@ def year_before(inputs: FigureInputs) -> Answer:
         pair = TwoPeriods(Period(data, *weeks[0]), Period(data, *weeks[1]))
         cells = _cells(inputs, data, pair)
         data.remember_shared()
-    special = _special_days(site, first), _special_days(site, monday)
-    differing = tuple(sorted(set(special[0]) ^ set(special[1])))
-    row: Row = {"week_before": f"{first:%G-W%V}", **cells, "special_days": differing}
+    special = days_of_one_week(site, first, monday)
+    row: Row = {"week_before": f"{first:%G-W%V}", **cells, "special_days": special}
     return inputs.floor_answer("year_before", COLUMNS, row, Reason("year.weeks"))
 
 
@@ -103,10 +102,3 @@ def _is_revealed(data: WeekData, pair: TwoPeriods, which: int, hidden: HiddenWee
     used = pair.used(0 if which == 0 else 1)
     left_out: Flags = np.asarray((data.hours.is_counted & ~used).any(axis=0))
     return bool(hidden.hours.small or hidden.hours.others) and bool(left_out[period.is_inside].any())
-
-
-def _special_days(site: Site, monday: date) -> tuple[str, ...]:
-    """Return the names of public holidays and events of a week."""
-    days = [monday + timedelta(days=k) for k in range(7)]
-    names = [name for day in days for name in (site.calendar.holiday(day), site.calendar.event(day)) if name]
-    return tuple(dict.fromkeys(str(getattr(name, "name", name)) for name in names))

@@ -54,11 +54,15 @@ _PARTS = pa.schema(
 
 
 def line_rows(site: Site) -> list[tuple[Any, ...]]:
-    """Return the rows of `count_lines`: a line each, its life (UTC milliseconds) and its ends (floor millimetres)."""
+    """Return the rows of `count_lines`: a line that cameras count each, its life (UTC milliseconds), its ends (mm)."""
     rows = []
     for number, line in enumerate(site.lines):
+        if line.is_by_counter:
+            continue
         ends = _ends_mm(line)
-        rows.append((line.floor_id, *_life(site, line), line.line_id, number, *ends[0], *ends[1], math.dist(*ends)))
+        rows.append(
+            (line.floor_id, *line_life_ms(site, line), line.line_id, number, *ends[0], *ends[1], math.dist(*ends))
+        )
     return rows
 
 
@@ -70,9 +74,10 @@ def part_rows(site: Site) -> list[tuple[Any, ...]]:
     a known view, each counts all that it sends.
     """
     rows = []
-    spans = owner_spans(site) if site.lines else []
-    for line in site.lines:
-        first_ms, end_ms = _life(site, line)
+    lines = [line for line in site.lines if not line.is_by_counter]
+    spans = owner_spans(site) if lines else []
+    for line in lines:
+        first_ms, end_ms = line_life_ms(site, line)
         for span in (s for s in spans if s.floor_id == line.floor_id):
             from_ms, to_ms = max(first_ms, span.from_ms), min(end_ms, span.to_ms)
             if from_ms < to_ms:
@@ -92,11 +97,13 @@ def line_parts(site: Site) -> pa.Table:
 
 
 def _ends_mm(line: Line) -> tuple[tuple[int, int], tuple[int, int]]:
+    assert line.points is not None  # only lines of counters may lack them
     (ax, ay), (bx, by) = line.points
     return (round(ax * 1000), round(ay * 1000)), (round(bx * 1000), round(by * 1000))
 
 
-def _life(site: Site, line: Line) -> tuple[int, int]:
+def line_life_ms(site: Site, line: Line) -> tuple[int, int]:
+    """Return the UTC milliseconds from and up to which a line counts."""
     return (
         -FOREVER_MS if line.first_day is None else day_start_ms(site, line.first_day),
         FOREVER_MS if line.end_day is None else day_start_ms(site, line.end_day),

@@ -17,6 +17,7 @@ from vsd_analytics.site.calendar import Opening
 from vsd_analytics.site.model import Camera, Point, Site
 from vsd_analytics.site.places import joined_floors
 from vsd_analytics.warehouse.count_lines import count_lines, line_parts
+from vsd_analytics.warehouse.counter_lines import counter_lines
 from vsd_analytics.warehouse.owner_spans import FOREVER_MS, calibration_spans, camera_life, day_start_ms, owner_spans
 from vsd_analytics.warehouse.rules import RULES
 
@@ -142,6 +143,7 @@ def site_relations(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, pa.Tabl
         "count_floors": _table(_FLOORS, [(f.floor_id,) for f in site.floors if f.capacity is not None]),
         "count_lines": count_lines(site),
         "line_parts": line_parts(site),
+        "counter_lines": counter_lines(site),
         "staff": STAFF.empty_table(),
         "joined_floors": _table(_FLOORS, [(floor_id,) for floor_id in joined_floors(site)]),
     }
@@ -255,8 +257,7 @@ def asked_tables(site: Site) -> frozenset[str]:
         areas_with_stays(site),
         areas_with_counts(site),
         any(f.capacity is not None for f in site.floors),
-        site.lines,
-        site.lines,
+        *([any(not line.is_by_counter for line in site.lines)] * 2),
         joined_floors(site),
     )
     return frozenset(name for name, is_asked in zip(ASKED_TABLES, has_rows, strict=True) if is_asked)

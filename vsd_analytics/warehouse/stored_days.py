@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from datetime import date, datetime, timedelta
 from itertools import pairwise
 
+from vsd_analytics.config.door_counts import counted_days
 from vsd_analytics.schema import TABLES
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.layout import day_folders
@@ -32,7 +33,27 @@ class Extent:
 
 
 def stored_stretches(site: Site) -> list[Extent]:
-    """Return the stretches of local days with records, stored or sealed; folds spooled records first."""
+    """Return the stretches of local days with records, stored or sealed, or counts of door counters.
+
+    Spooled records are folded first.
+    """
+    counted = counted_days(site)
+    return _joined([*_recorded(site), *([] if counted is None else [Extent(*counted)])])
+
+
+def _joined(extents: list[Extent]) -> list[Extent]:
+    """Return stretches in order of time, as one where they are less than `FAR_DAYS` apart."""
+    joined: list[Extent] = []
+    for extent in sorted(extents, key=lambda e: e.first_day):
+        if joined and (extent.first_day - joined[-1].last_day).days <= FAR_DAYS:
+            joined[-1] = Extent(joined[-1].first_day, max(joined[-1].last_day, extent.last_day))
+        else:
+            joined.append(extent)
+    return joined
+
+
+def _recorded(site: Site) -> list[Extent]:
+    """Return the stretches of local days with records."""
     store = Store(site.root / "store", site_id=site.site_id)
     if store.n_spooled():
         store.fold()

@@ -24,8 +24,9 @@ from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import superseded
 from vsd_analytics.warehouse.build import build, record_rows
 from vsd_analytics.warehouse.build_result import BuildResult
+from vsd_analytics.warehouse.counter_lines import counter_quarters
 from vsd_analytics.warehouse.day_files import AROUND_H, DayFiles
-from vsd_analytics.warehouse.dimensions import calendar, register_site, site_days
+from vsd_analytics.warehouse.dimensions import calendar, create_tables, register_site, site_days
 from vsd_analytics.warehouse.duckdb_failures import failed_inside, inside
 from vsd_analytics.warehouse.relations import Catalog
 from vsd_analytics.warehouse.sealed import OtherRules, other_rules
@@ -141,12 +142,13 @@ class Warehouse:
         # A view is read by several queries, and to open its files again costs more than the rows of most.
         self._con.execute("set parquet_metadata_cache = true")
         register_site(self._con, site, heat_cell_m=self._heat_cell_m)
-        calendars = [calendar(site, e.first_day, e.last_day) for e in self.extents]
-        self._con.register("_calendar", pa.concat_tables(calendars))
-        self._con.execute("create temp table calendar as select * from _calendar")
-        of_site = [site_days(site, e.first_day, e.last_day) for e in self.extents]
-        self._con.register("_site_days", pa.concat_tables(of_site))
-        self._con.execute("create temp table site_days as select * from _site_days")
+        calendars = pa.concat_tables([calendar(site, e.first_day, e.last_day) for e in self.extents])
+        tables = {
+            "calendar": calendars,
+            "counter_quarters": counter_quarters(site, calendars["quarter"]),
+            "site_days": pa.concat_tables([site_days(site, e.first_day, e.last_day) for e in self.extents]),
+        }
+        create_tables(self._con, tables)
         self._sources = RelationSources(
             self._con,
             site,

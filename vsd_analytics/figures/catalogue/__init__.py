@@ -26,7 +26,7 @@ from vsd_analytics.figures.week.data import WeekData
 from vsd_analytics.figures.week.results import Figure
 from vsd_analytics.warehouse.stored_days import has_records
 
-OF_WEEKS: Final = frozenset({"M13", "M14", "M20", "M24", "M25", "M27", "M28"})
+OF_WEEKS: Final = frozenset({"M13", "M14", "M20", "M24", "M25", "M27", "M28", "M60"})
 """Figures of hours and places of several weeks, and of weeks beside each other."""
 SO_FAR: Final = frozenset({"M0", "M1", "M3", "M6", "M15"})
 """Figures of a week that goes on which leave: those of the floor, its areas and recording."""
@@ -39,7 +39,7 @@ OF_CAPACITIES: Final = frozenset({"M41"})
 
 OF_SPACE: Final = OF_VISITS | OF_QUEUES | OF_CAPACITIES
 """Figures of how a space is used, which places of the floor ask for."""
-OF_LINES: Final = frozenset({"M57", "M58"})
+OF_LINES: Final = frozenset({"M57", "M58", "M60"})
 """Figures of counting lines, and of those that are doors."""
 OF_CONTEXT: Final = frozenset({"M50", "M51", "M52"})
 """Figures that use series of what else happened; of weeks only."""
@@ -135,7 +135,7 @@ def lines_ask_for(data: WeekData) -> frozenset[str]:
     """Return which figures of counting lines the floor has lines for in these days."""
     lines = [n for n in data.site.lines if n.floor_id == data.floor.floor_id]
     is_any = any(n.is_there(data.monday, data.sunday) for n in lines)
-    return (frozenset({"M57"}) if is_any else frozenset()) | ({"M58"} if any(n.inside for n in lines) else set())
+    return (frozenset({"M57", "M60"}) if is_any else frozenset()) | ({"M58"} if any(n.inside for n in lines) else set())
 
 
 def figure_unit(metric: str, rules: UnitRules) -> Reason:

@@ -1,4 +1,4 @@
-"""Answers on how a space is used, of places that ask for it: M35 to M42, lines and doors: M57, M58."""
+"""Answers on how a space is used, of places that ask for it: M35 to M42, lines and doors: M57, M58, M60."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from vsd_analytics.figures.capacities import capacity
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
 from vsd_analytics.figures.doors import door_answers
 from vsd_analytics.figures.flow_answers import direction_answer, flow_answers
+from vsd_analytics.figures.footfall import footfall_answers
 from vsd_analytics.figures.lines import line_answers
 from vsd_analytics.figures.queues import queues
 from vsd_analytics.figures.visits import visits
@@ -46,3 +47,9 @@ def crossings_of_lines(inputs: FigureInputs) -> tuple[Answer, ...]:
 def people_inside_by_doors(inputs: FigureInputs) -> tuple[Answer, ...]:
     """Return how many people were inside by the doors of a floor, and the drift of its doors: over the days, by day."""
     return door_answers(inputs.data.this)
+
+
+@answers("M60")
+def footfall_of_lines(inputs: FigureInputs) -> tuple[Answer, ...]:
+    """Return the footfall of each counting line: the week beside its usual range and a year before, and next week."""
+    return footfall_answers(inputs.data.this)

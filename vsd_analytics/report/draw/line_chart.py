@@ -31,6 +31,7 @@ class LineDay:
     Attributes:
         day: Local day.
         n_left, n_right: Crossings to either side; None where unknown or hidden.
+        n_both: Crossings of a counter that does not tell ways apart; None for all other lines.
         is_recorded: Something was recorded and can be counted: a number that is missing is hidden.
         is_whole: All opening hours were recorded in full.
     """
@@ -38,8 +39,16 @@ class LineDay:
     day: date
     n_left: float | None
     n_right: float | None
+    n_both: float | None
     is_recorded: bool
     is_whole: bool
+
+    @property
+    def bars(self) -> tuple[tuple[float | None, float, float, str, str], ...]:
+        """Return number, place and width (shares of a day's width), style and colour of each bar."""
+        if self.n_both is not None:
+            return ((self.n_both, 0.2, 0.6, *_BARS[1]),)
+        return (self.n_left, 0.14, 0.34, *_BARS[0]), (self.n_right, 0.52, 0.34, *_BARS[1])
 
 
 def line_chart(days: Sequence[LineDay], *, width: int, label: str) -> Markup:
@@ -50,7 +59,7 @@ def line_chart(days: Sequence[LineDay], *, width: int, label: str) -> Markup:
         width: Width of the drawing; text is as large in each.
         label: Text alternative.
     """
-    top = max(n for d in days for n in (d.n_left, d.n_right) if n is not None)
+    top = max(n for d in days for n, *_ in d.bars if n is not None)
     step = (width - LEFT - RIGHT) / len(days)
     base = HEIGHT - BOTTOM
     every = math.ceil(LABEL_WIDTH / step)
@@ -63,16 +72,16 @@ def line_chart(days: Sequence[LineDay], *, width: int, label: str) -> Markup:
         if not day.is_recorded and not day.is_whole:
             place = {"x": round(x + 0.1 * step, 1), "y": TOP, "width": round(0.8 * step, 1), "height": base - TOP}
             parts.append(el("rect", class_="hx", fill="url(#hat)", stroke=HATCH, **place))
-        for n, at, (style, fill) in zip((day.n_left, day.n_right), (0.14, 0.52), _BARS, strict=True):
+        for n, at, share, style, fill in day.bars:
             if n:
                 height = max((base - TOP) * n / top, 1.0)
                 place = {"x": round(x + at * step, 1), "y": round(base - height, 1)}
-                size = {"width": round(0.34 * step, 1), "height": round(height, 1)}
+                size = {"width": round(share * step, 1), "height": round(height, 1)}
                 dashes: Look = {} if day.is_whole else {"stroke": INK, "stroke_width": 1.6, "stroke_dasharray": "4 3"}
                 class_ = style if day.is_whole else f"{style} tw"
                 parts.append(el("rect", class_=class_, fill=fill, **place, **size, **dashes))
             elif n is None and day.is_recorded:
-                parts.append(chart_text(fmt.MISSING, x + (at + 0.17) * step, base - 4))
+                parts.append(chart_text(fmt.MISSING, x + (at + share / 2) * step, base - 4))
         if k % every == 0:
             parts.append(chart_text(_name(day.day, n_days=len(days)), x + step / 2, HEIGHT - 7))
     return drawing(parts, (width, HEIGHT), class_="tr wide" if width == WIDE else "tr nar", label=label)

@@ -10,6 +10,7 @@ from typing import Final
 from markupsafe import Markup
 
 from vsd_analytics.answer import Answer, Row, Value, value_of
+from vsd_analytics.figures.lines import ONE_NUMBER
 from vsd_analytics.report.draw.line_chart import LineDay, line_chart
 from vsd_analytics.report.draw.trend_chart import NARROW, WIDE
 from vsd_analytics.report.model.week import WeekReport
@@ -86,9 +87,15 @@ def has_lines(report: WeekReport) -> bool:
 def _line(row: Row, rows: Sequence[Row]) -> LineView:
     name, days = str(row["name"]), [_day(each) for each in rows]
     wide = narrow = Markup("")
-    if any(day.n_left or day.n_right for day in days):
-        by_day = "; ".join(f"{_day_name(d.day)}: {fmt.count(d.n_left)}, {fmt.count(d.n_right)}" for d in days)
-        label = say("lines.label", name=name, left=row["left"], right=row["right"], days=by_day)
+    if any(n for day in days for n, *_ in day.bars):
+        by_day = "; ".join(f"{_day_name(d.day)}: {', '.join(fmt.count(n) for n, *_ in d.bars)}" for d in days)
+        label = say(
+            "lines.label_both" if _has_one_number(row) else "lines.label",
+            name=name,
+            left=row["left"],
+            right=row["right"],
+            days=by_day,
+        )
         wide, narrow = (line_chart(days, width=width, label=label) for width in (WIDE, NARROW))
     return LineView(name=name, wide=wide, narrow=narrow, said=_said(row))
 
@@ -99,15 +106,28 @@ def _day(row: Row) -> LineDay:
         day=_date(row),
         n_left=left.value,
         n_right=right.value,
-        is_recorded=bool(row["recorded_h"]) and left.state != "not_measurable",
+        n_both=value_of(row, "n_both").value if _has_one_number(row) else None,
+        is_recorded=bool(row["recorded_h"]) and (left.state != "not_measurable" or _has_one_number(row)),
         is_whole=not row["unrecorded_open_h"],
     )
+
+
+def _has_one_number(row: Row) -> bool:
+    """Tell whether a counter counts both ways in one number."""
+    left, right = (value_of(row, column) for _, column in _SIDES)
+    return left.value is None and right.value is None and left.reason == ONE_NUMBER
 
 
 def _said(row: Row) -> tuple[str, ...]:
     values = [value_of(row, column) for _, column in _SIDES]
     reasons = {_why(value) for value in values if value.value is None}
-    if len(reasons) == 1 and all(value.value is None for value in values):
+    if _has_one_number(row):
+        both = value_of(row, "n_both")
+        if both.value is None:
+            said = [say("lines.unknown", reason=_why(both))]
+        else:
+            said = [say("lines.both", n=fmt.count(both.value), left=row["left"], right=row["right"])]
+    elif len(reasons) == 1 and all(value.value is None for value in values):
         said = [say("lines.unknown", reason=reasons.pop())]
     else:
         said = [
