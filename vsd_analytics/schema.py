@@ -33,7 +33,8 @@ SCHEMAS: Final[dict[TableName, pa.Schema]] = {
         ("n_pairs", pa.int32(), True),
         ("seq", pa.int64(), True),
     ),
-    # one row per person and frame; person is the index within the message the engine sent (tables send one by one: 0)
+    # one row per person and frame; person is the index within the message the engine sent (tables send one by one: 0);
+    # is_staff = the engine's class or tag is one of staff_classes; null = it gave none, or nobody asked
     "observations": _columns(
         ("camera_id", pa.string(), False),
         ("ts", TS, False),
@@ -44,6 +45,7 @@ SCHEMAS: Final[dict[TableName, pa.Schema]] = {
         ("u_px", pa.float32(), True),
         ("v_px", pa.float32(), True),
         ("quality", pa.string(), False),
+        ("is_staff", pa.bool_(), True),
     ),
     # one row per unordered pair and frame that an engine sent; a before b
     "pairs": _columns(
@@ -62,6 +64,10 @@ SCHEMAS: Final[dict[TableName, pa.Schema]] = {
         ("quality", pa.string(), False),
     ),
 }
+
+LATER: Final = frozenset({"is_staff"})
+"""Columns that older files lack. A file without a value in them lacks them too: it has the bytes that it always had,
+and older versions read it."""
 
 # A record is counted once however often it is delivered: these expressions identify it. Records with a track id are
 # identified by camera, instant and track; records without one by camera, instant and place, so that the same person
@@ -108,6 +114,7 @@ RAW_SCHEMAS: Final[dict[TableName, pa.Schema]] = {
         ("u_px", pa.float64(), True),
         ("v_px", pa.float64(), True),
         ("quality", pa.string(), False),
+        ("is_staff", pa.bool_(), True),
         ("line", pa.int64(), False),
     ),
     "pairs": _columns(

@@ -39,7 +39,8 @@ placed_observations as (
                 y_mm,
                 u_px,
                 v_px,
-                quality
+                quality,
+                is_staff
         ) - 1 as sorted_row
     from part_observations
 ),

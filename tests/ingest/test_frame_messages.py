@@ -32,7 +32,7 @@ def test_a_message_becomes_a_frame_its_persons_and_its_pairs(tmp_path: Path) -> 
     found = read_frames(tmp_path / "a.jsonl", text)
     shared = {"camera": "cam-1", "ts_ms": NINE_MS + 200, "zone": None, "line": 1}
     assert found.tables["frames"] == [{**shared, "n_persons": 3, "n_pairs": 1, "seq": 3}]
-    blank = {"track": None, "x_m": None, "y_m": None, "u_px": None, "v_px": None}
+    blank = {"track": None, "x_m": None, "y_m": None, "u_px": None, "v_px": None, "is_staff": None}
     assert found.people == [
         {**shared, **blank, "person": 0, "quality": "body", "track": "7", "x_m": 1.2, "y_m": 3.4},
         {**shared, **blank, "person": 1, "quality": "body", "track": "9", "u_px": 512.0, "v_px": 633.5},

@@ -81,7 +81,7 @@ def expected(number: int, message: dict[str, Any]) -> dict[str, list[dict[str, A
     for i, person in enumerate(listed or ()):
         track = None if person.get("id") is None else str(person["id"])
         places = {axis: person.get(axis) for axis in ("x_m", "y_m", "u_px", "v_px")}
-        people.append({**shared, "person": i, "track": track, **places, "quality": quality})
+        people.append({**shared, "person": i, "track": track, **places, "quality": quality, "is_staff": None})
         if track is not None:
             number_of.setdefault(track, i)
     others: dict[str, int] = {}

@@ -74,6 +74,7 @@ def test_metres_become_millimetres_and_pixels_quarters() -> None:
         "u_px": 100.0,
         "v_px": 0.5,
         "quality": "metric",
+        "is_staff": None,
     }
 
 

@@ -64,6 +64,7 @@ NUMBERS = st.none() | st.floats(width=64)
                 "u_px": NUMBERS,
                 "v_px": NUMBERS,
                 "quality": st.just("metric"),
+                "is_staff": st.sampled_from([None, True, False]),
             }
         ),
         max_size=5,

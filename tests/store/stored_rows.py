@@ -54,7 +54,7 @@ def pair(
 
 def table(name: TableName, rows: list[dict[str, Any]]) -> pa.Table:
     schema = SCHEMAS[name]
-    return pa.table([pa.array([r[c.name] for r in rows], c.type) for c in schema], schema=schema)
+    return pa.table([pa.array([r.get(c.name) for r in rows], c.type) for c in schema], schema=schema)
 
 
 def stored(root: Path) -> dict[str, list[dict[str, Any]]]:

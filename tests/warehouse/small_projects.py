@@ -52,6 +52,7 @@ class Person:
     camera: str = "cam"
     u: float | None = None
     v: float | None = None
+    is_staff: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ def put(site: Site, records: Iterable[Person | Pair | Frame], *, fold: bool = Tr
     frames: list[tuple[Any, ...]] = []
     for i, r in enumerate(records):
         if isinstance(r, Person):
-            persons.append((r.camera, r.ts, i, r.track, r.x, r.y, r.u, r.v, "metric"))
+            persons.append((r.camera, r.ts, i, r.track, r.x, r.y, r.u, r.v, "metric", r.is_staff))
         elif isinstance(r, Pair):
             pairs.append((r.camera, r.ts, *r.persons, r.a, r.b, *r.xy, r.mm, None, "metric"))
         else:

@@ -19,10 +19,10 @@ import pyarrow.parquet as pq
 from vsd_analytics.errors import VsdError
 from vsd_analytics.ingest.reading.adapter import Rejected, Source
 from vsd_analytics.ingest.reading.parquet import ParquetTable
-from vsd_analytics.schema import RAW_SCHEMAS, SCHEMAS, TableName
+from vsd_analytics.schema import LATER, RAW_SCHEMAS, SCHEMAS, TableName
 from vsd_analytics.settings import Settings
 from vsd_analytics.store.owners import OWNER
-from vsd_analytics.store.part_files import ENGINES_MAX, engines_in
+from vsd_analytics.store.part_files import ENGINES_MAX, engines_in, with_every_column
 
 PART_MAX_BYTES: Final = 128 << 20
 PART_ROWS_MAX: Final = 2_000_000
@@ -75,7 +75,7 @@ class HandedPart:
         columns = [n for n in schema.names if n != OWNER]
         wanted = SCHEMAS[table]
         types = {f.name: f.type for f in wanted} | {OWNER: pa.string()}
-        if columns != wanted.names or schema.names.count(OWNER) > 1:
+        if columns != [n for n in wanted.names if n not in LATER or n in columns] or schema.names.count(OWNER) > 1:
             raise PartError("its columns are those of another version of this program: install one version everywhere")
         if any(schema.field(n).type != types[n] for n in schema.names):
             raise PartError("its columns are those of another version of this program: install one version everywhere")
@@ -99,7 +99,8 @@ class HandedPart:
             for chunk in self._file.chunks(numbers):
                 columns = dict(chunk.columns)
                 owners = columns.pop(OWNER, None)
-                rows = pa.table([columns[f.name].cast(f.type) for f in schema], schema=_nullable(schema))
+                given = with_every_column(self._table, pa.table(columns)).select(schema.names)
+                rows = given.cast(_nullable(schema))
                 is_unknown = pa.repeat("", rows.num_rows) if owners is None else pc.fill_null(owners, "")
                 rows = rows.append_column(OWNER, is_unknown.cast(pa.string()))
                 rows.validate(full=True)  # a text that is none would end a later command

@@ -16,7 +16,7 @@ from vsd_analytics.live.events import AlarmEvent
 from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.site.model import AlarmRule, Site
 from vsd_analytics.store.layout import HOUR_MS, hour_of, segment_paths
-from vsd_analytics.store.part_files import read_part
+from vsd_analytics.store.part_files import read_part, with_every_column
 from vsd_analytics.store.segments import read_segment
 from vsd_analytics.store.spans import ends_ms
 from vsd_analytics.store.store import Store
@@ -158,7 +158,7 @@ def _spool(store: Store, table: TableName, hour: int) -> list[Path]:
 
 
 def _spooled(path: Path, table: TableName) -> pa.Table:
-    return read_segment(path).select(SCHEMAS[table].names).cast(SCHEMAS[table])
+    return with_every_column(table, read_segment(path)).select(SCHEMAS[table].names).cast(SCHEMAS[table])
 
 
 def _between(rows: pa.Table, low_ms: int, high_ms: int) -> pa.Table:

@@ -22,7 +22,7 @@ from vsd_analytics.schema import KEYS, PLACES, SCHEMAS, TRACKS, TableName
 from vsd_analytics.store.duck import connect
 from vsd_analytics.store.layout import HOUR_MS
 from vsd_analytics.store.owners import OWNER, owned_by
-from vsd_analytics.store.part_files import engines_in
+from vsd_analytics.store.part_files import engines_in, with_every_column
 from vsd_analytics.store.repeats import brought_again, key_aliases, same_key
 from vsd_analytics.store.segments import read_segment
 from vsd_analytics.store.spans import FoldSpan
@@ -75,7 +75,7 @@ def new_rows(table: TableName, span: FoldSpan, *, known: Sequence[Path], noted: 
         DiskError: E304 to E306, the disk refused.
     """
     try:
-        pieces = {path: _read(path) for path in span.segments}
+        pieces = {path: _read(table, path) for path in span.segments}
         engines = {
             day: sorted({e for path in paths for e in engines_in(pieces[path].schema.metadata)})
             for day, paths in span.by_day.items()
@@ -103,9 +103,9 @@ def _not_folded(error: Exception) -> VsdError:
     )
 
 
-def _read(path: Path) -> pa.Table:
+def _read(table: TableName, path: Path) -> pa.Table:
     """Return the rows of a segment with their owners. Texts stay numbers of a dictionary until a part is written."""
-    rows = read_segment(path)
+    rows = with_every_column(table, read_segment(path))
     if OWNER not in rows.column_names:
         return owned_by("", rows)
     if not rows[OWNER].null_count:

@@ -20,12 +20,12 @@ from pathlib import Path
 import pyarrow as pa
 
 from vsd_analytics.errors import DiskError
-from vsd_analytics.schema import TABLES, TableName
+from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.store import durable
 from vsd_analytics.store.imports import FILE as IMPORTS_FILE
 from vsd_analytics.store.layout import segment_paths
 from vsd_analytics.store.owners import OWNER, owned_by
-from vsd_analytics.store.part_files import damaged_segment, engines_in
+from vsd_analytics.store.part_files import damaged_segment, engines_in, with_every_column
 from vsd_analytics.store.segments import about, read_segment, sent_bytes
 
 FOLDER = "outbox"
@@ -90,7 +90,7 @@ def _as_one(root: Path, table: TableName, paths: Sequence[Path]) -> int:
     """Make one ready segment of several; return its rows."""
     folder = root / READY / table
     durable.make_dirs(folder)
-    pieces = [_with_owner(path) for path in paths]
+    pieces = [_with_owner(table, path) for path in paths]
     rows = pa.concat_tables(piece.replace_schema_metadata() for piece in pieces)
     engines = sorted({e for piece in pieces for e in engines_in(piece.schema.metadata)})
     data = sent_bytes(table, rows, engines)
@@ -109,9 +109,10 @@ def _as_one(root: Path, table: TableName, paths: Sequence[Path]) -> int:
     return int(rows.num_rows)
 
 
-def _with_owner(path: Path) -> pa.Table:
-    rows = read_segment(path)
-    return rows if OWNER in rows.column_names else owned_by("", rows)
+def _with_owner(table: TableName, path: Path) -> pa.Table:
+    rows = with_every_column(table, read_segment(path))
+    owned = rows if OWNER in rows.column_names else owned_by("", rows)
+    return owned.select([*SCHEMAS[table].names, OWNER])
 
 
 def _imports_ready(root: Path) -> None:

@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import StoreError, Where
-from vsd_analytics.schema import SCHEMAS, TableName
+from vsd_analytics.schema import LATER, SCHEMAS, TableName
 from vsd_analytics.store.owners import OWNER, OWNERS, owners_of, without_owners
 
 HASH_DIFFERS = "its bytes do not match the hash in its name: the disk or a program changed them"
@@ -77,7 +77,7 @@ def part_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> pa.B
         engines: Engine names and versions, noted in the metadata.
     """
     bare, owners = without_owners(rows) if OWNER in rows.column_names else (rows, None)
-    schema = SCHEMAS[table]
+    schema = written_schema(table, bare)
     texts = [f.name for f in schema if pa.types.is_string(f.type)]
     repeated, delta = [*texts, *(name for name in schema.names if name.endswith("_px"))], ["ts"]
     for name in (name for name in schema.names if name.endswith("_mm")):
@@ -129,11 +129,22 @@ def _is_repeated(values: pa.ChunkedArray) -> bool:
 def read_part(path: Path, table: TableName) -> pa.Table:
     """Return the rows of a part in today's schema; columns that are newer than the part are null."""
     with pq.ParquetFile(path, page_checksum_verification=True) as file:
-        rows = file.read()
+        rows = with_every_column(table, file.read())
+    return rows.select(SCHEMAS[table].names).cast(SCHEMAS[table])
+
+
+def written_schema(table: TableName, rows: pa.Table) -> pa.Schema:
+    """Return the columns of a table that a file of these rows has: those of `LATER` where a row has a value."""
+    has_value = {c for c in LATER & {*rows.column_names} if rows[c].null_count < rows.num_rows}
+    return pa.schema([f for f in SCHEMAS[table] if f.name not in LATER or f.name in has_value])
+
+
+def with_every_column(table: TableName, rows: pa.Table) -> pa.Table:
+    """Return the rows of a file with the columns of their table that it lacks, as null."""
     for column in SCHEMAS[table]:
         if column.name not in rows.column_names:
             rows = rows.append_column(column, pa.nulls(rows.num_rows, column.type))
-    return rows.select(SCHEMAS[table].names).cast(SCHEMAS[table])
+    return rows
 
 
 def read_owned(path: Path, table: TableName) -> pa.Table:

@@ -14,9 +14,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from vsd_analytics.schema import SCHEMAS, TableName
+from vsd_analytics.schema import TableName
 from vsd_analytics.store.owners import OWNER
-from vsd_analytics.store.part_files import CODED, ENGINES, coded, noted_engines, parquet_bytes
+from vsd_analytics.store.part_files import CODED, ENGINES, coded, noted_engines, parquet_bytes, written_schema
 
 ARROW = ".arrow"
 _ABOUT = b"vsd.segment"
@@ -45,7 +45,7 @@ def segment_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> p
         rows: Its columns, at least one row, and perhaps `owners.OWNER`, which is written where it names an import.
         engines: Engine names and versions, noted in the metadata.
     """
-    fields = [f.with_type(CODED) if pa.types.is_string(f.type) else f for f in SCHEMAS[table]]
+    fields = [f.with_type(CODED) if pa.types.is_string(f.type) else f for f in written_schema(table, rows)]
     if _is_owned(rows):
         fields.append(pa.field(OWNER, CODED))
     columns = [coded(rows[f.name]) if f.type == CODED else rows[f.name].cast(f.type) for f in fields]
@@ -61,7 +61,7 @@ def segment_bytes(table: TableName, rows: pa.Table, engines: Sequence[str]) -> p
 
 def sent_bytes(table: TableName, rows: pa.Table, engines: Sequence[str], *, compression: str = "zstd") -> pa.Buffer:
     """Return the bytes of a segment that a node hands on; see `segment_bytes`."""
-    schema = SCHEMAS[table]
+    schema = written_schema(table, rows)
     bare = rows.select(schema.names).cast(schema).replace_schema_metadata({ENGINES: noted_engines(engines)})
     return parquet_bytes(
         bare.append_column(OWNER, rows[OWNER].cast(pa.string())) if _is_owned(rows) else bare,
