@@ -21,7 +21,7 @@ OWNER_CELL_M: Final = 0.5
 FORMER: Final[Mapping[str, float]] = {"cell_m": FLOOR_CELL_M, "owner_cell_m": OWNER_CELL_M}
 """Keys of `[rule]` that were settings with one legal value: the value they may still have."""
 
-Value: TypeAlias = "float | int | str | bool | tuple[float, ...]"
+Value: TypeAlias = "float | int | str | bool | tuple[float, ...] | tuple[str, ...]"
 Reader: TypeAlias = Literal["facts", "sql"]
 
 T = TypeVar("T")
@@ -161,6 +161,7 @@ class Settings:
     staff_in_area_share: float = _setting("staff", 0.2, "", 0.0, 1.0, "Staff is who is in staff areas for at least this share of the time in view, and for staff_in_area_s.", "sql")
     staff_in_view_s: float = _setting("staff", 18000.0, "seconds", 1.0, 90000.0, "Staff is who is in view at least this long in a site day.", "sql")
     staff_closed_s: float = _setting("staff", 1800.0, "seconds", 1.0, 90000.0, "Staff is who is in view at least this long outside opening hours in a site day.", "sql")
+    staff_classes: tuple[str, ...] = _setting("staff", (), "", None, None, "Classes and tags of engines that mean staff, such as \"staff\" or \"employee\"; a track that has one in most of its records is staff.")
     pseudonyms: bool = _setting("privacy", True, "", None, None, "Replace the engine's track ids by keyed hashes; false only for published research recordings.")
     retention_days: int = _setting("privacy", 30, "days", 1, 36500, "Days for which raw records are meant to be stored; printed on the report; vsd purge --older-than retention deletes older ones.")
     # fmt: on

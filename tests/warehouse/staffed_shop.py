@@ -85,8 +85,8 @@ def site_of(root: Path, **settings: object) -> Site:
     )
 
 
-def put(site: Site, of: Records, *, only: NDArray[np.bool_] | None = None) -> None:
-    """Store records, and a heartbeat a frame."""
+def put(site: Site, of: Records, *, only: NDArray[np.bool_] | None = None, tagged: float = 0.0) -> None:
+    """Store records, and a heartbeat a frame; the engine knows staff in this share of their records, and no visitor."""
     rows = np.flatnonzero(np.ones(len(of.at_s), np.bool_) if only is None else only)
     ms = (MONDAY.timestamp() * 1000 + of.at_s * 1000).astype(np.int64)
     beats = np.unique(ms)
@@ -98,6 +98,7 @@ def put(site: Site, of: Records, *, only: NDArray[np.bool_] | None = None) -> No
             "y_mm": np.round(of.y_m[rows] * 1000),
             "person": np.arange(len(rows)) % 30_000,
             "quality": np.full(len(rows), "metric"),
+            **({"is_staff": _tags(of, tagged)[rows]} if tagged else {}),
         },
         "frames": {"ts": beats, "n_persons": np.zeros(len(beats))},
     }
@@ -108,6 +109,11 @@ def put(site: Site, of: Records, *, only: NDArray[np.bool_] | None = None) -> No
         arrays = [_array(values[f.name], f) if f.name in values else pa.nulls(n, f.type) for f in schema]
         store.append(name, pa.table(arrays, schema=schema))  # type: ignore[arg-type]
     store.fold()
+
+
+def _tags(of: Records, share: float) -> NDArray[np.bool_]:
+    """Return which records an engine tags that looks at each record anew."""
+    return of.is_staff & (np.random.default_rng(1).random(len(of.at_s)) < share)
 
 
 def _array(values: NDArray[np.generic], field: pa.Field) -> pa.Array:

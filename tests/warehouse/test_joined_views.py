@@ -131,3 +131,48 @@ def test_the_order_of_cameras_does_not_matter_and_nobody_has_two_tracks_of_one_c
         persons.append(sorted(map(sorted, groups.values())))
     assert persons[0] == persons[1]
     assert all(tracks == [tracks[0], f"{tracks[0]}'"] for tracks in persons[0])
+
+
+def shop_with_cashier(root: Path, **settings: object) -> tuple[Site, list[Person]]:
+    """Return a corridor whose left end is a counter, a cashier who serves there and fetches from the right, a visitor.
+
+    The left camera's tracker gives the cashier a new id on the way back: neither of the two is behind the counter for
+    as long as staff is.
+    """
+    counter = Area("counter", "Counter", "ground", ((0, 0), (4, 0), (4, 6), (0, 6)), is_staff=True)
+    site = site_of(root, joins=bool(settings.pop("join_views", True)))
+    given = {"staff_in_area_s": 30.0, "staff_in_area_share": 0.1, **settings}
+    site = replace(site, areas=(counter,), settings=site.settings.with_values(given))
+    serves = [Person(T0 - 500 * k, "a", 0, 3000, "left") for k in range(1, 41)]
+    fetches = [Person(T0 + 20_500 + 500 * k, "a'", 20_000, 3000, "right") for k in range(40)]
+    back = [replace(r, ts=T0 + 41_000 + 20_000 - (r.ts - T0)) for r in walk("a")]
+    back = [replace(r, track="a2") if r.camera == "left" else r for r in back]
+    serves_again = [Person(T0 + 61_500 + 500 * k, "a2", 0, 3000, "left") for k in range(40)]
+    visitor = walk("v", at_ms=T0 + 100_000)
+    return site, [*serves, *walk("a"), *fetches, *back, *serves_again, *visitor]
+
+
+@pytest.mark.parametrize(
+    ("joins", "staff"), [(True, {("left", "a"), ("left", "a2"), ("right", "a'")}), (False, set[tuple[str, str]]())]
+)
+def test_pieces_of_staff_that_views_join_are_judged_together(
+    tmp_path: Path, joins: bool, staff: set[tuple[str, str]]
+) -> None:
+    site, people = shop_with_cashier(tmp_path / "shop", join_views=joins, people="visitors")
+    put(site, [*people, *(b for c in site.cameras for b in beats(T0, T0 + 150_000, every=500, camera=c.camera_id))])
+    with open_days(site) as warehouse:
+        tracks = {(r["camera_id"], r["track_id"]) for r in warehouse.rows("select * from track_lives")}
+    everybody = {(r.camera, str(r.track)) for r in people}
+    assert everybody - tracks == staff
+    with open_days(site.with_settings(people="staff")) as warehouse:
+        assert {(r["camera_id"], r["track_id"]) for r in warehouse.rows("select * from track_lives")} == staff
+
+
+def test_one_piece_that_is_staff_makes_its_person_staff_on_the_other_camera(tmp_path: Path) -> None:
+    for joins, left in ((True, {"v", "v'"}), (False, {"a'", "v", "v'"})):
+        site, people = shop_with_cashier(
+            tmp_path / str(joins), join_views=joins, people="visitors", staff_in_area_s=10.0
+        )
+        put(site, [*people, *(b for c in site.cameras for b in beats(T0, T0 + 150_000, every=500, camera=c.camera_id))])
+        with open_days(site) as warehouse:
+            assert {r["track_id"] for r in warehouse.rows("select * from track_lives")} == left

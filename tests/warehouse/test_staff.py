@@ -70,6 +70,29 @@ def test_of_people_with_cut_tracks_hardly_a_visitor_is_called_staff(tmp_path: Pa
     assert 0.25 <= found["recall"] < 1, "the limit that docs/methods/staff.md names"
 
 
+@pytest.mark.parametrize(("tagged", "is_known"), [(0.6, True), (0.4, False)])
+def test_whom_the_engine_calls_staff_in_most_records_is_staff(
+    records: Records, tmp_path: Path, tagged: float, is_known: bool
+) -> None:
+    never = dict.fromkeys(("staff_in_area_s", "staff_in_view_s", "staff_closed_s"), 86400.0)
+    site = site_of(tmp_path / "shop", staff_classes=("staff",), **never)
+    put(site, records, tagged=tagged)
+    staff = named(site, 1)
+    assert {*staff.values()} == ({"tag"} if is_known else set())
+    found = judged(records, staff)
+    assert (found["precision"], found["recall"]) == ((1, 1) if is_known else (0, 0))
+    assert named(site.with_settings(staff_classes=()), 1) == {}, "without classes no tag is read"
+
+
+def test_tags_change_nothing_but_who_is_staff(records: Records, tmp_path: Path) -> None:
+    plain, tagged = (site_of(tmp_path / name) for name in ("plain", "tagged"))
+    put(plain, records)
+    put(tagged, records, tagged=1.0)
+    asked = replace(tagged, settings=tagged.settings.with_values({"staff_classes": ("staff",)}))
+    assert figures(plain, 1) == figures(tagged, 1) == figures(asked, 1)
+    assert {p.split("/")[0] for p in fact_files(asked)} - {p.split("/")[0] for p in fact_files(plain)} <= {"staff_tags"}
+
+
 def test_nothing_changes_while_nobody_asks(records: Records, tmp_path: Path) -> None:
     plain, drawn = site_of(tmp_path / "plain"), site_of(tmp_path / "drawn", staff_in_view_s=60.0)
     for site in (plain, drawn):

@@ -7,7 +7,9 @@ from typing import Final
 FILE_NUMBERS: Final = ("x_m", "y_m", "u_px", "v_px", "x_a_m", "y_a_m", "x_b_m", "y_b_m", "distance_m", "distance_sd_m")
 FILE_BOX: Final = ("left", "top", "right", "bottom", "width", "height", "center_x", "center_y")
 FILE_TEXTS: Final = ("camera_id", "track_id", "track_a", "track_b")
-FILE_COLUMNS: Final = ("ts", "frame", *FILE_TEXTS, *FILE_NUMBERS, *FILE_BOX)
+FILE_TAG: Final = "tag"
+"""What the engine says somebody is, such as staff. Read only where `map` names it: many columns have such a name."""
+FILE_COLUMNS: Final = ("ts", "frame", *FILE_TEXTS, *FILE_NUMBERS, *FILE_BOX, FILE_TAG)
 
 PLACES: Final = (
     ("x_m", "y_m"),

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from vsd_analytics.config.reader import Form, Mistakes, TableReader
 from vsd_analytics.config.toml_lines import TomlText
@@ -111,6 +111,8 @@ def _read(table: TableReader, setting: Setting) -> Any:
             parse=lambda value: _choice(value, setting),
             form={"enum": list(setting.choices)},
         )
+    if default == ():
+        return table.parsed(setting.name, example='["staff", "employee"]', parse=_classes, form=_CLASSES)
     assert setting.minimum is not None
     assert setting.maximum is not None
     if isinstance(default, tuple):
@@ -156,6 +158,16 @@ def _choice(value: Any, setting: Setting) -> str:
     if value not in setting.choices:
         raise ValueError(f"must be {' or '.join(setting.choices)}")
     return str(value)
+
+
+_CLASSES: Final[Form] = {"type": "array", "items": {"type": "string", "minLength": 1}}
+
+
+def _classes(value: Any) -> tuple[str, ...]:
+    """Return names of classes in lower case, each once."""
+    if not (isinstance(value, list) and all(isinstance(name, str) and name.strip() for name in value)):
+        raise ValueError("must be a list of texts")
+    return tuple(sorted({name.strip().lower() for name in value}))
 
 
 def _form_of_steps(setting: Setting) -> Form:

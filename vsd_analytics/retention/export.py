@@ -140,7 +140,7 @@ def _message(
         message["engine"] = engine
     message["quality"] = quality
     if people or (frame is not None and frame["n_persons"] is not None):
-        message["persons"] = [{n: row[c] for n, c in _PERSON.items() if row[c] is not None} for row in people]
+        message["persons"] = [_person(row) for row in people]
     if sent or (frame is not None and frame["n_pairs"] is not None):
         message["pairs"] = [
             {n: row[c] for n, c in _PAIR.items() if row[c] is not None} for row in sent if _has_ids(row)
@@ -150,6 +150,11 @@ def _message(
 
 _PERSON = {"id": "track_id", "x_m": "x_m", "y_m": "y_m", "u_px": "u_px", "v_px": "v_px"}
 _PAIR = {"a": "track_a", "b": "track_b", "distance_m": "distance_m", "sd_m": "distance_sd_m"}
+
+
+def _person(row: _Row) -> dict[str, Any]:
+    person = {n: row[c] for n, c in _PERSON.items() if row[c] is not None}
+    return person | {"tag": "staff"} if row["is_staff"] else person
 
 
 def _has_ids(pair: _Row) -> bool:

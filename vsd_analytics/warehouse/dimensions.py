@@ -145,6 +145,7 @@ def site_relations(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, pa.Tabl
         "line_parts": line_parts(site),
         "counter_lines": counter_lines(site),
         "staff": STAFF.empty_table(),
+        "staff_classes": pa.table({"class": pa.array(site.settings.staff_classes, pa.string())}),
         "joined_floors": _table(_FLOORS, [(floor_id,) for floor_id in joined_floors(site)]),
     }
 
@@ -246,6 +247,7 @@ ASKED_TABLES = (
     "count_lines",
     "line_parts",
     "joined_floors",
+    "staff_classes",
 )
 """Tables of what vsd.toml draws or asks. Facts that read some of them have no rows where all of these are empty."""
 
@@ -259,6 +261,7 @@ def asked_tables(site: Site) -> frozenset[str]:
         any(f.capacity is not None for f in site.floors),
         *([any(not line.is_by_counter for line in site.lines)] * 2),
         joined_floors(site),
+        site.settings.staff_classes,
     )
     return frozenset(name for name, is_asked in zip(ASKED_TABLES, has_rows, strict=True) if is_asked)
 

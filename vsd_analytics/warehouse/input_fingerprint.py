@@ -46,6 +46,7 @@ STALE_REASONS: Final = {
     "lines": "lines changed",
     "counted areas": "areas or capacities changed",
     "staff": "staff changed",
+    "staff classes": "staff_classes changed",
     "joined views": "join_views changed",
 }
 _KIND_OF_RELATION = {
@@ -60,6 +61,7 @@ _KIND_OF_RELATION = {
     "count_lines": "lines",
     "line_parts": "lines",
     "staff": "staff",
+    "staff_classes": "staff classes",
     "joined_floors": "joined views",
 }
 
@@ -192,6 +194,7 @@ class SiteInputs:
                 "areas": text_hash([area for area in self._visited if area[0] in floors]),
                 "counted areas": text_hash([area for area in self._counted if area[0] in floors]),
                 "lines": text_hash([_within(window, [r for r in rows if r[0] in floors]) for rows in self._lines]),
+                "staff classes": text_hash(bool(self._site.settings.staff_classes)),
                 "joined views": text_hash([floor for floor in joined_floors(self._site) if floor in floors]),
             }
         return self._computed[key]

@@ -1,7 +1,7 @@
 """Who is staff, by UTC hour, from facts of all people: an input of the facts of visitors, and of those of staff.
 
 The mart `staff_tracks` is the rule. It judges a track by its whole site day, and no fact of an hour reads so far; so
-two facts of all people are computed first, which lie beside those that leave somebody out (`settings_variants`).
+four facts of all people are computed first, which lie beside those that leave somebody out (`settings_variants`).
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from vsd_analytics.warehouse.dimensions import STAFF, calendar, create_tables, r
 from vsd_analytics.warehouse.input_fingerprint import text_hash
 from vsd_analytics.warehouse.sqlfiles import relations
 
-FACTS: Final = ("track_lives", "area_stays")
-"""What the mart `staff_tracks` reads of the records."""
+FACTS: Final = ("track_lives", "area_stays", "staff_tags", "joined_tracks")
+"""What the mart `staff_tracks` reads of the records; the last two have files only where vsd.toml asks for them."""
 _SITE_DAY_H = 26
 """Hours that a site day may reach beyond one of its own, on a day when clocks are set back, and one beside it."""
 
@@ -82,13 +82,14 @@ def staff_hours(site: Site, files: Mapping[str, Collection[Path]]) -> StaffHours
         first, last = (datetime.fromtimestamp(ms / 1000, tz=UTC).astimezone(site.zone).date() for ms in extent)
         register_site(con, site)
         create_tables(con, {"calendar": calendar(site, first, last), "site_days": site_days(site, first, last)})
-        con.execute(f"create temp view staff_tracks as {relations('marts')['staff_tracks'].sql}")
+        for name in ("joined_persons", "staff_tracks"):
+            con.execute(f"create temp view {name} as {relations('marts')[name].sql}")
         query = "select hour, camera_id, track_id from staff_tracks order by hour, camera_id, track_id"
         return StaffHours(con.sql(query).to_arrow_table().cast(STAFF))
 
 
 def _none_of(fact: str) -> str:
     """Return a query for no rows of a fact."""
-    numbers = ("hour", "first_ms", "last_ms", "started_ms", "n_records", "exposure_ms")
+    numbers = ("hour", "first_ms", "last_ms", "started_ms", "n_records", "exposure_ms", "n_staff")
     columns = [f"0::bigint as {c}" if c in numbers else f"'' as {c}" for c in relations("facts")[fact].columns]
     return f"(select {', '.join(columns)} where false)"

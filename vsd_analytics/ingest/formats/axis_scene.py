@@ -56,19 +56,22 @@ class AxisScene(JsonMessages):
                 raise BadRowError("bad-message", f"an observation is {str(observation)[:40]!r}")
             track = id_of(observation.get("object_track_id", observation.get("track_id")))
             kind = frames.kind_of(track, _kind(observation))
-            if kind == "human":
-                seen.append(frames.person(partial(_person, track, observation, options)))
+            is_staff = options.is_staff(kind)
+            if kind == "human" or is_staff:
+                seen.append(frames.person(partial(_person, track, observation, options, is_staff)))
             else:
                 others[NOT_A_PERSON if kind else NO_CLASS] += 1
         frames.add(None, at, seen, line=number)
         frames.dropped.update(others)
 
 
-def _person(track: str | None, observation: Mapping[str, Any], options: IngestOptions) -> SeenPerson:
+def _person(
+    track: str | None, observation: Mapping[str, Any], options: IngestOptions, is_staff: bool | None
+) -> SeenPerson:
     box = inner(observation, "bounding_box")
     left, right, bottom = (_share(box.get(side)) for side in ("left", "right", "bottom"))
     width, height = size_of(options, None)
-    return SeenPerson(track, None, ((left + right) / 2 * width, bottom * height))
+    return SeenPerson(track, None, ((left + right) / 2 * width, bottom * height), is_staff)
 
 
 def _is_empty_frame(source: Source) -> bool:

@@ -45,13 +45,17 @@ Id = str | int
 
 
 class PersonMessage(msgspec.Struct, frozen=True, gc=False):
-    """A person in a frame: floor metres, image pixels, or both; an id only if the engine tracks."""
+    """A person in a frame: floor metres, image pixels, or both; an id only if the engine tracks.
+
+    `tag` is what the engine says somebody is, such as staff. Only whether it is one of `staff_classes` is stored.
+    """
 
     id: Id | None = None
     x_m: float | None = None
     y_m: float | None = None
     u_px: float | None = None
     v_px: float | None = None
+    tag: str | None = None
 
 
 class PairMessage(msgspec.Struct, frozen=True, gc=False):
@@ -268,7 +272,7 @@ class MessageRows:
         self._n_persons += [None if m.persons is None else len(m.persons) for m in held]
         self._n_pairs += [None if m.pairs is None else len(m.pairs) for m in held]
         if any(m.persons for m in held):
-            self._persons.append(person_columns(held))
+            self._persons.append(person_columns(held, self._options))
         if any(m.pairs for m in held):
             self._pairs.append(pair_columns(held))
         self._held, self._n_held = [], 0

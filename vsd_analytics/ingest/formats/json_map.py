@@ -219,7 +219,9 @@ def _seen(
     if "x_m" in paths.theirs:
         x, y = (number(c) * METRES[paths.units.get(c, "m")] for c in ("x_m", "y_m"))
         floor = x, y
-    return SeenPerson(id_of(track), floor, _foot_px(paths, number, options, camera))
+    tag_path = paths.theirs.get("tag")
+    tag = None if tag_path is None else frame.value(person, tag_path)
+    return SeenPerson(id_of(track), floor, _foot_px(paths, number, options, camera), options.is_staff(tag))
 
 
 def _foot_px(

@@ -11,20 +11,23 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from vsd_analytics.ingest.formats.frames import FrameMessage, Id
+    from vsd_analytics.ingest.reading.adapter import IngestOptions
 
 Ints = NDArray[np.int64]
 Columns = dict[str, pa.Array]
 
 
-def person_columns(messages: Sequence[FrameMessage]) -> Columns:
-    """Return the persons of some messages, one a row: `track x_m y_m u_px v_px`."""
+def person_columns(messages: Sequence[FrameMessage], options: IngestOptions) -> Columns:
+    """Return the persons of some messages, one a row: `track x_m y_m u_px v_px is_staff`."""
     persons = [p for m in messages for p in m.persons or ()]
+    tags = [options.is_staff(p.tag) for p in persons] if options.staff_classes else None
     return {
         "track": _texts([p.id for p in persons]),
         "x_m": pa.array([p.x_m for p in persons], pa.float64()),
         "y_m": pa.array([p.y_m for p in persons], pa.float64()),
         "u_px": pa.array([p.u_px for p in persons], pa.float64()),
         "v_px": pa.array([p.v_px for p in persons], pa.float64()),
+        "is_staff": pa.nulls(len(persons), pa.bool_()) if tags is None else pa.array(tags, pa.bool_()),
     }
 
 

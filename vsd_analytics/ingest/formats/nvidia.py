@@ -50,8 +50,8 @@ class Nvidia(JsonMessages):
         at = instant_of(message.get("timestamp", message.get("@timestamp")))
         seen, n_others = [], 0
         for entry in [message["object"]] if is_full else listed(message, "objects"):
-            kind, person = _minimal(entry) if isinstance(entry, str) else _whole(entry, options)
-            if kind.lower() in PERSON:
+            kind, person = _minimal(entry, options) if isinstance(entry, str) else _whole(entry, options)
+            if kind.lower() in PERSON or options.is_staff(kind):
                 seen.append(frames.person(person))
             else:
                 n_others += 1
@@ -66,6 +66,8 @@ def _whole(entry: Any, options: IngestOptions) -> tuple[str, Any]:
     if not isinstance(entry, dict):
         raise BadRowError("bad-message", f"an object is {str(entry)[:40]!r}")
 
+    kind = text(entry, "type") or next((key for key in _CLASS_KEYS if isinstance(entry.get(key), dict)), "")
+
     def person() -> SeenPerson:
         info = inner(entry, "info")
         floor, picture = None, None
@@ -73,13 +75,12 @@ def _whole(entry: Any, options: IngestOptions) -> tuple[str, Any]:
             floor = _of_text(info.get("footLocation3D")) or _of_floor(inner(entry, "coordinate"))
         if floor is None:
             picture = _of_text(info.get("footLocation2D")) or _foot(inner(entry, "bbox"))
-        return SeenPerson(id_of(entry.get("id")), floor, picture)
+        return SeenPerson(id_of(entry.get("id")), floor, picture, options.is_staff(kind))
 
-    kind = text(entry, "type") or next((key for key in _CLASS_KEYS if isinstance(entry.get(key), dict)), "")
     return "person" if kind == "pose" else kind, person
 
 
-def _minimal(line: str) -> tuple[str, Any]:
+def _minimal(line: str, options: IngestOptions) -> tuple[str, Any]:
     """Return the class of an object of the minimal payload, and a function that returns it as a person."""
     cells = line.split("|")
     if len(cells) < 6:
@@ -87,9 +88,10 @@ def _minimal(line: str) -> tuple[str, Any]:
 
     def person() -> SeenPerson:
         left, _, right, bottom = (finite(cell) for cell in cells[1:5])
-        return SeenPerson(id_of(cells[0].strip()), None, ((left + right) / 2, bottom))
+        return SeenPerson(id_of(cells[0].strip()), None, ((left + right) / 2, bottom), options.is_staff(kind))
 
-    return cells[5].strip(), person
+    kind = cells[5].strip()
+    return kind, person
 
 
 def _of_text(value: Any) -> tuple[float, float] | None:

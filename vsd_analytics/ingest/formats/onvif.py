@@ -246,12 +246,14 @@ class _Reader:
         seen, others = [], {NOT_A_PERSON: 0, NO_CLASS: 0, PART_OF_A_PERSON: 0, NO_BOX: 0}
         for each in self._objects:
             kind = self._kind(each)
+            is_staff = self._options.is_staff(kind)
+            is_person = kind in PERSONS or is_staff
             if each.parent is not None:
                 others[PART_OF_A_PERSON] += 1
-            elif kind in PERSONS and each.is_pictured_only:
+            elif is_person and each.is_pictured_only:
                 others[NO_BOX] += 1
-            elif kind in PERSONS:
-                seen.append(self._frames.person(partial(self._person, each)))
+            elif is_person:
+                seen.append(self._frames.person(partial(self._person, each, is_staff)))
             else:
                 others[NOT_A_PERSON if kind else NO_CLASS] += 1
         self._frames.add(self._camera, self._at, seen, line=self.n_frames)
@@ -261,8 +263,8 @@ class _Reader:
         """Return the class of an object: the most likely of this frame, else that of an earlier one; "" = unknown."""
         return self._frames.kind_of(each.object_id, max(each.kinds)[1] if each.kinds else "")
 
-    def _person(self, each: _Object) -> SeenPerson:
-        return SeenPerson(each.object_id, None, self._foot(each))
+    def _person(self, each: _Object, is_staff: bool | None) -> SeenPerson:
+        return SeenPerson(each.object_id, None, self._foot(each), is_staff)
 
     def _foot(self, each: _Object) -> tuple[float, float]:
         """Return the bottom centre of an object's box in pixels, right and down."""

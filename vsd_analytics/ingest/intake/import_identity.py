@@ -23,7 +23,10 @@ Content = list[list[str]]
 """Name and hash of each file."""
 
 _SAYS_NOTHING = frozenset(
-    {"is_sure", "is_only_camera", "camera_from_name", "profile", "line_max_bytes", "persons_max", "pairs_max"}
+    {
+        *("is_sure", "is_only_camera", "camera_from_name", "profile", "line_max_bytes", "persons_max", "pairs_max"),
+        "staff_classes",
+    }
 )
 """Options that do not change how a record is read."""
 _CHOOSES_RECORDS = frozenset({"camera", "where", "is_only_camera", "pictures", "clocks", "engine"})
@@ -47,6 +50,12 @@ def import_id(site: Site, options: IngestOptions, content: Content, *, kind: str
     how = [kind, read, cameras, site.timezone, site.day_starts_min, content]
     if options.camera_from_name is not None:  # an import without it has the id that it always had
         how.append(options.camera_from_name)
+    return _hash(how, options)
+
+
+def _hash(how: list[object], options: IngestOptions) -> str:
+    """Return the hash of how a file is read; without classes of staff the one that it always had."""
+    how += [options.staff_classes] if options.staff_classes else []
     return durable.digest(msgspec.json.encode(how, order="deterministic"))
 
 
@@ -64,8 +73,7 @@ def reading_id(options: IngestOptions, *, kind: str) -> str:
     """
     left_out = _SAYS_NOTHING | _CHOOSES_RECORDS | {"map", "site_map"}
     read = {f.name: getattr(options, f.name) for f in dataclasses.fields(options) if f.name not in left_out}
-    how = [kind, read, {**options.site_map, **options.map}, sorted(set(options.clocks.values()))]
-    return durable.digest(msgspec.json.encode(how, order="deterministic"))
+    return _hash([kind, read, {**options.site_map, **options.map}, sorted(set(options.clocks.values()))], options)
 
 
 def import_line(

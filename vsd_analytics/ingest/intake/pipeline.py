@@ -418,9 +418,8 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
             why=f"known: {', '.join(list(known)[:20]) or 'none'}",
             fix=f"--camera {near}" if near else "--camera with one of them, or add a [[camera]] to vsd.toml",
         )
-    if options.engine is not None and not (
-        0 < len(options.engine) <= ENGINE_MAX_CHARS and options.engine.isprintable()
-    ):
+    engine = options.engine
+    if engine is not None and not (0 < len(engine) <= ENGINE_MAX_CHARS and engine.isprintable()):
         raise UsageError(
             f"--engine must be 1 to {ENGINE_MAX_CHARS} printable characters", fix='--engine "name and version"'
         )
@@ -436,6 +435,7 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
         line_max_bytes=int(site.settings.line_max_bytes),
         persons_max=int(site.settings.persons_max),
         pairs_max=int(site.settings.pairs_max),
+        staff_classes=site.settings.staff_classes,
     )
 
 

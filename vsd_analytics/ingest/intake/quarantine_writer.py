@@ -35,6 +35,7 @@ _OF_THE_SITE = frozenset(
         "line_max_bytes",
         "persons_max",
         "pairs_max",
+        "staff_classes",
         "is_sure",
     }
 )

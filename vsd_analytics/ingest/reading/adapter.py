@@ -19,6 +19,7 @@ from typing import IO, Final, Protocol
 
 import pyarrow as pa
 
+from vsd_analytics.config.file_columns import FILE_TAG
 from vsd_analytics.errors import InputError, UsageError, Where
 from vsd_analytics.ingest.reading.limits import unpacked_max, unpacks_too_far
 from vsd_analytics.schema import RAW_SCHEMAS, TableName
@@ -125,6 +126,7 @@ class IngestOptions:
         no_list_is_nobody: A JSON frame without a list of persons is one without persons; else it goes to quarantine.
         profile: Id of the `[[source]]` of vsd.toml that gave some of them; None = none fits.
         is_only_camera: `camera` is the site's only one, and nobody said that it is meant.
+        staff_classes: `staff_classes` of vsd.toml: the classes and tags of engines that mean staff, in lower case.
     """
 
     format: str | None = None
@@ -159,6 +161,15 @@ class IngestOptions:
     profile: str | None = None
     is_only_camera: bool = False
     camera_from_name: str | None = None
+    staff_classes: tuple[str, ...] = ()
+
+    def is_staff(self, tag: object) -> bool | None:
+        """Return whether an engine's class or tag of a person, or one of a list, is of `staff_classes`.
+
+        None = the engine gives none, or `staff_classes` is empty.
+        """
+        tags = [t.strip().lower() for t in (tag if isinstance(tag, list) else [tag]) if isinstance(t, str)]
+        return any(t in self.staff_classes for t in tags if t) if self.staff_classes and any(tags) else None
 
 
 _UNSAID: Final = IngestOptions()
@@ -191,6 +202,13 @@ def refuse_unused(source: Source, reader: Adapter, options: IngestOptions) -> No
     Raises:
         UsageError: E101, naming the options, and those that the format reads.
     """
+    if FILE_TAG in {*options.map, *options.site_map} and not options.staff_classes:
+        raise UsageError(
+            f"the tag of the map is not used to read {source.file_name}",
+            where=Where(source.name),
+            why="vsd.toml does not say which tags mean staff",
+            fix='in vsd.toml: [staff] staff_classes = ["staff"]; or leave out tag',
+        )
     uses = uses_of(reader)
     unused = [o for name, o in CHOICES.items() if name not in uses and getattr(options, name) != getattr(_UNSAID, name)]
     if unused:

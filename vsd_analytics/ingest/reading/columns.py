@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from vsd_analytics.config.camera_in_name import camera_named
-from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES, PLACES
+from vsd_analytics.config.file_columns import FILE_COLUMNS, FILE_TAG, METRES, PLACES
 from vsd_analytics.config.row_filter import RowCondition
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
@@ -130,7 +130,7 @@ def plan_columns(source: Source, options: IngestOptions, header: Header, *, kind
         if lacking:
             why, taken = "without a position no distance can be measured", [header.names[i] for i in positions.values()]
             raise _missing(source, lacking[0], header, why, proposed, taken=taken)
-        place = ("track_id", *place, *(_PIXELS if place == _FLOOR else ()))
+        place = ("track_id", FILE_TAG, *place, *(_PIXELS if place == _FLOOR else ()))
     if "ts" not in positions and (options.fps is None or options.start is None):
         if (time := time_like(header.names)) is not None:
             why = "frame numbers need --hz and --start, and the file seems to have times"
@@ -220,6 +220,8 @@ def _found(source: Source, options: IngestOptions, header: Header) -> dict[str, 
     renamed = {part.strip().lower() for theirs in options.map.values() for part in (theirs, *theirs.split("+"))}
     positions = {}
     for ours in FILE_COLUMNS:
+        if ours == FILE_TAG and ours not in {*options.map, *options.site_map}:
+            continue
         named = tuple(n for n in (options.site_map.get(ours, ours), ours) if n.lower() not in renamed)
         wanted = (options.map[ours],) if ours in options.map else named
         at = next(

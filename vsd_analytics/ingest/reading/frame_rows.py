@@ -35,11 +35,13 @@ class SeenPerson:
         track: Track id; None = the engine has none.
         floor_m: x and y in floor metres.
         picture_px: Foot point in the picture, right and down.
+        is_staff: The engine's class or tag is one of `staff_classes` (`IngestOptions.is_staff`).
     """
 
     track: str | None = None
     floor_m: tuple[float, float] | None = None
     picture_px: tuple[float, float] | None = None
+    is_staff: bool | None = None
 
 
 class FrameRows:
@@ -191,6 +193,7 @@ class FrameRows:
                 u_px=[None if s.picture_px is None else s.picture_px[0] for s in self._seen],
                 v_px=[None if s.picture_px is None else s.picture_px[1] for s in self._seen],
                 quality="metric",
+                is_staff=[s.is_staff for s in self._seen],
             )
         engines = [self._engine]
         batch = RawBatch(tables, self._rejected, +self.dropped, notes, done_bytes, engines, first_line=first_line)

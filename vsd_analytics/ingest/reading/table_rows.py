@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from vsd_analytics.config.file_columns import FILE_BOX, FILE_NUMBERS, METRES
+from vsd_analytics.config.file_columns import FILE_BOX, FILE_NUMBERS, FILE_TAG, METRES
 from vsd_analytics.ingest.reading.adapter import IngestOptions, RawBatch, Rejected
 from vsd_analytics.ingest.reading.cell_values import floats_or_null, ids, numbers, tracks, trimmed
 from vsd_analytics.ingest.reading.columns import TIME_OF_DAY, ColumnPlan, other_column_key
@@ -78,8 +78,14 @@ def raw_batch(
     else:
         track = tracks(columns.get("track_id"), length=len(lines)).filter(is_good)
         quality = "metric" if "x_m" in good else "relative"
-        table = raw_table("observations", **shared, track=track, **good, person=0, quality=quality)
+        is_staff = None if FILE_TAG not in columns else _are_staff(columns[FILE_TAG].filter(is_good), options)
+        table = raw_table("observations", **shared, track=track, **good, person=0, quality=quality, is_staff=is_staff)
     return RawBatch({plan.kind: table}, bad.rejected, notes=instants.notes, n_dropped=n_left_out)
+
+
+def _are_staff(tags: pa.Array, options: IngestOptions) -> pa.Array:
+    coded = trimmed(tags).dictionary_encode()
+    return pa.array([options.is_staff(tag) for tag in coded.dictionary.to_pylist()], pa.bool_()).take(coded.indices)
 
 
 def _chosen(
