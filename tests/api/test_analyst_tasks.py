@@ -111,8 +111,8 @@ def recorded(demo_project: Path) -> pd.DataFrame:
     return counts.mul(interval_s, axis="columns") / 3600
 
 
-def test_thirteen_tasks_take_at_most_three_lines_each() -> None:
-    assert len(TASKS) == 13
+def test_fifteen_tasks_take_at_most_three_lines_each() -> None:
+    assert len(TASKS) == 15
     assert max(block.count("\n") for block in TASKS) <= 3
 
 
@@ -143,6 +143,13 @@ def test_an_average_per_hour_counts_quiet_hours_and_leaves_out_those_hardly_reco
         "select avg(n_violations_open) as n from internal.area_hours where area_id = 'checkout-queue'"
     )
     assert wrong["n"][0] < 0.6 * expected, "a row by camera and none for quiet hours: the trap"
+
+
+def test_ten_minutes_and_quarter_hours_have_the_time_of_their_hours(done: dict[str, Any]) -> None:
+    hours = done["week"].hours.total("exposure_s")
+    assert done["ten_minutes"]["exposure_s"].sum() == pytest.approx(hours)
+    assert done["week"].quarter_hours.total("exposure_s") == pytest.approx(hours)
+    assert len(done["fullest"]) == 3
 
 
 def test_the_busiest_hour_is_an_instant_of_the_site(done: dict[str, Any], people: pd.DataFrame) -> None:

@@ -79,15 +79,23 @@ class Days:
 
     @cached_property
     def hours(self) -> Table:
-        """Return one row for each local hour, over all cameras: `start`, `state`, `is_in_rates`, counts, person-time.
-
-        Columns as in `sql/tables/hours.sql`; hours without data have a row with nulls.
+        """Return one row for each local hour, over all cameras, also without data; columns: `sql/tables/hours.sql`.
 
         Example:
             >>> week.hours["state"][10]
             'full'
         """
         return self._table("hours")
+
+    @cached_property
+    def quarter_hours(self) -> Table:
+        """Return one row for each quarter-hour, over all cameras; columns as in `sql/tables/quarter_hours.sql`.
+
+        Example:
+            >>> week.quarter_hours.total("n_violations") == week.hours.total("n_violations")
+            True
+        """
+        return self._table("quarter_hours")
 
     @cached_property
     def area_hours(self) -> Table:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import datetime, tzinfo
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from vsd_analytics.site.places import known_floor
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -29,6 +30,11 @@ _BY: dict[str | None, str] = {
         "from area_hours group by all order by hour_start_ms, floor_id, area_id"
     ),
 }
+QUARTER_HOUR_MIN: Final = 15
+_QUARTER_HOURS: Final = (
+    "select quarter * 900000 as start_ms, person_records, violation_records, n_violations, recorded_s, recorded_share, "
+    "open_s, exposure_s, violation_s, cameras_down, state from quarter_hours order by quarter"
+)
 
 
 def begun_until_ms(warehouse: Warehouse, *, now: datetime) -> int | None:
@@ -77,12 +83,24 @@ def hours(
         (168, '2026-11-09T00:00:00+01:00')
     """
     frame = warehouse.frame(_BY[by])
+    recorded: list[int] = []
     if until_ms is not None:
         recorded = [r["ms"] for r in warehouse.rows("select hour_start_ms as ms from hours where recorded_s > 0")]
-        is_shown = (frame["hour_start_ms"] < until_ms) | frame["hour_start_ms"].isin(recorded)
-        frame = frame[is_shown].reset_index(drop=True)
+    return _begun(warehouse, frame.rename(columns={"hour_start_ms": "start_ms"}), until_ms, recorded)
+
+
+def quarter_hours(warehouse: Warehouse, *, until_ms: int | None = None) -> pd.DataFrame:
+    """Return the table of a range by quarter-hours, over all cameras; columns and `until_ms` as in `hours`."""
+    frame = warehouse.frame(_QUARTER_HOURS)
+    return _begun(warehouse, frame, until_ms, frame["start_ms"][frame["recorded_s"] > 0])
+
+
+def _begun(warehouse: Warehouse, frame: pd.DataFrame, until_ms: int | None, recorded: Iterable[int]) -> pd.DataFrame:
+    """Return rows that began before an instant or were recorded, with their start as ISO, local with offset."""
+    if until_ms is not None:
+        frame = frame[(frame["start_ms"] < until_ms) | frame["start_ms"].isin(list(recorded))].reset_index(drop=True)
     zone = warehouse.site.zone
-    starts = [local_iso(zone, ms) for ms in frame.pop("hour_start_ms")]
+    starts = [local_iso(zone, ms) for ms in frame.pop("start_ms")]
     frame.insert(0, "start", starts)
     counts = [c for c in ("person_records", "violation_records", "n_violations") if c in frame]
     return frame.astype(dict.fromkeys(counts, "Int64"))
