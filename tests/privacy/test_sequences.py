@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import date
 from pathlib import Path
 from unittest import mock
 
@@ -14,6 +15,7 @@ from report import ingested_worlds as worlds
 from vsd_analytics.errors import ReportError, UsageError
 from vsd_analytics.figures.share import earlier
 from vsd_analytics.report.pages.story import days_report, week_report
+from vsd_analytics.site.model import Site
 
 WEEKS = 3
 LATE_SEED = 6  # a world in which a camera lost a day
@@ -109,6 +111,33 @@ def test_a_week_is_not_shared_again_after_a_small_erasure_and_the_operator_sees_
     assert refused.value.code == "E503"
     exact = week_report(world.site.with_settings(mask_below=0), hidden.monday(1))
     assert exact.level.violations == versions.worlds[1].sum(hidden.keys_of(1))
+
+
+def without_week(site: Site, monday: date) -> None:
+    path = site.root / earlier.FILE
+    lines = path.read_text(encoding="utf-8").splitlines(keepends=True)
+    path.write_text("".join(line for line in lines if f'"{monday:%G-W%V}"' not in line), encoding="utf-8")
+
+
+def test_a_week_is_shared_of_one_kind_of_people_only(versions: sequences.Versions) -> None:
+    site, monday = versions.worlds[0].site, hidden.monday(1)
+    visitors = site.with_settings(people="visitors")
+    with pytest.raises(ReportError) as refused:
+        week_report(visitors, monday)
+    assert refused.value.code == "E503"
+    assert f"VSD_PEOPLE=all vsd report --week {monday:%G-W%V}" in str(refused.value.fix)
+    assert week_report(site, monday).state != "no_data"
+    assert week_report(visitors.with_settings(mask_below=0), monday).state != "no_data"
+
+
+def test_a_week_of_other_people_is_not_compared_with_nor_remembered(versions: sequences.Versions) -> None:
+    site, monday = versions.worlds[0].site, hidden.monday(1)
+    assert week_report(site, monday).previous is not None
+    without_week(site, monday)
+    visitors = site.with_settings(people="visitors")
+    assert week_report(visitors, monday).previous is None, "the week before was shared of everybody"
+    shared = {week.monday: week.people for week in earlier.read(site)}
+    assert shared == {hidden.monday(week): "visitors" if week == 1 else "all" for week in range(WEEKS)}
 
 
 def test_what_is_made_for_the_operator_is_not_remembered_as_shared(versions: sequences.Versions) -> None:

@@ -191,6 +191,14 @@ def test_alarms_that_began_before_or_go_on_are_mentioned() -> None:
     assert any("began before the first day" in note for note in page(days(before)).notes)
 
 
+@pytest.mark.parametrize("people", ["visitors", "staff"])
+def test_a_page_says_that_alarms_count_everybody_where_other_figures_do_not(people: str) -> None:
+    of_all = site(QUEUE)
+    said = "Alarms count everybody, staff and visitors alike, whatever [staff] of vsd.toml says."
+    assert said in page(days(alarm(), rules=(QUEUE,)), of_all.with_settings(people=people)).notes
+    assert said not in page(days(alarm(), rules=(QUEUE,)), of_all).notes
+
+
 def test_several_floors_are_named() -> None:
     two = site(QUEUE, floors=("Ground", "First"))
     shown = page(days(alarm(), rules=(QUEUE,)), two)

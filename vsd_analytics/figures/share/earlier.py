@@ -40,6 +40,7 @@ class SharedWeek:
         hours: Violations by UTC start of the hour, in milliseconds, and camera.
         hidden_places, hidden_hours: What was not shown of them.
         untimed_places, untimed_hours: Areas and hours whose person-time was not shown.
+        people: Whom it counts (`people` of vsd.toml).
     """
 
     floor_id: str
@@ -53,6 +54,7 @@ class SharedWeek:
     hidden_hours: frozenset[str]
     untimed_places: frozenset[str] = frozenset()
     untimed_hours: frozenset[str] = frozenset()
+    people: str = "all"
 
 
 def read(site: Site) -> Sequence[SharedWeek]:
@@ -129,6 +131,7 @@ def _as_dict(week: SharedWeek) -> dict[str, Any]:
         "hidden_hours": sorted(week.hidden_hours),
         "untimed_places": sorted(week.untimed_places),
         "untimed_hours": sorted(week.untimed_hours),
+        "people": week.people,
     }
 
 
@@ -148,6 +151,7 @@ def _week(line: bytes, number: int) -> SharedWeek:
             frozenset(map(str, value["hidden_hours"])),
             frozenset(map(str, value.get("untimed_places", ()))),
             frozenset(map(str, value.get("untimed_hours", ()))),
+            str(value.get("people", "all")),
         )
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise InputError(

@@ -28,7 +28,10 @@ if TYPE_CHECKING:
 
 
 CHANGED = Reason("hidden.changed")
-"""Why a week is not shared again: too little changed since it was."""
+OTHER_PEOPLE = Reason("hidden.other_people")
+NOT_AGAIN = (CHANGED, OTHER_PEOPLE)
+"""Why a week is not shared again: too little changed since it was, or it was shared of other people. Figures of
+all less those of visitors are those of the few who work there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +42,7 @@ class HiddenWeek:
         places: Areas by id; None is the rest of the floor.
         hours: Hours of the timetable, as positions in the floor's hours.
         why_floor: Why no count of the whole floor is shown, nor any other of this week; None where they are. Where it
-            is `CHANGED`, nothing of the week is shared.
+            is one of `NOT_AGAIN`, nothing of the week is shared.
         untimed: Hours whose person-time is not shown, likewise.
         why_untimed: Why no person-time of the whole floor is shown; None where it is.
         shared: The counts behind it, to be remembered where the week is shared; None where nothing was recorded.
@@ -93,7 +96,9 @@ def hidden_week(
     hours = _held_hours(by_hour, hour_changes, below, n_floor, is_unseen)
     shared = _shared(data, period, by_place, by_hour) if data.mask.is_on else None
     why = None
-    if any(_is_too_little(_until(data, period, shared, then), then, below) for then in before):
+    if any(then.people != data.site.settings.people for then in before):
+        why = OTHER_PEOPLE
+    elif any(_is_too_little(_until(data, period, shared, then), then, below) for then in before):
         why = CHANGED
     elif is_small(n_floor, below=below):
         why = too_few(below)
@@ -215,6 +220,7 @@ def _shared(
         hours=hours,
         hidden_places=frozenset(),
         hidden_hours=frozenset(),
+        people=data.site.settings.people,
     )
 
 

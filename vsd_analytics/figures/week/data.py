@@ -18,7 +18,7 @@ from vsd_analytics.figures.periods import Period, TwoPeriods
 from vsd_analytics.figures.share import earlier
 from vsd_analytics.figures.share.running import Release
 from vsd_analytics.figures.share.times import hidden_times
-from vsd_analytics.figures.share.weeks import CHANGED, HiddenWeek, hidden_week
+from vsd_analytics.figures.share.weeks import NOT_AGAIN, HiddenWeek, hidden_week
 from vsd_analytics.site.model import Calibration, Camera, Floor
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -146,8 +146,14 @@ class WeekData(FloorHours):
 
     @property
     def is_shared_otherwise(self) -> bool:
-        """Tell whether this week was shared before, and what changed since is too little to be shared."""
-        return self.hidden.why_floor == CHANGED
+        """Tell whether this week was shared before, and what changed since, or who is counted, may not be shared."""
+        return self.hidden.why_floor in NOT_AGAIN
+
+    @property
+    def people_shared(self) -> str:
+        """Return whom the week counted when it was shared before; now, where it was not."""
+        shared = earlier.versions(self.site, self.floor.floor_id, self.monday)
+        return shared[0].people if shared else self.site.settings.people
 
     def remember_shared(self) -> None:
         """Store what of which weeks leaves with a report of this one, so that later versions do not tell a change.
@@ -156,7 +162,7 @@ class WeekData(FloorHours):
             DiskError: E304 to E306, it cannot be stored: then the report may not leave.
         """
         left = [week for monday, week in self._hidden.items() if monday in self._left]
-        weeks = [week.shared for week in left if week.shared is not None and week.why_floor != CHANGED]
+        weeks = [week.shared for week in left if week.shared is not None and week.why_floor not in NOT_AGAIN]
         untimed = frozenset(earlier.REST if key is None else key for key in hidden_times(self.this))
         is_this = (self.floor.floor_id, self.monday)
         earlier.remember(

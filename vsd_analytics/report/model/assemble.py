@@ -14,7 +14,7 @@ from vsd_analytics.figures.panels import WEEK, FloorHours
 from vsd_analytics.figures.share.counts import GIVES_AWAY, in_week_before, mask_of
 from vsd_analytics.figures.share.periods import check_days, is_over, last_closed_day, not_yet
 from vsd_analytics.figures.share.running import Release, release
-from vsd_analytics.figures.share.weeks import CHANGED
+from vsd_analytics.figures.share.weeks import NOT_AGAIN
 from vsd_analytics.figures.week import areas as report_areas
 from vsd_analytics.figures.week import estimates, lazy_answers, recording, timetable
 from vsd_analytics.figures.week.data import WeekData
@@ -53,6 +53,7 @@ _MARTS = (
     "track_hours",
 )
 """Marts that the report of a site with enough data reads."""
+_WHOM = {"all": "everybody", "visitors": "visitors", "staff": "staff"}
 MADE_UP_ENGINE = "vsd-demo "
 """What the simulator of `vsd demo` calls itself: its reports say that the data are made up."""
 
@@ -89,7 +90,7 @@ def measured(
     with speaking(chosen() or site.language), opened as warehouse:
         data = WeekData(_made(warehouse), floor=floor, monday=first, last=last, clock=clock, released=released)
         if data.is_shared_otherwise:
-            raise _shared_otherwise(first)
+            raise _shared_otherwise(first, site.settings.people, data.people_shared)
         found = LazyAnswers(data)
         report = _report(data, floor, found, now, has_context=has_context or site.settings.show_context)
         if not data.is_released:
@@ -115,9 +116,19 @@ def _released(site: Site, floor: Floor, monday: date, clock: datetime) -> Releas
     return found
 
 
-def _shared_otherwise(monday: date) -> ReportError:
+def _shared_otherwise(monday: date, people: str, people_then: str) -> ReportError:
+    """Return the error of a week that may not leave again, given whom it counts now and counted then."""
+    week = f"{monday:%G-W%V}"
+    if people != people_then:
+        return ReportError(
+            f"the week {week} was shared before and counted {_WHOM[people_then]}; now it would count {_WHOM[people]}",
+            code="E503",
+            why="who has both versions would have the figures of the few who work there",
+            fix=f'[staff] people = "{people_then}", or once VSD_PEOPLE={people_then} vsd report --week {week}; '
+            "or add --exact, for your own eyes",
+        )
     return ReportError(
-        f"the week {monday:%G-W%V} was shared before, and too little changed since",
+        f"the week {week} was shared before, and too little changed since",
         code="E503",
         why="who has both versions would have the difference, which tells of a few people",
         fix="share what was made then; or add --exact, for your own eyes; has nobody seen it yet: vsd explain E503",
@@ -148,7 +159,7 @@ def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | No
     coverage = recording.coverage(data, found.camera_watch)
     is_alike = data.is_week or data.span % WEEK == timedelta()
     has_before = is_alike and bool(data.hours.recorded_s[:, data.week(data.monday - data.span)].any())
-    has_before = has_before and data.hidden_before.why_floor != CHANGED  # people and times of it would tell the change
+    has_before = has_before and data.hidden_before.why_floor not in NOT_AGAIN  # its people and times would tell
     sent_before = engines(site, data.monday - data.span, data.monday - timedelta(days=1)) if has_before else ()
     change = site_changes.settings_change(data, sent, sent_before) if has_before else None
     state = _state(data, coverage, change, has_before)

@@ -183,6 +183,8 @@ def _notes(answers: Answers, site: Site) -> tuple[str, ...]:
         notes.append(say("alarms.before", plural=before, n=fmt.count(before)))
     if holds.until is not None:
         notes.append(say("alarms.until", at=fmt.instant_short(holds.until.astimezone(site.zone))))
+    if site.settings.people != "all":
+        notes.append(say("alarms.everybody"))
     if len(site.floors) > 1:
         notes.append(say("alarms.floors", floors=terms.joined(f.name for f in site.floors)))
     return tuple(notes)
