@@ -2,7 +2,8 @@
 # make check  formatting, lint, types and the fast tests, within a minute on two cores: before each commit
 # make test   installs the test extra and runs everything but the long proofs, in about 10 minutes on two cores, after the installation
 # make prove  the long proofs, whose tables are in docs/
-# make bench  this machine beside other tools; the tables of docs/performance.md
+# make bench  this machine beside other tools
+# make performance  every number of docs/performance.md; QUICK=1 tries it with small sets
 # make docs   writes the pages of docs/ and the JSON Schema of vsd.toml, which are made from the code
 # make site  builds the documentation as a site into site/, without a network
 # make sbom  what the program is made of, with licences, into dist/
@@ -120,6 +121,9 @@ prove: $(VENV)/.installed-test
 
 bench: $(VENV)/.installed-test
 	$(BIN)/python tests/benchmarks/bench_tools.py
+
+performance: $(VENV)/.installed-test
+	$(BIN)/python tests/benchmarks/every_number.py $(if $(QUICK),--quick)
 
 docs: $(VENV)/.installed-test
 	$(BIN)/python docs/generate_reference.py docs

@@ -4,7 +4,7 @@ The unit is DuckDB reading every column of all stored person records once. Run i
 
     python tests/benchmarks/bench_demo.py
 
-and put the table into docs/benchmarks.md. Nothing asserts a time: machines differ and are noisy, ratios less so.
+and put the table into docs/methods/speed.md. Nothing asserts a time: machines differ and are noisy, ratios less so.
 """
 
 from __future__ import annotations

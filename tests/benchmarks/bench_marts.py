@@ -6,7 +6,7 @@ view, 11 million person records and 1.1 million violation records. Run it with
 
     python tests/benchmarks/bench_marts.py
 
-and put the tables into docs/benchmarks.md. Nothing asserts a time: machines differ and are noisy, ratios less so.
+and put the tables into docs/methods/speed.md. Nothing asserts a time: machines differ and are noisy, ratios less so.
 """
 
 from __future__ import annotations

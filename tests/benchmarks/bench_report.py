@@ -5,7 +5,7 @@ of the rounds stand in the table. Run it with
 
     python tests/benchmarks/bench_report.py
 
-(or with `--project DIR --week 2026-W46` on a project of your own) and put the table into docs/benchmarks.md. Nothing
+(or with `--project DIR --week 2026-W46` on a project of your own) and put the table into docs/methods/speed.md. Nothing
 asserts a time: machines differ and are noisy, ratios less so.
 """
 

@@ -8,7 +8,7 @@ earlier weeks too, each after its purge. Run it with
     python tests/benchmarks/bench_retention_year.py --weeks 8 --retention-days 7 --reports 2 --in DIR
 
 It prints bytes and processor seconds every fourth week, takes about an hour and 5 GB, and leaves nothing behind. Eight
-weeks of which seven are purged take ten minutes. Put the last lines into docs/capacity.md.
+weeks of which seven are purged take ten minutes. Put the last lines into docs/performance.md.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ them must have the same files and facts. Run it with
 
     PYTHONPATH=tests python tests/cluster/prove_bucket.py --kills 12
 
-and put its line into docs/performance.md. Exits with 1 when anything is wrong.
+and put its line into docs/methods/several-machines.md. Exits with 1 when anything is wrong.
 """
 
 from __future__ import annotations

@@ -5,8 +5,9 @@ byte for byte. Scheduler, master and workers are the real ones, as processes of 
 
     PYTHONPATH=tests python tests/cluster/prove_cluster.py --engine dask
 
-and put the table into docs/performance.md. Exits with 1 when a file differs. Wall time needs a core for each worker;
-where there are fewer, the processor time of the busiest worker beside that of all says how well the work was divided.
+and put the table into docs/methods/several-machines.md. Exits with 1 when a file differs. Wall time needs a core for
+each worker; where there are fewer, the processor time of the busiest worker beside that of all says how well the work
+was divided.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ everything runs undisturbed, and the site must have exactly the rows that were s
     python tests/cluster/prove_nodes.py --rounds 20
     python tests/cluster/prove_nodes.py --rounds 4 --bucket
 
-and put the table into docs/performance.md. Exits with 1 when anything is wrong.
+and put the table into docs/methods/several-machines.md. Exits with 1 when anything is wrong.
 """
 
 from __future__ import annotations

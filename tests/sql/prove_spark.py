@@ -6,8 +6,8 @@ differ by a billionth; everything else must be equal. Needs pyspark and Java. Ru
     PYTHONPATH=tests python tests/sql/prove_spark.py                # a made-up hour of two cameras
     PYTHONPATH=tests python tests/sql/prove_spark.py --project DIR  # the busiest hour of a project, and the one before
 
-and put the table into docs/performance.md. Exits with 1 when a query gives other rows; a query that Spark cannot run
-at all is listed.
+and put the table into docs/methods/several-machines.md. Exits with 1 when a query gives other rows; a query
+that Spark cannot run at all is listed.
 """
 
 from __future__ import annotations
