@@ -112,16 +112,11 @@ function draw() {
     if (state.show === 'split' && there) { setBands('ga', there, map); setWhites('ga', there.known, seenThere); } else all('#ga path,#wa path').forEach(p => p.setAttribute('d', ''));
     setSigns(isDifference || map.kind === 'excess' && state.show === 'week' ? shown : null, map);
   }
-  setCut(); setRect(); setFlow(); setChange(); setLayout(); setReplay(); tell(); setControls(); remember();
+  setCut(); setRect(); setOverlays(); setChange(); setLayout(); setReplay(); tell(); setControls(); remember();
   document.body.dataset.ms = (performance.now() - began).toFixed(1);
 }
 
-/* The layer of flow; an area that is chosen shows its own lines only. */
-function setFlow() {
-  const kind = $('flow'), of = state.place.startsWith('area:') ? state.place : '';
-  document.body.dataset.flow = state.flow; if (kind) kind.value = state.flow;
-  all('.dl').forEach(p => p.classList.toggle('off', of !== '' && p.dataset.from !== of && p.dataset.to !== of));
-}
+const setOverlays = () => overlays.forEach(l => l.set());
 
 function setCut() {
   if (!svg) return;
@@ -167,7 +162,7 @@ function look(v) {
   const all100 = w >= W - 1e-6;
   $('zo').disabled = $('zr').disabled = all100; all('[data-pan]').forEach(b => { b.disabled = all100; });
   box.classList.toggle('whole', all100);
-  setCut(); setNames(unit); setNumbers();
+  setCut(); if (unit !== namedAt) overlays.forEach(l => l.look?.()); setNames(unit); setNumbers();
 }
 
 /* Names stand inside their area, above it where a number or another name is in the way, or not at all until one zooms in. */
@@ -179,7 +174,7 @@ function setNames(unit) {
   if (unit === namedAt) return;
   namedAt = unit;
   // all sizes are read before any place is written, so that the browser lays the page out once
-  const taken = all('.hm').map(boxOf), names = all('.pt').map(e => [e, boxOf(e), parseFloat(e.getAttribute('dy'))]), fixtures = all('.fn').map(e => [e, e.getBBox()]);
+  const taken = [...all('.hm').map(boxOf), ...all('.cp').map(e => e.getBBox())], names = all('.pt').map(e => [e, boxOf(e), parseFloat(e.getAttribute('dy'))]), fixtures = all('.fn').map(e => [e, e.getBBox()]);
   for (const [e, box, was] of names) {
     const found = [1.15, -0.4].map(dy => [dy, { ...box, y: box.y + (dy - was) * 14 * unit }]).find(([, b]) => b.y > 0 && !taken.some(t => meet(t, b)));
     e.classList.toggle('out-of-way', !found);
@@ -215,7 +210,7 @@ function middleRectangle() {
   const v = state.view, x = M.extent[0] + (v.x + v.w / 2) / 100, y = M.extent[3] - (v.y + v.h / 2) / 100;
   setRectangle([x - 2, y - 2, x + 2, y + 2]);
 }
-const retell = () => { setRect(); setFlow(); tell(); setControls(); later(); };
+const retell = () => { setRect(); setOverlays(); tell(); setControls(); later(); };
 function floorAt(e) {
   const r = svg.getBoundingClientRect(), v = state.view;
   return [M.extent[0] + (v.x + (e.clientX - r.left) / r.width * v.w) / 100, M.extent[3] - (v.y + (e.clientY - r.top) / r.height * v.h) / 100];
@@ -228,7 +223,7 @@ function remember() {
   if (s.show !== 'week') out.push(`show=${s.show}`);
   if (s.show === 'hour' && s.as !== 'now') out.push(`as=${s.as}`);
   if (s.map !== 'violations') out.push(`map=${s.map}`);
-  if (s.flow !== 'none') out.push(`flow=${s.flow}`);
+  out.push(...overlays.map(l => l.write()).filter(Boolean));
   if (!s.days.every(Boolean)) out.push(`days=${s.days.map(d => d ? 1 : 0).join('')}`);
   if (s.from !== hours[0]) out.push(`from=${s.from}`);
   if (s.to !== hours[1]) out.push(`to=${s.to}`);
@@ -250,7 +245,7 @@ function recall() {
   if (s.show === 'difference' && M.notCompared && !isPaired) s.show = 'week';
   const kind = take('map', /^[a-z]{1,12}$/); s.map = kind && Object.hasOwn(M.maps, kind) ? kind : 'violations';
   if (s.map === 'excess' && s.show !== 'week' && (isPaired || s.show === 'difference')) s.map = 'violations';
-  const flow = take('flow', /^[a-z]{1,12}$/); s.flow = $('flow') && [...$('flow').options].some(o => o.value === flow) ? flow : 'none';
+  overlays.forEach(l => l.read(take));
   s.days = (take('days', /^[01]{7}$/) || '1111111').split('').map(Number);
   s.from = whole('from', hours[0], hours[1] - 1, hours[0]); s.to = whole('to', s.from + 1, hours[1], hours[1]);
   if (s.show === 'hour') { s.map = 'exposure'; s.change = 0; if (hourNow() < 0) s.show = 'week'; }
@@ -273,7 +268,7 @@ function drawn() {
   for (const name of s.show === 'week' ? [] : s.show === 'hour' ? ['show', 'as'] : ['show']) what.push(plain(document.querySelector(`[name=${name}]:checked`).parentElement));
   if (!isPaired && days.length < 7) what.push(days.join(', '));
   if (!isPaired && (s.from !== hours[0] || s.to !== hours[1])) what.push(`${option('from')}–${option('to')}`);
-  if (s.flow !== 'none') what.push(option('flow'));
+  what.push(...overlays.map(l => l.name()).filter(Boolean));
   const card = c && document.querySelector(`[data-card="${c.number}"]`);
   return [isPaired ? plain(document.querySelector('h1')) : document.title, what.join(' · '), ...all('.tag').map(plain), ...card ? [`${plain(card.querySelector('.what'))} ${plain(card.querySelector('.verdict'))}`] : []];
 }

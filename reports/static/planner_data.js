@@ -117,7 +117,12 @@ function readSplit(r, nCells, across) {
 }
 
 /* ---- what is selected ---- */
-const hours = M.hours, state = { show: 'week', map: 'violations', flow: 'none', days: [1, 1, 1, 1, 1, 1, 1], from: hours[0], to: hours[1], place: 'floor', rect: null, view: null, cut: 50, change: 0, as: 'now' };
+/* Layers over the map that only some pages have, each in a file of its own. A layer has `set` (shows what is chosen), `write` (its
+   part of the address), `read` (from the address), `listen`, `name` (in the words of the controls) and `save` (to a drawing);
+   `look`, if it has one, is called when the scale changes. */
+const overlays = [];
+
+const hours = M.hours, state = { show: 'week', map: 'violations', days: [1, 1, 1, 1, 1, 1, 1], from: hours[0], to: hours[1], place: 'floor', rect: null, view: null, cut: 50, change: 0, as: 'now' };
 let week, before, past, fine, seen = null, isDrawing = false, corner = null;
 
 const chosen = p => Uint8Array.from(p.hour, (h, i) => state.days[p.weekday[i]] && h >= state.from && h < state.to ? 1 : 0);

@@ -53,7 +53,7 @@ function layersOf() {
   layer('layout-tried', shapes('.try', e => nameTried(e.dataset.try)));
   layer('areas', shapes('.ar', e => place(e.dataset.area)));
   layer('hotspots', shapes('.hs', e => (M.spots[all('.hs').indexOf(e)] || { name: '' }).name));
-  if (state.flow !== 'none') layer('flow', shapes('.dl').map(s => ({ ...s, isClosed: false })));
+  overlays.forEach(l => l.save(layer, shapes));
   if (state.rect) layer('selection', [{ rings: [[[0, 1], [2, 1], [2, 3], [0, 3]].map(([i, j]) => [state.rect[i], state.rect[j]])], isClosed: true, name: place(state.place), ...look($('rect')) }]);
   layer('names', [...texts('.fn'), ...texts('.pt'), ...texts('.hn'), ...texts('.try-name')]);
   return layers;

@@ -6,7 +6,7 @@ function listen() {
   all('[data-day]').forEach(b => b.addEventListener('click', () => { const d = b.dataset.day; state.days[d] = state.days[d] ? 0 : 1; draw(); }));
   all('[data-pick]').forEach(b => b.addEventListener('click', () => { state.days = b.dataset.pick.split('').map(Number); draw(); }));
   on('mapkind', 'change', e => { state.map = e.target.value; if (state.map === 'excess' && (state.show === 'difference' || state.change)) { state.show = 'week'; state.change = 0; } draw(); });
-  on('flow', 'change', e => { state.flow = e.target.value; retell(); });
+  overlays.forEach(l => l.listen(on));
   all('[data-change]').forEach(b => b.addEventListener('click', () => chooseChange(+b.dataset.change)));
   all('[data-pair]').forEach(b => b.addEventListener('click', choosePair)); addEventListener('beforeprint', printPair); addEventListener('afterprint', clearPair);
   on('from', 'change', e => { state.from = +e.target.value; if (state.to <= state.from) state.to = state.from + 1; draw(); });

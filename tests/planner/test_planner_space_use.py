@@ -16,8 +16,9 @@ from report import ingested_worlds as w
 
 from vsd_analytics.answer import VALUES, Answer, Answers, Value
 from vsd_analytics.config.project import load_site
+from vsd_analytics.planner.drawing import UNIT
 from vsd_analytics.planner.flow_layer import flow_layer
-from vsd_analytics.planner.page import UNIT, render_planner
+from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData, planner_pages
 from vsd_analytics.planner.space_use import space_use_view
 from vsd_analytics.report.draw.floor_frame import Frame

@@ -11,9 +11,10 @@ import pytest
 
 from vsd_analytics.answer import Verdict
 from vsd_analytics.planner import page as page_of_planner
+from vsd_analytics.planner.lines_layer import SAID as SAID_OF_LINES
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData
-from vsd_analytics.planner.script import REASONS, SCRIPTS, script, sentences
+from vsd_analytics.planner.script import LAYERS, REASONS, SCRIPTS, script, sentences
 from vsd_analytics.resources import shipped
 from vsd_analytics.wording import catalogue
 from vsd_analytics.wording import format as fmt
@@ -40,7 +41,7 @@ def literals(text: str) -> list[str]:
     return found + [re.sub(r"\$\{[^{}]*\}", "", each) for each in re.findall(r"`((?:[^`\\]|\\.)*)`", bare)]
 
 
-@pytest.mark.parametrize("name", SCRIPTS)
+@pytest.mark.parametrize("name", [*SCRIPTS, *LAYERS.values()])
 def test_the_script_holds_no_sentence(name: str) -> None:
     for text in literals((STATIC / name).read_text(encoding="utf-8")):
         if text[:1] in ("#", ".", "[") or "px " in text:
@@ -49,12 +50,12 @@ def test_the_script_holds_no_sentence(name: str) -> None:
 
 
 def test_the_script_says_what_is_there_and_all_of_it() -> None:
-    code, known = script(), sentences()
+    code, known = script(tuple(LAYERS)), {*sentences(), *SAID_OF_LINES}
     asked = set(re.findall(r"(?:\bword|\bsay)\('([\w.]+)'", code))
-    asked |= {key for pair in re.findall(r"\? '([\w.]+)' : '([\w.]+)'", code) for key in pair} & set(known)
+    asked |= {key for pair in re.findall(r"\? '([\w.]+)' : '([\w.]+)'", code) for key in pair} & known
     asked |= {f"reason.none_{kind}" for kind in ("per_open_h", "per_person_h")}
     asked |= {f"words.{verdict}" for verdict in get_args(Verdict)}
-    assert asked == set(known)
+    assert asked == known
 
 
 def test_the_style_holds_no_word() -> None:

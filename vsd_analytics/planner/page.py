@@ -21,16 +21,15 @@ from vsd_analytics.figures.week.model_estimate import Estimate
 from vsd_analytics.figures.week.results import WeekRef
 from vsd_analytics.planner import cell_counts, map_kinds
 from vsd_analytics.planner.change_words import ChangeWords, change_words
+from vsd_analytics.planner.drawing import PlannerDrawing, drawing_of, frame_of, spot_id
 from vsd_analytics.planner.encode import PackedNumbers, packed_numbers
-from vsd_analytics.planner.flow_layer import FlowLayer, flow_layer
-from vsd_analytics.planner.layouts import FixtureLabel, drawn_fixtures, movable
+from vsd_analytics.planner.layouts import movable
+from vsd_analytics.planner.lines_layer import LinesLayer, lines_layer
 from vsd_analytics.planner.logged_changes import PlannerChange
 from vsd_analytics.planner.planner_data import PlaceRow, PlannerData
 from vsd_analytics.planner.replay import replay_meta
 from vsd_analytics.planner.script import few_events, quantiles, script, sentences
 from vsd_analytics.planner.space_use import SpaceUseView, space_use_view
-from vsd_analytics.report.draw.floor_frame import Frame
-from vsd_analytics.report.draw.svg import smooth_path, straight_path
 from vsd_analytics.report.model.spot_names import place_name
 from vsd_analytics.report.pages.spot_cards import watched
 from vsd_analytics.report.pages.week import policy_hash, rendered, shipped_style
@@ -44,38 +43,8 @@ from vsd_analytics.wording.languages import days
 from vsd_analytics.wording.reasons import reason_text, text_or_none
 from vsd_analytics.wording.terms import capital, joined, verdict_words
 
-UNIT: Final = 100
-"""Units of the drawing in a metre of floor."""
 ROUGH_H: Final = 3.0
 """Selections with fewer recorded hours are marked as rough."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Label:
-    """A text on the floor, in units of the drawing."""
-
-    text: str
-    x: int
-    y: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlannerDrawing:
-    """The floor as the page's SVG, in units of the drawing, y down."""
-
-    width: int
-    height: int
-    image: str | None
-    image_box: tuple[int, int, int, int]
-    is_paper: bool
-    unseen: str
-    bands: tuple[str, ...]
-    areas: tuple[tuple[str, str], ...]
-    fixtures: tuple[Markup, ...]
-    fixture_names: tuple[FixtureLabel, ...]
-    hotspots: tuple[tuple[str, str, Label], ...]
-    labels: tuple[Label, ...]
-    flow: FlowLayer | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,6 +91,7 @@ class PlannerPage:
     changes: tuple[ChangeWords, ...]
     has_pairs: bool
     use: SpaceUseView | None
+    lines: LinesLayer | None
     watching: tuple[str, ...]
     is_made_up: bool
     mask: int
@@ -143,9 +113,11 @@ def render_planner(data: PlannerData, *, is_at_desk: bool = False) -> str:
 
 def _page(data: PlannerData, *, is_at_desk: bool) -> PlannerPage:
     site, week = data.site, data.week.ref
-    drawing = None if data.shown is None else _drawing(data)
-    style = shipped_style("planner.css") + _sizes(drawing)
-    code = script()
+    drawing = None if data.shown is None else drawing_of(data)
+    lines = lines_layer(data.lines, site.lines, None if data.shown is None else frame_of(data.shown))
+    style = shipped_style("planner.css") + (shipped_style("planner_lines.css") if lines else "") + _sizes(drawing)
+    has_layer = {"flow": drawing is not None and drawing.flow is not None, "lines": lines is not None}
+    code = script(tuple(layer for layer, is_there in has_layer.items() if is_there))
     refs = [week] + ([data.before.ref] if data.before is not None else [])
     weeks = tuple(_week_name(r, year=week.year) for r in refs)
     distance = fmt.distance(site.settings.distance_m, site.settings.distance_unit)
@@ -159,6 +131,8 @@ def _page(data: PlannerData, *, is_at_desk: bool) -> PlannerPage:
         "planner.title", site=site.name, floor=data.floor.name, weeks=joined(weeks[::-1]), year=week.year
     )
     meta = _meta(data, weeks=tuple(capital(w) for w in weeks), maps=maps, hours=hours, drawing=drawing)
+    if lines is not None:
+        meta = {**meta, "words": {**meta["words"], **lines.words}, "lines": lines.meta}
     return PlannerPage(
         data=data,
         title=title,
@@ -184,6 +158,7 @@ def _page(data: PlannerData, *, is_at_desk: bool) -> PlannerPage:
         changes=tuple(change_words(c, day=week.sunday) for c in data.changes),
         has_pairs=data.before is not None or any(c.before is not None for c in data.changes),
         use=space_use_view(data.space),
+        lines=lines,
         watching=tuple(dict.fromkeys(watched(place_name(s.place), s.changed_on) for s in data.hotspots.watching)),
         is_made_up=data.is_made_up,
         is_at_desk=is_at_desk,
@@ -205,11 +180,7 @@ def _spot_rows(data: PlannerData) -> tuple[tuple[str, str, Row], ...]:
     """Return each hotspot's id and name on the page, and its row of the answer."""
     found = data.hotspots
     table, *_ = hotspot_answers(found, window_holds(data.site, found, inputs=""))
-    return tuple((_spot_id(s), place_name(s.place), row) for s, row in zip(found.spots, table.rows, strict=True))
-
-
-def _spot_id(spot: FloorSpot) -> str:
-    return f"spot:{spot.number}"
+    return tuple((spot_id(s), place_name(s.place), row) for s, row in zip(found.spots, table.rows, strict=True))
 
 
 def _json(value: Any) -> str:
@@ -355,7 +326,7 @@ def _spot_meta(spot: FloorSpot, grid: cell_counts.CellGrid) -> dict[str, Any]:
     for outer, *holes in spot.place.polygons:
         inside |= shapely.contains_xy(shapely.Polygon(outer, holes), x, y)
     name = catalogue.say("planner.hotspot", number=spot.number, place=place_name(spot.place))
-    return {"id": _spot_id(spot), "name": name, "squares": np.flatnonzero(inside).tolist()}
+    return {"id": spot_id(spot), "name": name, "squares": np.flatnonzero(inside).tolist()}
 
 
 def _change_meta(estimate: Estimate) -> dict[str, Any] | None:
@@ -394,51 +365,6 @@ def _figures(data: PlannerData, index: int, row: PlaceRow) -> PlannerFigureRow:
         change=f"{said}, {fmt.fewer_more(violation_rate.change)}" if changes and clear else said,
         change_likely=fmt.likely_change(violation_rate) if changes else "",
     )
-
-
-def _drawing(data: PlannerData) -> PlannerDrawing:
-    shown, settings = data.shown, data.site.settings
-    assert shown is not None
-    x0, y0, x1, y1 = shown.extent
-    width, height = round((x1 - x0) * UNIT), round((y1 - y0) * UNIT)
-    frame = Frame(shown, width=(x1 - x0) * UNIT, height=(y1 - y0) * UNIT)
-    bands = {b.lower: smooth_path(frame.rings(b.polygons)) for b in shown.bands}
-    box = (0, 0, 0, 0)
-    if shown.image is not None:
-        left, top = frame.at((shown.image.extent[0], shown.image.extent[3]))
-        right, bottom = frame.at((shown.image.extent[2], shown.image.extent[1]))
-        box = (round(left), round(top), round(right - left), round(bottom - top))
-    spots = []
-    for spot in data.hotspots.spots:
-        x, y = frame.at((spot.place.x_m, spot.place.y_m))
-        outline = straight_path(frame.rings(spot.place.polygons))
-        spots.append((_spot_id(spot), outline, Label(text=str(spot.number), x=round(x), y=round(y))))
-    labels = []
-    for area in shown.areas:
-        ring = frame.ring(area.ring)
-        x, y = min(p[0] for p in ring), min(p[1] for p in ring)
-        if 0 <= x < width and 0 <= y < height:
-            labels.append(Label(text=area.name, x=round(x), y=round(y)))
-    fixtures, names = drawn_fixtures(data.layouts or (shown.fixtures,), frame)
-    return PlannerDrawing(
-        width=width,
-        height=height,
-        image=None if shown.image is None else shown.image.data_uri,
-        image_box=box,
-        is_paper=shown.image is not None and shown.image.is_opaque,
-        unseen=straight_path(frame.rings(shown.unseen)),
-        bands=tuple(bands.get(step, "") for step in data.site.settings.heat_steps),
-        areas=tuple((_area_place(a.area_id), straight_path([frame.ring(a.ring)])) for a in shown.areas),
-        fixtures=fixtures,
-        fixture_names=names,
-        hotspots=tuple(spots),
-        labels=tuple(labels),
-        flow=flow_layer(data.space, shown, frame, least=mask_of(data.site).below, distance_unit=settings.distance_unit),
-    )
-
-
-def _area_place(area_id: str | None) -> str:
-    return "rest" if area_id is None else f"area:{area_id}"
 
 
 def _sizes(drawing: PlannerDrawing | None) -> str:

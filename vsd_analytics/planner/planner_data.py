@@ -47,6 +47,7 @@ from vsd_analytics.planner.hour_counts import (
     panel_of,
 )
 from vsd_analytics.planner.layouts import Layout, layouts
+from vsd_analytics.planner.lines_layer import crossings
 from vsd_analytics.planner.logged_changes import MOST_WEEKS, PlannerChange, entries_of, logged_changes
 from vsd_analytics.planner.replay import Replay, replay
 from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level
@@ -159,6 +160,7 @@ class PlannerData:
         changes: The log's entries of these weeks, in order of time.
         layouts: Fixtures by selection (`layouts.layouts`); empty where they are always those of `shown`.
         space: Answers on how the space is used in the week (M35 to M42); empty where no place of the floor asks.
+        lines: Answers on who crossed the floor's counting lines in the week (M57); empty without a line.
         is_shared: The page is for readers; otherwise it is the operator's, by hour in all places.
         replay: The week's hours by square, and typical ones; None where they cannot be given.
     """
@@ -184,6 +186,7 @@ class PlannerData:
     changes: tuple[PlannerChange, ...]
     layouts: tuple[Layout, ...] = ()
     space: Answers = field(default_factory=Answers)
+    lines: Answers = field(default_factory=Answers)
     is_shared: bool = False
     replay: Replay | None = None
 
@@ -323,6 +326,7 @@ def planner_data(
         changes=changes,
         layouts=layouts(data, before=before, changes=changes),
         space=_space(data, is_ranked=is_ranked),
+        lines=crossings(data.this),
         is_shared=data.mask.is_on,
         replay=of_hours,
     )

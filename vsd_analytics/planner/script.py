@@ -25,6 +25,8 @@ SCRIPTS: Final = (
     "planner_layout.js",
     "planner_start.js",
 )
+LAYERS: Final = {"flow": "planner_flow.js", "lines": "planner_lines.js"}
+"""Scripts of layers over the map, which only pages with such a layer have."""
 SAID: Final = "planner.script."
 """Sentences of the catalogue that the script says are those below this and these."""
 SAID_TOO: Final = (
@@ -74,9 +76,13 @@ def sentences() -> dict[str, str | dict[str, str]]:
 
 
 @cache
-def script() -> str:
-    """Return the page's only script."""
-    return one_script(SCRIPTS)
+def script(layers: tuple[str, ...] = ()) -> str:
+    """Return the page's only script.
+
+    Args:
+        layers: The layers of `LAYERS` that the page has.
+    """
+    return one_script((*SCRIPTS[:-1], *(LAYERS[layer] for layer in layers), SCRIPTS[-1]))
 
 
 def one_script(names: tuple[str, ...]) -> str:

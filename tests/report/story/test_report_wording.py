@@ -43,7 +43,7 @@ SPEAKING = (
     "report/draw/trend_chart",
     *(f"figures/week/{n}" for n in ("changes", "spots", "outlook", "trend_weeks")),
     *(f"report/model/{n}" for n in ("site_changes", "spot_names")),
-    *("planner/planner_data", "planner/map_kinds", "planner/page"),
+    *("planner/planner_data", "planner/map_kinds", "planner/page", "planner/lines_layer"),
     *("site_index/week_bars", "site_index/summary", "site_index/page", "site_index/compare_section"),
     "report/draw/funnel_chart",
 )
