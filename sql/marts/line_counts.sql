@@ -35,6 +35,14 @@
 --   needs        [doors] empty_at; every door recorded in full since then
 --   uncertainty  the drift shows it: a count that nobody corrects
 --   by           vsd_analytics.figures.doors.door_answers
+-- figure: M59 Busiest quarter-hour at a line
+--   definition   most crossings of a line in a quarter-hour that was recorded in full, both ways: people a minute, people a second and
+--                metre of the line, and that as a share of 1.3, which a level door lets through
+--   unit         people per minute; people per metre and second; share
+--   denominator  hours recorded in full
+--   needs        a quarter-hour that was recorded in full
+--   uncertainty  none: a count
+--   by           vsd_analytics.figures.line_peaks.line_peaks
 -- figure: M60 Footfall
 --   definition   crossings of a counting line, either way, per recorded open hour of the week, beside the usual range by the weeks
 --                before, the change to the week before and to the week 52 weeks before, and the crossings expected next week

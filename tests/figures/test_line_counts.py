@@ -144,3 +144,27 @@ def test_text_shows_sides_by_their_names(tmp_path: Path, capsys: pytest.CaptureF
         *("name", "left is", "to the left", "right is", "to the right"),
     ]
     assert row.split()[:5] == ["<b>Door</b>", "Shop", "140", "Street", "84"]
+
+
+def test_the_busiest_quarter_hour_is_put_beside_what_the_width_lets_through(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    records = [*week(in_=20, out=12), *(p for k in range(40) for p in through(T0 + 2 * DAY + k * 10_000, f"more-{k}"))]
+    (row,) = printed(shop(tmp_path, records), capsys, "--exact")["line_peaks"]
+    n = 40 + 15 + 12  # those who are more, and in the first quarter-hour one a minute in, and out
+    assert row["people_per_min"]["value"] == pytest.approx(n / 15, rel=1e-4)
+    assert row["per_m_s"]["value"] == pytest.approx(n / 900 / 2, rel=1e-4)
+    assert row["of_most_share"]["value"] == pytest.approx(n / 900 / 2 / 1.3, rel=1e-4)
+    assert (row["local_date"], row["local_hour"], row["width_m"], row["whole_h"]) == ("2026-11-11", 9, 2, 7)
+
+
+def test_a_busiest_quarter_hour_that_tells_few_people_is_hidden(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    many = [p for k in range(20) for p in through(T0 + k * 10_000, f"in-{k}")]
+    root = shop(tmp_path, [*many, *through(T0 + 2 * QUARTER, "late"), *beats(T0, T0 + HOUR)])
+    (row,) = printed(root, capsys)["line_peaks"]
+    assert row["people_per_min"]["value"] is None, "21 people on that day less 20 in the quarter-hour is one"
+    assert "local_date" not in row
+    (exact,) = printed(root, capsys, "--exact")["line_peaks"]
+    assert (exact["people_per_min"]["value"], exact["n_least"]["value"]) == (pytest.approx(20 / 15, rel=1e-4), 1)

@@ -26,7 +26,7 @@ COMMANDS = {
     "queues": ("queue", "--json"),
     "queue_hours": ("queue", "--json"),
     "capacity": ("capacity", "--json"),
-    **dict.fromkeys(("lines", "line_days", "line_hours", "doors", "door_days"), ("lines", "--json")),
+    **dict.fromkeys(("lines", "line_days", "line_hours", "line_peaks", "doors", "door_days"), ("lines", "--json")),
     "flow": ("flow", "--format", "json"),
     "flow_areas": ("flow", "--format", "json"),
     "flow_routes": ("flow", "--format", "json"),

@@ -23,6 +23,10 @@ LAYOUTS: Final[dict[str, Layout]] = {
         TableLayout(("drift", "drift_per_1000", "n_days")),
     ),
     "door_days": (TableLayout(("local_date", *_INSIDE, "known_open_h")),),
+    "line_peaks": (
+        TableLayout(("name", "people_per_min", "per_m_s", "of_most_share", "width_m", "whole_h")),
+        TableLayout(("name", "local_date", "local_hour"), only="local_date"),
+    ),
     "line_days": (TableLayout(("name", "local_date", *_COUNTS, "unrecorded_open_h")),),
     "line_hours": (TableLayout(("name", "local_hour", *_COUNTS, "unrecorded_open_h")),),
 }
@@ -68,6 +72,7 @@ def lines(
     from vsd_analytics.cli.ranges import period_with_history, purged_hours_notes
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures.doors import door_answers
+    from vsd_analytics.figures.line_peaks import line_peaks
     from vsd_analytics.figures.lines import line_answers
     from vsd_analytics.figures.share.answers import audience_answers
     from vsd_analytics.site.places import known_floor
@@ -87,8 +92,9 @@ def lines(
         return _write_page(project, floor, week or "last", out)
     has_doors = any(line.floor_id == floor.floor_id and line.inside for line in project.site.lines)
     with period_with_history(project, floor, week=week, days=days) as period:
+        whole, *parts = line_answers(period)
         answers = audience_answers(
-            [*line_answers(period), *(door_answers(period) if has_doors else ())], period.data.site
+            [whole, *(door_answers(period) if has_doors else ()), line_peaks(period), *parts], period.data.site
         )
         notes = purged_hours_notes(period.data.warehouse)
     print_answers(answers, days=(period.first, period.last), layouts=LAYOUTS, as_json=as_json, notes=notes)

@@ -143,7 +143,7 @@ def _has_row(shown: TableLayout | GridLayout, row: Row) -> bool:
     """Tell whether a layout shows a row."""
     if isinstance(shown, GridLayout) or not shown.only:
         return True
-    cell = row[shown.only]
+    cell = row.get(shown.only)
     return cell.value is not None if isinstance(cell, Value) else cell is not None
 
 

@@ -39,7 +39,7 @@ OF_CAPACITIES: Final = frozenset({"M41"})
 
 OF_SPACE: Final = OF_VISITS | OF_QUEUES | OF_CAPACITIES
 """Figures of how a space is used, which places of the floor ask for."""
-OF_LINES: Final = frozenset({"M57", "M58", "M60"})
+OF_LINES: Final = frozenset({"M57", "M58", "M59", "M60"})
 """Figures of counting lines, and of those that are doors."""
 OF_CONTEXT: Final = frozenset({"M50", "M51", "M52"})
 """Figures that use series of what else happened; of weeks only."""
@@ -135,7 +135,9 @@ def lines_ask_for(data: WeekData) -> frozenset[str]:
     """Return which figures of counting lines the floor has lines for in these days."""
     lines = [n for n in data.site.lines if n.floor_id == data.floor.floor_id]
     is_any = any(n.is_there(data.monday, data.sunday) for n in lines)
-    return (frozenset({"M57", "M60"}) if is_any else frozenset()) | ({"M58"} if any(n.inside for n in lines) else set())
+    return (frozenset({"M57", "M59", "M60"}) if is_any else frozenset()) | (
+        {"M58"} if any(n.inside for n in lines) else set()
+    )
 
 
 def figure_unit(metric: str, rules: UnitRules) -> Reason:

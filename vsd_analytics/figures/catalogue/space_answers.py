@@ -1,4 +1,4 @@
-"""Answers on how a space is used, of places that ask for it: M35 to M42, lines and doors: M57, M58, M60."""
+"""Answers on how a space is used, of places that ask for it: M35 to M42, lines and doors: M57 to M60."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from vsd_analytics.figures.catalogue.form import FigureInputs, answers
 from vsd_analytics.figures.doors import door_answers
 from vsd_analytics.figures.flow_answers import direction_answer, flow_answers
 from vsd_analytics.figures.footfall import footfall_answers
+from vsd_analytics.figures.line_peaks import line_peaks
 from vsd_analytics.figures.lines import line_answers
 from vsd_analytics.figures.queues import queues
 from vsd_analytics.figures.visits import visits
@@ -41,6 +42,12 @@ def capacity_answers(inputs: FigureInputs) -> tuple[Answer, ...]:
 def crossings_of_lines(inputs: FigureInputs) -> tuple[Answer, ...]:
     """Return how many people crossed each counting line in either direction: over the days, by day and by hour."""
     return line_answers(inputs.data.this)
+
+
+@answers("M59")
+def busiest_quarter_hours(inputs: FigureInputs) -> tuple[Answer, ...]:
+    """Return the busiest quarter-hour of each counting line, and how near it is to what its width lets through."""
+    return (line_peaks(inputs.data.this),)
 
 
 @answers("M58")
