@@ -147,4 +147,7 @@ def planted(
         for name, (columns, rows) in made.items():
             values = zip(*rows, strict=True) if rows else [()] * len(columns)
             plant(warehouse, name, pa.table(dict(zip(columns, map(list, values), strict=True))))
+        side = f"/ {round(1 / FLOOR_CELL_M)}"
+        squares = f"select * replace (cx {side} as cx, cy {side} as cy) from cell_hours where exposure_open_s > 0"
+        plant(warehouse, "square_hours", warehouse.con.sql(squares).to_arrow_table())
         yield warehouse

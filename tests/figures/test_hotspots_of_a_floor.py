@@ -7,8 +7,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 import shapely
 from planted_floors import LAST, QUEUE, SHAPE, VIEW, planted, site_of, square
@@ -64,7 +66,7 @@ def test_a_window_read_day_by_day_gives_the_same_figures_as_all_at_once(
     def found(most: int) -> tuple[list[int], FloorHotspots]:
         monkeypatch.setattr(cell_weeks, "PIECE_HOURS", most)
         with planted(site_of(tmp_path / str(most)), always(HOT)) as warehouse:
-            hours = cell_weeks.CellWeeks(warehouse, warehouse.site.floors[0], cell_m=1.0)
+            hours = cell_weeks.CellWeeks(warehouse, warehouse.site.floors[0])
             windows = [hours.window(LAST - timedelta(days=k + 27), LAST - timedelta(days=k)) for k in (7, 0)]
             assert len(hours._read) == len(windows[-1])
             return [len(pieces) for pieces in windows], hotspots(warehouse)
@@ -73,6 +75,24 @@ def test_a_window_read_day_by_day_gives_the_same_figures_as_all_at_once(
     assert n_pieces == [21, 28]  # days of each window that are loaded
     assert repr(by_days) == repr(at_once)
     assert by_days.spots
+
+
+def test_rows_that_a_query_returns_in_another_order_are_put_in_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def backwards(*asked: Any) -> pa.Table:
+        rows = in_order(*asked)
+        return rows.take(np.arange(rows.num_rows)[::-1])
+
+    in_order = cell_weeks.CellWeeks._asked
+    with planted(site_of(tmp_path), always(HOT)) as warehouse:
+        expected = hotspots(warehouse)
+        monkeypatch.setattr(cell_weeks.CellWeeks, "_asked", backwards)
+        found = hotspots(warehouse)
+    assert [(s.place.name, s.ratio) for s in found.spots] == [
+        (s.place.name, pytest.approx(s.ratio)) for s in expected.spots
+    ]
+    assert found.spots
 
 
 def test_without_an_earlier_window_nobody_knows_what_is_new(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from scipy import optimize, stats
 
 from vsd_analytics.stats.false_discovery import benjamini_hochberg
 from vsd_analytics.stats.hotspots import PRIOR_DF, Hotspots, hotspots, place_rate
+from vsd_analytics.stats.nonnegative import nonnegative_factors
 
 PLANTED = Variation(ratio=2.5)
 EVEN = Variation()
@@ -48,6 +49,19 @@ def smoothed(day: np.ndarray, sigma: float) -> np.ndarray:
                 if 0 <= r + i < day.shape[0] and 0 <= c + j < day.shape[1]:
                     made[r, c] += weight[i + reach] * weight[j + reach] * day[r + i, c + j]
     return made
+
+
+@pytest.mark.parametrize(("company", "mixing"), [(0.1, 0.8), (-0.2, 0.8), (0.4, -0.3), (-0.1, -0.1), (0.0, 0.5)])
+@pytest.mark.parametrize("noise", [1e-6, 0.3])
+def test_what_crowding_explains_is_fitted_as_by_nnls(company: float, mixing: float, noise: float) -> None:
+    rng = np.random.default_rng(5)
+    for n in (2, 3, 40):
+        x = rng.gamma(2, 1, n)
+        parts = np.column_stack([x, x * rng.uniform(0.1, 0.5, n)])
+        whole = parts @ [company, mixing] + rng.normal(0, noise, n)
+        assert nonnegative_factors(parts, whole) == pytest.approx(optimize.nnls(parts, whole)[0], rel=1e-9, abs=1e-12)
+    alone = np.column_stack([x, 0 * x])  # nobody is in view together
+    assert nonnegative_factors(alone, 0.3 * x) == pytest.approx((0.3, 0.0))
 
 
 def test_expected_time_t_and_q_equal_a_recomputation_from_the_definitions() -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import date
+from datetime import date, timedelta
 from typing import Final, NotRequired, TypedDict, Unpack
 
 import numpy as np
@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from vsd_analytics.answer import Reason, State
-from vsd_analytics.figures.floor_days import NO_FLOOR, Flags, Floats, Grid, Ints, add_at, grid_over
+from vsd_analytics.figures.floor_days import NO_FLOOR, Flags, Floats, Grid, Ints, grid_over
 from vsd_analytics.figures.slots import NO_POSITIONS, NOTHING_OPEN
 from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Floor
@@ -53,7 +53,7 @@ class CellHours:
         is_everything: No camera-hour was left out for what its engine does not send.
         used: The camera-hours, columns of `_USED`.
         hour: Of each row, its place among the used camera-hours.
-        at: Of each row, its cell: row and column of the grid.
+        cell: Of each row, its cell: row of the grid times its columns, and column.
         exposure_s: Of each row, person-seconds.
         violation_s: Of each row, person-seconds in violation, where each person stands.
     """
@@ -64,7 +64,7 @@ class CellHours:
     is_everything: bool
     used: pa.Table
     hour: Ints
-    at: tuple[Ints, Ints]
+    cell: Ints
     exposure_s: Floats
     violation_s: Floats
 
@@ -72,22 +72,28 @@ class CellHours:
         """Return sums by cell, shape of the grid; with `by`, below n, one map of each: shape (n, ...)."""
         assert self.grid is not None
         made = np.zeros((n, *self.grid.shape))
-        add_at(made, (np.zeros(len(values), dtype=np.int64) if by is None else by, *self.at), values)
+        np.add.at(made.reshape(-1), self.cell if by is None else by * made[0].size + self.cell, values)
         return made if by is not None else made[0]
 
     def where(self, kept: Flags) -> CellHours:
         """Return some of the rows, of the same camera-hours and grid."""
-        row, column = self.at
-        at = row[kept], column[kept]
-        parts = {name: getattr(self, name)[kept] for name in ("hour", "exposure_s", "violation_s")}
-        return replace(self, at=at, **parts)
+        parts = {name: getattr(self, name)[kept] for name in ("hour", "cell", "exposure_s", "violation_s")}
+        return replace(self, **parts)
 
     def between(self, first: date, last: date) -> CellHours:
-        """Return the camera-hours of some days alone, of the same grid."""
+        """Return the camera-hours of some days alone, of the same grid; those of this one are in order of days."""
         day = self.used["local_date"].to_numpy().astype("datetime64[D]")
-        kept = (day >= np.datetime64(first)) & (day <= np.datetime64(last))
-        rows = self.where(kept[self.hour])
-        return replace(rows, used=self.used.filter(pa.array(kept)), hour=(np.cumsum(kept) - 1)[rows.hour])
+        ends = np.array([first, last + timedelta(days=1)], dtype="datetime64[D]")
+        start, end = (int(n) for n in np.searchsorted(day, ends))
+        rows = slice(*np.searchsorted(self.hour, [start, end]))
+        return replace(
+            self,
+            used=self.used.slice(start, end - start),
+            hour=self.hour[rows] - start,
+            cell=self.cell[rows],
+            exposure_s=self.exposure_s[rows],
+            violation_s=self.violation_s[rows],
+        )
 
     def keyed(self, *names: str) -> tuple[Ints, int]:
         """Return the number of each used camera-hour's group by some columns, in order, and how many there are."""
@@ -116,7 +122,7 @@ def cell_hours(
 
     def without(state: State, reason: Reason) -> CellHours:
         none, nothing = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.float64)
-        return CellHours(None, state, reason, is_everything, chosen, none, (none, none), nothing, nothing)
+        return CellHours(None, state, reason, is_everything, chosen, none, none, nothing, nothing)
 
     if not used.num_rows:
         return without("not_enough_data", NOTHING_OPEN)
@@ -139,9 +145,11 @@ def on_grid(grid: Grid, used: pa.Table, rows: pa.Table, *, is_everything: bool) 
     """Return camera-hours and the rows of their cells (`cells_of`) as arrays, without cells beyond a grid."""
     hour, cx, cy, exposure_s, violation_s = (c.to_numpy() for c in rows.columns)
     at = cy - grid.cy, cx - grid.cx
-    inside = np.all([(i >= 0) & (i < n) for i, n in zip(at, grid.shape, strict=True)], axis=0)
-    hour, row, column, exposure_s, violation_s = (v[inside] for v in (hour, *at, exposure_s, violation_s))
-    return CellHours(grid, "ok", None, is_everything, used, hour, (row, column), exposure_s, violation_s)
+    cell = at[0] * grid.shape[1] + at[1]
+    if any(len(i) and (i.min() < 0 or i.max() >= n) for i, n in zip(at, grid.shape, strict=True)):
+        inside = np.all([(i >= 0) & (i < n) for i, n in zip(at, grid.shape, strict=True)], axis=0)
+        hour, cell, exposure_s, violation_s = (v[inside] for v in (hour, cell, exposure_s, violation_s))
+    return CellHours(grid, "ok", None, is_everything, used, hour, cell, exposure_s, violation_s)
 
 
 def camera_hours(warehouse: Warehouse, floor: Floor, first: date, last: date, *, least_share: float) -> pa.Table:
@@ -160,21 +168,6 @@ def cells_of(warehouse: Warehouse, floor: Floor, used: pa.Table, *, cell_m: floa
         "group by all having sum(exposure_open_s) > 0 order by all",
         {**_asked(floor, used), "numbers": list(range(used.num_rows)), "side": FLOOR_CELL_M / cell_m},
     )
-
-
-def ends_of(warehouse: Warehouse, floor: Floor, used: pa.Table, *, cell_m: float) -> tuple[Ints, Ints] | None:
-    """Return the least and greatest cx and cy of the cells with people in the camera-hours `used`; None = nobody."""
-    ends = warehouse.rows(
-        f"{_OF_USED} select min(cx)::bigint as x0, max(cx)::bigint as x1, min(cy)::bigint as y0, "
-        "max(cy)::bigint as y1 from cell_hours inner join used using (camera_id, hour_start_ms) "
-        "where floor_id = $floor and exposure_open_s > 0 and local_date between $first and $last",
-        {**_asked(floor, used), "numbers": list(range(used.num_rows))},
-    )[0]
-    if ends["x0"] is None:
-        return None
-    side = FLOOR_CELL_M / cell_m
-    x, y = (np.floor(np.array([ends[f"{of}0"], ends[f"{of}1"]]) * side + 1e-9).astype(np.int64) for of in "xy")
-    return x, y
 
 
 def _asked(floor: Floor, used: pa.Table) -> dict[str, object]:
@@ -213,16 +206,20 @@ def mixed_of_pieces(warehouse: Warehouse, floor: Floor, pieces: Sequence[CellHou
     starts = np.cumsum([0, *(piece.used.num_rows for piece in pieces)])
     people, density = np.zeros(n), np.zeros((n_hours, *grid.shape))
     for piece, start in zip(pieces, starts[:-1], strict=True):
-        group = of_camera[start + piece.hour]
+        group = of_camera[start:][piece.hour]
         np.add.at(people, group, piece.exposure_s)
-        add_at(density, (of_hour[start + piece.hour], *piece.at), piece.exposure_s / 3600 / together_h[group])
+        place = (of_hour[start:] * density[0].size)[piece.hour] + piece.cell
+        np.add.at(density.reshape(-1), place, piece.exposure_s / 3600 / together_h[group])
     people = people / 3600 / together_h
     near = nearby(density, closeness(cell_m=grid.cell_m, distance_m=warehouse.site.settings.distance_m))
     others = _others(warehouse, floor, used)
     for piece, start in zip(pieces, starts[:-1], strict=True):
-        group = of_camera[start + piece.hour]
-        share = near[of_hour[start + piece.hour], *piece.at] / np.where(people > 0, people, 1.0)[group]
-        yield np.asarray(piece.exposure_s * -np.expm1(-others[start + piece.hour] * share), dtype=np.float64)
+        share = near.take((of_hour[start:] * density[0].size)[piece.hour] + piece.cell)
+        share /= np.where(people > 0, people, 1.0)[of_camera[start:]][piece.hour]
+        share *= -others[start:][piece.hour]
+        mixed = np.expm1(share, out=share)
+        mixed *= -piece.exposure_s
+        yield mixed
 
 
 def _keyed(used: pa.Table, *names: str) -> tuple[Ints, int]:

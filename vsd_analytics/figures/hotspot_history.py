@@ -102,20 +102,23 @@ def follow(windows: Sequence[Found], *, floor_id: str, cell_m: float, first_cell
     known: dict[str, _Known] = {}
     for k, window in enumerate(windows):
         earlier = list(known.values())
-        names = _named(window.result, earlier, cell_m=cell_m)
+        label = window.result.cells.label
+        n_labels = int(label.max(initial=0)) + 1
+        n_shared = {one.spot_id: np.bincount(label[one.inside], minlength=n_labels) for one in earlier}
+        names = _named(window.result, earlier, n_shared, cell_m=cell_m)
         for spot in window.result.spots:
             spot_id = names.get(spot.label) or _new_id(spot, known, floor_id=floor_id, cell_m=cell_m, first=first_cell)
-            inside = window.result.cells.label == spot.label
+            inside = label == spot.label
             stood = [
                 one.since
                 for one in earlier
-                if one.seen == k - 1 and (one.spot_id == spot_id or (one.inside & inside).any())
+                if one.seen == k - 1 and (one.spot_id == spot_id or n_shared[one.spot_id][spot.label])
             ]
             middle = (spot.row, spot.column)
             past = PastSpot(spot_id, k, spot.label)
             known[spot_id] = _Known(spot_id, inside, middle, past, since=min(stood, default=k), seen=k)
         for one in earlier:
-            is_here = known[one.spot_id].seen == k or (one.inside & window.result.cells.is_hot).any()
+            is_here = known[one.spot_id].seen == k or n_shared[one.spot_id][1:].any()
             if one.seen == k - 1 and not is_here and _is_watched(one, window):
                 known[one.spot_id].seen = k
     if not windows:
@@ -142,16 +145,17 @@ def _is_watched(one: _Known, window: Found) -> bool:
     return window.is_watched is not None and bool((one.inside & window.is_watched).any())
 
 
-def _named(result: Hotspots, known: Sequence[_Known], *, cell_m: float) -> dict[int, str]:
-    """Return the ids that hotspots take over, by label."""
+def _named(
+    result: Hotspots, known: Sequence[_Known], n_shared: Mapping[str, NDArray[np.int64]], *, cell_m: float
+) -> dict[int, str]:
+    """Return the ids that hotspots take over, by label, given how many cells each known one shares with each label."""
     pairs = []
     for spot in result.spots:
-        inside = result.cells.label == spot.label
         for one in known:
-            n_shared = int((inside & one.inside).sum())
+            n = int(n_shared[one.spot_id][spot.label])
             away_m = cell_m * float(np.hypot(spot.row - one.middle[0], spot.column - one.middle[1]))
-            if n_shared or away_m <= SAME_PLACE_M:
-                pairs.append((-n_shared, away_m, one.spot_id, spot.label))
+            if n or away_m <= SAME_PLACE_M:
+                pairs.append((-n, away_m, one.spot_id, spot.label))
     names: dict[int, str] = {}
     for _, _, spot_id, label in sorted(pairs):
         if label not in names and spot_id not in names.values():

@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 from vsd_analytics.answer import Reason
 from vsd_analytics.config.change_log import read_log
 from vsd_analytics.figures.cell_hours import mixed_of_pieces
-from vsd_analytics.figures.cell_weeks import CellWeeks
-from vsd_analytics.figures.floor_days import Cube, FloorDays, Grid, add_at
+from vsd_analytics.figures.cell_weeks import SIDE_M, CellWeeks
+from vsd_analytics.figures.floor_days import Cube, FloorDays, Grid
 from vsd_analytics.figures.share.together import Ints, evened_days
 from vsd_analytics.figures.slots import NO_POSITIONS
 from vsd_analytics.site.model import Floor
 from vsd_analytics.stats import hotspots as test
 from vsd_analytics.warehouse.warehouse import Warehouse
 
-CELL_M: Final = 1.0
+CELL_M: Final = SIDE_M
 """Side of the cells that are tested: the smoothing makes finer ones alike, and their tests cost power."""
 SIGMA_M: Final = 1.0
 """Standard deviation of the smoothing of person-time."""
@@ -81,7 +81,7 @@ def floor_windows(warehouse: Warehouse, data: FloorDays) -> FloorWindows:
     """Return what all windows of a floor share, read once."""
     if data.grid is None:
         return FloorWindows(warehouse, data, None, ())
-    hours = CellWeeks(warehouse, data.floor, cell_m=CELL_M)
+    hours = CellWeeks(warehouse, data.floor)
     return FloorWindows(
         warehouse, data, hours if hours.grid is not None else None, _changes(warehouse, data, data.grid)
     )
@@ -156,23 +156,33 @@ def _person_time(floor: FloorWindows, days: slice) -> tuple[NDArray[np.float64],
     data, hours = floor.data, floor.hours
     if hours is None or hours.grid is None or data.grid is None:
         return None
-    rows_off, columns_off = hours.grid.cy - data.grid.cy, hours.grid.cx - data.grid.cx
     pieces = hours.window(data.day(days.start), data.day(days.stop - 1))
     if not pieces:
         return None
-    made, is_any = [np.zeros((days.stop - days.start, *data.grid.shape)) for _ in range(3)], False
+    shape = (days.stop - days.start, *data.grid.shape)
+    made, is_any = [np.zeros(shape) for _ in range(3)], False
+    place_of = _places(hours.grid, data.grid)
     mixed_by_piece = mixed_of_pieces(floor.warehouse, data.floor, pieces)
     for piece, mixed in zip(pieces, mixed_by_piece, strict=True):
         since = piece.used["local_date"].to_numpy().astype("datetime64[D]") - np.datetime64(data.day(days.start))
+        day = since.astype(np.int64)
         camera = np.array([data.camera_index(c) for c in piece.used["camera_id"].to_pylist()], dtype=np.int64)
-        at = since.astype(np.int64)[piece.hour], piece.at[0] + rows_off, piece.at[1] + columns_off
-        inside = (at[1] >= 0) & (at[1] < data.grid.shape[0]) & (at[2] >= 0) & (at[2] < data.grid.shape[1])
-        used = inside & np.isfinite(mixed) & data.is_used[camera[piece.hour], days.start + at[0]]
+        place = place_of[piece.cell]
+        used = (place >= 0) & np.isfinite(mixed) & data.is_used[camera, days.start + day][piece.hour]
         is_any |= bool(used.any())
-        places = tuple(v[used] for v in at)
+        kept = slice(None) if used.all() else np.flatnonzero(used)
+        place = place[kept] + (day * made[0][0].size)[piece.hour[kept]]
         for total, values in zip(made, (piece.violation_s, piece.exposure_s, mixed), strict=True):
-            add_at(total, places, values[used] / 3600)
+            np.add.at(total.reshape(-1), place, values[kept] / 3600)
     return tuple(made) if is_any else None
+
+
+def _places(grid: Grid, other: Grid) -> Ints:
+    """Return the number of each cell of a grid in another one with cells of the same side; -1 where it is beyond."""
+    row, column = (np.arange(n)[:, None] for n in grid.shape)
+    row, column = row + grid.cy - other.cy, column.T + grid.cx - other.cx
+    inside = (row >= 0) & (row < other.shape[0]) & (column >= 0) & (column < other.shape[1])
+    return np.where(inside, row * other.shape[1] + column, -1).ravel()
 
 
 def _days_of(starts: Iterable[int], data: FloorDays, days: slice) -> Ints:

@@ -36,6 +36,7 @@ from scipy import ndimage
 from scipy.special import stdtr
 
 from vsd_analytics.stats.false_discovery import benjamini_hochberg
+from vsd_analytics.stats.nonnegative import nonnegative_factors
 from vsd_analytics.stats.quantiles import t_quantile
 from vsd_analytics.stats.watershed import watershed
 
@@ -299,9 +300,7 @@ def _explained(days: Explained, mixed: Floats, reference: Bools, sigma_cells: fl
     parts = days.violation_h, days.exposure_h, mixed
     v, x, m = (smoothed(p.sum(axis=0, keepdims=True), sigma_cells)[0][reference] for p in parts)
     weight = np.sqrt(_divide(np.ones_like(m), m))
-    from scipy.optimize import nnls  # takes a tenth of a second to import, and only tested floors need it
-
-    (company, mixing), _ = nnls(np.column_stack([x * weight, m * weight]), v * weight)
+    company, mixing = nonnegative_factors(np.column_stack([x * weight, m * weight]), v * weight)
     expected = company * days.exposure_h + mixing * mixed
     day = _divide(days.violation_h[:, reference].sum(axis=1), expected[:, reference].sum(axis=1))
     return replace(days, expected_h=np.asarray(day[:, None, None] * expected, dtype=np.float64))

@@ -27,6 +27,7 @@ INSTEAD: Final = {
     "floor_cells": "cells",
     "cell_hours": "cells",
     "cell_days": "cells",
+    "square_hours": "cells",
     "hour_states": "hours",
     "exposure": "camera_hours",
     "coverage": "camera_hours",

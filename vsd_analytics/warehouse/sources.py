@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 
 _FACTS_IN_FILES = ("distance_times", "company_times")
 """Facts with a row for almost every record. They stay views, so that a query reads only the columns it needs."""
-_MARTS_IN_FILES = ("episodes", "cell_days", "cell_hours", "planner_cells", "distances", "pair_days", "track_days")
+_MARTS_IN_FILES = (
+    *("episodes", "cell_days", "cell_hours", "square_hours", "planner_cells", "distances", "pair_days", "track_days"),
+)
 """Marts with a row for every episode, cell, track or millimetre. Of most of them a report needs one week of ten, so
 they stay views too, unless somebody asks for them in memory."""
 HELD_BYTES = 8_000_000

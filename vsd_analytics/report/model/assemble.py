@@ -50,7 +50,7 @@ _MARTS = (
     *("violations", "camera_hours", "area_hours", "crowding_hours", "joined_days", "cell_hours", "cell_days"),
     *("track_days", "together_days", "track_groups", "company_hours", "episodes", "distances", "gatherings"),
     *("cluster_sizes", "met_days", "neighbour_hours", "footsteps"),
-    "track_hours",
+    *("track_hours", "square_hours"),
 )
 """Marts that the report of a site with enough data reads."""
 _WHOM = {"all": "everybody", "visitors": "visitors", "staff": "staff"}
