@@ -107,6 +107,7 @@ def hour_facts(
             with _load(small, records, is_careful, only_counts) as held:
                 accelerator = Accelerator(held, params(site), is_careful=is_careful, only_counts=only_counts)
                 order = [r for r in relations("staging", "facts").values() if r.name in computed]
+                last_read = {t: n for n, r in enumerate(order) for t in r.reads if t.startswith("stored_")}
                 for number, relation in enumerate(order):
                     name = relation.name
                     is_array = accelerator.computes(relation)
@@ -119,9 +120,8 @@ def hour_facts(
                         yielded.add(name)
                     if relation.layer == "facts":
                         held.forget(name)
-                    for table in {n for n in relation.reads if n.startswith("stored_")}:
-                        if not any(table in later.reads for later in order[number + 1 :]):
-                            held.forget(table)
+                    for table in (t for t, last in last_read.items() if last == number):
+                        held.forget(table)
             return
         except IdsNeededError:
             continue

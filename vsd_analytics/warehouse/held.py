@@ -187,12 +187,9 @@ def _array(column: str, values: NDArray[Any]) -> pa.Array:
         return pa.array(values.astype(np.int32, copy=False), mask=is_unknown if is_unknown.any() else None)
     if values.dtype.kind == "f":
         return pa.array(values, mask=np.isnan(values))
-    is_unknown = values == NULL
-    mask = is_unknown if is_unknown.any() else None
+    mask = values == NULL if values.min(initial=0) <= NULL else None
     if column in _INT32:
-        return pa.array(
-            np.where(is_unknown, 0, values).astype(np.int32) if mask is not None else values.astype(np.int32), mask=mask
-        )
+        values = (values if mask is None else np.where(mask, 0, values)).astype(np.int32)
     return pa.array(values, mask=mask)
 
 

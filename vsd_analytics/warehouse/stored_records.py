@@ -68,22 +68,24 @@ class PartReader:
             if part.hour < first_hour - 1:
                 del self._rows[part, columns]
         edges = (first_hour * HOUR_MS - margin_ms, (last_hour + 1) * HOUR_MS + margin_ms)
-        is_own = {p: first_hour <= p.hour <= last_hour for p in parts["observations"]}
-        frames = [_within(self.rows("frames", p, FRAME_KEYS), *edges) for p in parts["frames"]]
-        people = {p: self.rows("observations", p, PLACES) for p in is_own}
-        beside = [_within(self._frames(p, rows), *edges) for p, rows in people.items() if not is_own[p]]
-        of_frames = _schema("frames", FRAME_KEYS).empty_table()
-        own = [rows for p, rows in people.items() if is_own[p]]
+        own, beside = (
+            {t: [p for p in parts[t] if (first_hour <= p.hour <= last_hour) is is_own] for t in parts}
+            for is_own in (True, False)
+        )
+        frames = [self.rows("frames", p, FRAME_KEYS) for p in own["frames"]]
+        frames += [_within(self.rows("frames", p, FRAME_KEYS), *edges) for p in beside["frames"]]
+        people = [self.rows("observations", p, PLACES) for p in own["observations"]]
+        of_others = [_within(self._frames(p), *edges) for p in beside["observations"]]
         return {
-            "frames": pa.concat_tables([of_frames, *frames]),
-            "observations": pa.concat_tables([_schema("observations", PLACES).empty_table(), *own]),
-            "beside": pa.concat_tables([of_frames, *beside]),
+            "frames": _stacked(frames, _schema("frames", FRAME_KEYS)),
+            "observations": _stacked(people, _schema("observations", PLACES)),
+            "beside": _stacked(of_others, _schema("frames", FRAME_KEYS)),
         }
 
-    def _frames(self, part: Part, people: pa.Table) -> pa.Table:
-        """Return camera and instant of each frame in which a part has people, given its rows."""
+    def _frames(self, part: Part) -> pa.Table:
+        """Return camera and instant of each frame in which a part has people."""
         if (part, FRAME_KEYS) not in self._rows:
-            keys = people.select(FRAME_KEYS).combine_chunks()
+            keys = self.rows("observations", part, PLACES).select(FRAME_KEYS).combine_chunks()
             columns = columns_of(keys)
             is_first = np.ones(keys.num_rows, dtype=np.bool_)
             is_first[1:] = False
@@ -158,6 +160,11 @@ def _schema(table: TableName, columns: Collection[str]) -> pa.Schema:
     return pa.schema([f.with_type(text) if f.name in ENUMS else f for f in fields])
 
 
+def _stacked(pieces: Sequence[pa.Table], schema: pa.Schema) -> pa.Table:
+    """Return rows one below the other. A piece alone stays one, so that its columns are arrays without a copy."""
+    return pa.concat_tables(pieces) if pieces else schema.empty_table()
+
+
 def _within(rows: pa.Table, first_ms: int, after_ms: int) -> pa.Table:
     ts = rows["ts"].cast(pa.int64())
     if not len(ts) or (pc.min(ts).as_py() >= first_ms and pc.max(ts).as_py() < after_ms):
@@ -192,12 +199,14 @@ def with_names(
         names[enum] = every.dictionary.take(order)
         place = np.empty(len(order), dtype=np.int32)
         place[order] = np.arange(len(order), dtype=np.int32)
-        numbers = pa.array(place[every.indices])
+        numbers, in_order = pa.array(place[every.indices]), pa.array(np.arange(len(every), dtype=np.int32))
         at = 0
         for table, c in columns:
             kind, pieces = pa.dictionary(pa.int32(), pa.string()), []
             for piece in found[table][c].chunks:
-                own = numbers.slice(at, len(piece.dictionary)).take(piece.indices)
+                own = numbers.slice(at, len(piece.dictionary))
+                is_same = own.equals(in_order.slice(0, len(own)))
+                own = piece.indices if is_same else own.take(piece.indices)
                 pieces.append(pa.DictionaryArray.from_arrays(own, names[enum], safe=False))
                 at += len(piece.dictionary)
             rows = found[table]
@@ -216,9 +225,9 @@ def columns_of(rows: pa.Table, *, is_lean: bool = False) -> Columns:
     for column in rows.column_names:
         values = rows[column]
         if column in ENUMS:
-            chunks = (chunk.indices for chunk in values.chunks)
-            numbers = ((chunk.fill_null(-1) if chunk.null_count else chunk).to_numpy() for chunk in chunks)
-            found[column] = np.concatenate([np.zeros(0, dtype=np.int32), *numbers])
+            chunks = [chunk.indices for chunk in values.chunks]
+            numbers = pa.chunked_array(chunks, pa.int32())
+            found[column] = (numbers.fill_null(-1) if numbers.null_count else numbers).to_numpy()
         elif 0 < len(values) == values.null_count:  # numbers without memory of their own
             is_float = pa.types.is_floating(values.type)
             found[column] = np.broadcast_to(np.nan if is_float else np.int64(NULL), len(values))

@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.store.layout import Part
-from vsd_analytics.warehouse.accelerated.columns import distinct, rounded
+from vsd_analytics.warehouse.accelerated.columns import distinct, rounded, starts_of
 from vsd_analytics.warehouse.held import Bools, Ints
 from vsd_analytics.warehouse.stored_records import NotedColumns, opened, read_columns
 
@@ -60,7 +60,8 @@ def camera_days(parts: Mapping[TableName, Sequence[Part]], cameras: pa.Table, pa
                 group = (day - first_day) * len(names) + group
             else:
                 ts, first_day = np.zeros(0, dtype=np.int64), of_day
-            n_rows = np.bincount(group)
+            starts = starts_of(group)  # records of a camera follow each other
+            n_rows = np.bincount(group[starts], np.diff(starts, append=len(group))).astype(np.int64)
             counts = [_counted(group, known, n_rows) for known in _kinds(table, rows, noted)]
             for number in np.flatnonzero(n_rows).tolist():
                 key = (first_day + number // len(names), names[number % len(names)])

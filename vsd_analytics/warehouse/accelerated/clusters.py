@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from vsd_analytics.warehouse.accelerated.columns import beside, greatest, order_by, starts_of, summed, take
-from vsd_analytics.warehouse.accelerated.site_tables import SiteTables, bucket_of, gap_ms
+from vsd_analytics.warehouse.accelerated.site_tables import SiteTables, bucket_of, gap_ms, is_close
 from vsd_analytics.warehouse.graphs import least_connected
 from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
@@ -18,7 +18,7 @@ _DIRECTIONS = (
 def frame_clusters(held: Held, site: SiteTables) -> Columns:
     """Return `staging/frame_clusters`; rows are those of `in_violation`, `_first` is the row of the cluster's first."""
     pairs = held["pairs"]
-    close = np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"])
+    close = np.flatnonzero(is_close(pairs, site))
     a, b = pairs["_a"][close], pairs["_b"][close]
     n = int(max(a.max(), b.max())) + 1 if len(close) else 0
     pair_of = np.full(n, -1, dtype=np.int64)

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from vsd_analytics.warehouse.accelerated.columns import greatest, grouped_by, least, one_of_each, picked, run_of, take
-from vsd_analytics.warehouse.accelerated.site_tables import BucketRuns, SiteTables, numbered
+from vsd_analytics.warehouse.accelerated.site_tables import BucketRuns, SiteTables, is_close, numbered
 from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
 _ROOM = 4
@@ -47,7 +47,7 @@ def floor_cells(held: Held, site: SiteTables) -> Columns:
     """Return `facts/floor_cells`."""
     located, persons, pairs, instants = (held[r] for r in ("located", "in_violation", "pairs", "instants"))
     stood, close = (take(of, of["is_owned"] & (of["x_mm"] != NULL), *_OF_PERSON) for of in (located, persons))
-    is_met = (pairs["distance_mm"] < site.params["distance_mm"]) & pairs["is_owned"]
+    is_met = is_close(pairs, site) & pairs["is_owned"]
     met = take(pairs, is_met & (pairs["x_a_mm"] != NULL) & (pairs["x_b_mm"] != NULL), *_OF_PAIR)
     side_mm = int(site.params["cell_mm"])
     places = [_Places.of(of["x_mm"], of["y_mm"], side_mm, of["_frame"], instants, site) for of in (stood, close)]
@@ -95,9 +95,11 @@ def _added(weight_ms: Ints, frame: Ints, cell: Ints, n_of: Ints) -> Ints:
         n_of: Number of records of each cell.
     """
     usual = int(weight_ms[0]) if len(weight_ms) else 0
-    others = np.flatnonzero(picked(weight_ms != usual, frame))
     found = usual * n_of
-    np.add.at(found, cell[others], weight_ms[frame[others]] - usual)
+    is_other = weight_ms != usual
+    if is_other.any():
+        others = np.flatnonzero(picked(is_other, frame))
+        np.add.at(found, cell[others], weight_ms[frame[others]] - usual)
     return found
 
 
@@ -126,10 +128,10 @@ def _numbered(places: list[_Places]) -> tuple[list[Ints], Callable[[Ints], Colum
         numbers.append(number)
 
     def cells_of(used: Ints) -> Columns:
-        group = np.searchsorted(ends, used, side="right")
-        camera = cameras[group]
-        x, y = np.divmod(used - first[group], height)
-        return _cells(camera, buckets[group], x + x0[camera], y + y0[camera])
+        n_used = np.diff(np.searchsorted(used, ends), prepend=0)
+        camera, bucket, at = (np.repeat(of, n_used) for of in (cameras, buckets, at_zero))
+        x = (used - np.repeat(first, n_used)) // height + x0[camera]
+        return _cells(camera, bucket, x, used - at - x * height)
 
     return numbers, cells_of, int(ends[-1])
 

@@ -40,7 +40,7 @@ def instants(held: Held, site: SiteTables) -> Columns:
     is_last[:-1] = camera[1:] != camera[:-1]
     to_next[:-1] = ts[1:] - ts[:-1]
     to_next[is_last] = _AFTER_ALL
-    interval, has_heartbeat = site.days.interval_ms(camera, ts), site.days.has_heartbeat(camera, ts)
+    interval, has_heartbeat = site.days.of_frames(camera, ts)
     is_in_time = to_next <= int(site.params["next_half_intervals"]) * interval // 2
     weight = np.where(is_in_time, to_next, interval)
     is_silent = ~has_heartbeat & (to_next <= site.params["coverage_gap_ms"])

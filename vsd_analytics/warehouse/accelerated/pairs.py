@@ -209,10 +209,10 @@ def near(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
         y: Likewise.
         reach: Greatest distance.
     """
-    n_persons = np.bincount(frame, minlength=1)
-    if n_persons.max() <= _CROWD:
+    n_persons = np.diff(starts_of(frame), append=len(frame))
+    if n_persons.max(initial=0) <= _CROWD:
         return _near_of_few(frame, x, y, reach)
-    is_crowded = n_persons[frame] > _CROWD
+    is_crowded = np.repeat(n_persons > _CROWD, n_persons)
     few, many = np.flatnonzero(~is_crowded), np.flatnonzero(is_crowded)
     one, other, square = _near_of_few(frame[few], x[few], y[few], reach)
     found = [(few[one], few[other], square)]
@@ -249,7 +249,9 @@ def _near_of_few(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints,
                 apart -= of_people.take(second, axis=0)
                 apart *= apart
                 square += apart
-            pair, column = np.divmod(np.flatnonzero(square <= reach * reach), len(rows))
+            hits = np.flatnonzero(square <= reach * reach)
+            pair = hits // len(rows)
+            column = hits - pair * len(rows)
             one.append(rows[column] + first[pair])
             other.append(rows[column] + second[pair])
     a, b = np.concatenate(one), np.concatenate(other)

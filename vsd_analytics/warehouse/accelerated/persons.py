@@ -22,7 +22,7 @@ from vsd_analytics.warehouse.accelerated.columns import (
     take,
 )
 from vsd_analytics.warehouse.accelerated.company import is_standing
-from vsd_analytics.warehouse.accelerated.site_tables import BucketRuns, SiteTables, bucket_of, numbered
+from vsd_analytics.warehouse.accelerated.site_tables import BucketRuns, SiteTables, bucket_of, is_close, numbered
 from vsd_analytics.warehouse.held import NULL, Bools, Columns, Held, Ints
 
 _LAST = 2**62
@@ -115,10 +115,10 @@ def in_violation(held: Held, site: SiteTables) -> Columns:
     """Return `staging/in_violation`, in order of camera, instant and member; `_person` numbers the persons of pairs."""
     pairs = held["pairs"]
     if site.only_counts:  # all pairs are closer, and persons are rows of their records
-        is_close = np.zeros(len(held["located"]["_frame"]), dtype=np.bool_)
-        is_close[pairs["_a"]] = is_close[pairs["_b"]] = True
-        return take(held["located"], np.flatnonzero(is_close), "x_mm", "y_mm", "is_owned", "_frame")
-    persons = _PersonsInPairs.of(pairs, np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"]))
+        is_in_one = np.zeros(len(held["located"]["_frame"]), dtype=np.bool_)
+        is_in_one[pairs["_a"]] = is_in_one[pairs["_b"]] = True
+        return take(held["located"], np.flatnonzero(is_in_one), "x_mm", "y_mm", "is_owned", "_frame")
+    persons = _PersonsInPairs.of(pairs, np.flatnonzero(is_close(pairs, site)))
     n_unknown = persons.n_unknown("track_b", "track_a")
     return {
         **_people(held, persons, site),
@@ -203,7 +203,7 @@ def _in_buckets(rows: Columns, site: SiteTables, keys: tuple[str, ...], values: 
 def violation_time(held: Held, site: SiteTables) -> Columns:
     """Return `facts/violation_time`."""
     pairs, persons, frames = held["pairs"], held["in_violation"], held["instants"]
-    close = pairs["distance_mm"] < site.params["distance_mm"]
+    close = is_close(pairs, site)
     n_frames = len(frames["ts_ms"])
     frame = np.flatnonzero(np.bincount(pairs["_frame"][close], minlength=n_frames))
     n_pairs = np.bincount(pairs["_frame"][close & pairs["is_owned"]], minlength=n_frames)
@@ -250,7 +250,7 @@ def _stand_in_company(held: Held, site: SiteTables, person: Ints) -> Ints:
     """Return how many of those closer than `distance_m` stand in one company with each person."""
     pairs = held["pairs"]
     a, b = pairs["track_a"], pairs["track_b"]
-    close = np.flatnonzero((pairs["distance_mm"] < site.params["distance_mm"]) & (a != b))
+    close = np.flatnonzero(is_close(pairs, site) & (a != b))
     stand = is_standing(held, site, *(picked(pairs[c], close) for c in ("camera_id", "ts_ms", "track_a", "track_b")))
     close = close[stand]
     sides = np.concatenate([picked(pairs["_a"], close), picked(pairs["_b"], close)])
@@ -269,7 +269,7 @@ def _others(pairs: Columns, person: Ints, wanted: Ints, site: SiteTables) -> tup
     """
     row_of = np.full(int(person[-1]) + 1 if len(person) else 0, -1, dtype=np.int64)
     row_of[person[wanted]] = wanted
-    close = np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"])
+    close = np.flatnonzero(is_close(pairs, site))
     rows, others = [row_of[:0]], [row_of[:0]]
     for one, two in (("_a", "track_b"), ("_b", "track_a")) if len(wanted) else ():
         number = picked(pairs[one], close)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vsd_analytics.warehouse.accelerated.columns import grouped_by, run_of, starts_of
+from vsd_analytics.warehouse.accelerated.columns import grouped_by, picked, run_of, starts_of
 from vsd_analytics.warehouse.held import NULL, Bools, Columns, Ints
 
 DAY_MS = 86_400_000
@@ -144,18 +144,19 @@ class DayIntervals:
 
     def interval_ms(self, camera: NDArray[Any], ts_ms: Ints) -> Ints:
         """Return the frame interval of each camera's day, NULL for a day without one."""
-        found: Ints = self._interval_ms[camera, self._day(ts_ms)]
-        return found
+        return picked(self._interval_ms.ravel(), self._place(camera, ts_ms))
 
-    def has_heartbeat(self, camera: NDArray[Any], ts_ms: Ints) -> Bools:
-        """Return whether the camera reported frames on that day."""
-        found: Bools = self._has_heartbeat[camera, self._day(ts_ms)]
-        return found
+    def of_frames(self, camera: NDArray[Any], ts_ms: Ints) -> tuple[Ints, Bools]:
+        """Return the frame interval of each camera's day, and whether the camera reported frames on it."""
+        place = self._place(camera, ts_ms)
+        return picked(self._interval_ms.ravel(), place), picked(self._has_heartbeat.ravel(), place)
 
-    def _day(self, ts_ms: Ints) -> Ints:
+    def _place(self, camera: NDArray[Any], ts_ms: Ints) -> Ints:
+        n_columns = self._interval_ms.shape[1]
         day = ts_ms // DAY_MS - self._first
-        last = self._interval_ms.shape[1] - 1  # the column after the last day holds no day
-        return np.where((day >= 0) & (day < last), day, last)
+        day[(day < 0) | (day >= n_columns)] = n_columns - 1  # the column after the last day holds no day
+        day += camera * np.int64(n_columns)
+        return day
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,6 +184,14 @@ class SiteTables:
 def gap_ms(interval_ms: Ints, least_ms: int, site: SiteTables) -> Ints:
     """Return the longest gap that a run bridges: `least_ms`, at least `gap_half_intervals` frame intervals."""
     return np.maximum(least_ms, int(site.params["gap_half_intervals"]) * interval_ms // 2)
+
+
+def is_close(pairs: Columns, site: SiteTables) -> Bools:
+    """Return whether each pair is closer than `distance_m`: in a batch that only counts, all are."""
+    if site.only_counts:
+        return np.ones(len(pairs["_a"]), dtype=np.bool_)
+    found: Bools = pairs["distance_mm"] < site.params["distance_mm"]
+    return found
 
 
 def bucket_of(ts_ms: Ints, site: SiteTables) -> Ints:

@@ -15,7 +15,7 @@ from vsd_analytics.warehouse.accelerated.columns import (
     sums,
     take,
 )
-from vsd_analytics.warehouse.accelerated.site_tables import NO_AREAS, SiteTables, areas_of
+from vsd_analytics.warehouse.accelerated.site_tables import NO_AREAS, SiteTables, areas_of, is_close
 from vsd_analytics.warehouse.held import NULL, Columns, Held, Ints
 
 _QUARTER_MS, _HOUR_MS = 900_000, 3_600_000
@@ -46,7 +46,7 @@ def crowding(held: Held, site: SiteTables) -> Columns:
     n_persons = np.bincount(located["_frame"][is_standing], minlength=len(frames["ts_ms"]))
     frame = np.flatnonzero(n_persons)
     n, weight = n_persons[frame], frames["weight_ms"][frame]
-    close = np.flatnonzero(pairs["distance_mm"] < site.params["distance_mm"])
+    close = np.flatnonzero(is_close(pairs, site))
     for side in ("_row_a", "_row_b"):
         close = close[pairs[side][close] >= 0]
         close = close[is_standing[pairs[side][close]]]
