@@ -35,6 +35,8 @@ def write_site(
     n_cameras: int = CAMERAS,
     open_h: int = OPEN_H,
     interval_s: int = 1,
+    first_ms: int = FIRST_MS,
+    opening: str = "08:00-20:00",
     seed: int = 1,
 ) -> Site:
     """Write a project whose store holds `n_records` person records, or up to one frame more.
@@ -43,21 +45,24 @@ def write_site(
         root: Its folder, empty.
         n_records: Person records. Hours are written camera by camera until there are as many.
         n_cameras: Cameras.
-        open_h: Hours of a day, from 08:00 UTC on.
+        open_h: Hours of a day with records, from `first_ms` on.
         interval_s: Seconds from frame to frame.
+        first_ms: UTC instant of the first record.
+        opening: Opening hours of each day.
         seed: Of everything drawn; the same seed gives the same bytes.
     """
     ids = [f"cam-{c:02d}" for c in range(n_cameras)]
     cameras = [f'[[camera]]\nid = "{c}"\nname = "{c}"\nfloor = "hall"\nhz = {1 / interval_s}\n' for c in ids]
     (root / "vsd.toml").write_text(
-        '[site]\nid = "bench"\nname = "Bench"\ntimezone = "UTC"\nopening = { mon-sun = "08:00-20:00" }\n'
+        '[site]\nid = "bench"\nname = "Bench"\ntimezone = "UTC"\n'
+        f'opening = {{ mon-sun = "{opening}" }}\n'
         '[privacy]\npseudonyms = false\n[[floor]]\nid = "hall"\nname = "Hall"\n' + "".join(cameras)
     )
     site = load_site(root, environ={})
     store, rng = Store(root / "store", site_id=site.site_id), np.random.default_rng(seed)
     left, unfolded = n_records, 0
     for hour, camera in ((h, c) for h in count() for c in range(n_cameras)):
-        start_ms = FIRST_MS + DAY_MS * (hour // open_h) + 1000 * HOUR_S * (hour % open_h)
+        start_ms = first_ms + DAY_MS * (hour // open_h) + 1000 * HOUR_S * (hour % open_h)
         for table, rows in camera_hour(rng, camera, start_ms, most=left, interval_s=interval_s):
             store.append(table, rows, engines=["made-up 1"])
             if table == "observations":

@@ -63,7 +63,7 @@ LEAST_WEEKS: Final = 2
 """The week and the one before."""
 _MARTS: Final = (
     *("violations", "camera_hours", "area_hours", "crowding_hours", "joined_days"),
-    *("cell_days", "cell_hours", "planner_cells", "footsteps", "track_days"),
+    *("cell_days", "cell_hours", "planner_cells", "square_hours", "footsteps", "track_days"),
     "track_hours",
 )
 """Marts that the page of a floor with enough data reads."""

@@ -30,8 +30,8 @@ from vsd_analytics.warehouse.week_files import DAYS, WeekFile, others_of
 if TYPE_CHECKING:
     import duckdb
 
-_FACTS_IN_FILES = ("distance_times", "company_times")
-"""Facts with a row for almost every record. They stay views, so that a query reads only the columns it needs."""
+_FACTS_IN_FILES = ("distance_times", "company_times", "floor_cells", "cell_tracks", "episode_cells", "track_lives")
+"""Facts with a row for almost every record or track. They stay views: a query reads only the columns it needs."""
 _MARTS_IN_FILES = (
     *("episodes", "cell_days", "cell_hours", "square_hours", "planner_cells", "distances", "pair_days", "track_days"),
 )
@@ -43,9 +43,6 @@ the room; a larger mart stays a view of its files."""
 
 _FORMERLY_IN = {"cell_tracks": "floor_cells"}
 """Facts that were a column of another fact before: hours that were sealed then have them in its files."""
-
-_MATERIALISE_AT = {"floor_cells": 2}
-"""A page asks this large fact once, for the ends of the floor, and needs no row of it in memory for that."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +90,8 @@ class RelationSources:
         days: The files of marts of the range; None = compute every mart from hourly facts.
         whole_facts: Computes missing and torn files of hourly facts, given the fact that is needed; called when one is
             not whole.
-        rows_of_days: Yields the rows of some marts of a range of days, computed from hourly facts.
+        rows_of_days: Yields the rows of some marts of a range of days with these days, computed from hourly facts: of
+            each mart days in order, all or one after the other.
         superseded_files: List to which files are added that newer ones replace.
         asked: Names of relations that will be asked for, where that is known.
     """
@@ -107,7 +105,7 @@ class RelationSources:
         hours: tuple[int, int],
         days: DayFiles | None,
         whole_facts: Callable[[str], BuildResult],
-        rows_of_days: Callable[[Sequence[Relation], date, date], Iterator[tuple[Relation, pa.Table]]],
+        rows_of_days: Callable[[Sequence[Relation], date, date], Iterator[tuple[Relation, Sequence[date], pa.Table]]],
         superseded_files: list[Path],
         asked: Collection[str] = (),
     ) -> None:
@@ -130,13 +128,14 @@ class RelationSources:
         weeks = {name: self._days.weeks(relation) for name, relation in new.items()}
         absent = [_Absent.of(new[n], week) for n, found in weeks.items() for week in found if not is_whole(week.path)]
         if days := sorted(set[date]().union(*(a.missing for a in absent))):
-            sizes = fact_sizes(self._site, self._built, facts_behind({a.relation.name for a in absent if a.missing}))
+            behind = facts_behind({a.relation.name for a in absent if a.missing})
+            sizes = fact_sizes(self._site, self._built, behind.difference(_FACTS_IN_FILES))
             for piece in pieces(days, sizes, most=PIECE_BYTES):
                 wanted = {a.relation.name: a.relation for a in absent if not a.missing.isdisjoint(piece)}
-                for relation, rows in self._rows_of_days([*wanted.values()], piece[0], piece[-1]):
+                for relation, days_of, rows in self._rows_of_days([*wanted.values()], piece[0], piece[-1]):
                     for a in absent:
-                        if a.relation is relation and not a.missing.isdisjoint(piece):
-                            a.add(piece, rows)
+                        if a.relation is relation and not a.missing.isdisjoint(days_of):
+                            a.add(days_of, rows)
         for a in absent:
             if not a.missing:
                 a.week.reuse(a.older, a.relation.stored_by)
@@ -155,7 +154,7 @@ class RelationSources:
             return RelationSource(self._of_records(relation), materialise_at=None, is_large=True)
         return RelationSource(
             self._of_hours(relation, *self._hours),
-            materialise_at=None if relation.name in _FACTS_IN_FILES else _MATERIALISE_AT.get(relation.name, 1),
+            materialise_at=None if relation.name in _FACTS_IN_FILES else 1,
             is_files=True,
         )
 

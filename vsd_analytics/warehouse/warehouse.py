@@ -22,6 +22,7 @@ from vsd_analytics.store import removal
 from vsd_analytics.store.duck import connect
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import superseded
+from vsd_analytics.warehouse.accelerated.switch import accelerated_marts, cell_marts, needs_violations
 from vsd_analytics.warehouse.build import build, record_rows
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.counter_lines import counter_quarters
@@ -323,8 +324,10 @@ class Warehouse:
             self._facts = None
         return build(self.site, first_hour=self._hours[0], last_hour=self._hours[1], facts=self._facts, has_lock=True)
 
-    def _rows_of_days(self, marts: Sequence[Relation], first: date, last: date) -> Iterator[tuple[Relation, pa.Table]]:
-        """Yield the rows of marts of the days from `first` to `last`, computed from hourly facts.
+    def _rows_of_days(
+        self, marts: Sequence[Relation], first: date, last: date
+    ) -> Iterator[tuple[Relation, Sequence[date], pa.Table]]:
+        """Yield the rows of marts of the days from `first` to `last` in order, all or one, computed from hourly facts.
 
         The warehouse of these days stays open for marts that are asked for later, until other days are computed.
         """
@@ -332,11 +335,18 @@ class Warehouse:
         if self._of_days is None or self._of_days[0] != days:
             self._close_days()
             self._of_days = days, Warehouse(self.site, *days, uses_days=False, relations=self._facts)
-        inner = self._of_days[1]
-        inner.prepare(" ".join(relation.name for relation in marts))
-        for relation in marts:
+        inner, by_day = self._of_days[1], {r.name: r for r in marts if r.name in accelerated_marts()}
+        whole = [relation for relation in marts if relation.name not in by_day]
+        read = ["violations"] if needs_violations(by_day) else []
+        inner.prepare(" ".join([*(relation.name for relation in whole), *read]))
+        for relation in whole:
             is_table = inner._catalog.is_table(relation.name)
-            yield relation, inner.table(f"select * from {relation.name}" if is_table else relation.sql)
+            rows = inner.table(f"select * from {relation.name}" if is_table else relation.sql)
+            yield relation, [first + timedelta(days=k) for k in range((last - first).days + 1)], rows
+        inner.materialise(*read)
+        for day in days_of(inner.extents, *days) if by_day else ():
+            for name, rows in cell_marts(inner.table, day, by_day):
+                yield by_day[name], [day], rows
 
     def _close_days(self) -> None:
         if self._of_days is not None:

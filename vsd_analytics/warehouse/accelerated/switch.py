@@ -17,6 +17,7 @@ from vsd_analytics.schema import TableName
 from vsd_analytics.store.layout import Part
 from vsd_analytics.warehouse.accelerated.batch import ONLY_COUNTS, Batch, IdsNeededError
 from vsd_analytics.warehouse.accelerated.camera_days import camera_days
+from vsd_analytics.warehouse.accelerated.cell_marts import CELL_MARTS, cell_marts, needs_violations
 from vsd_analytics.warehouse.held import Held
 from vsd_analytics.warehouse.sqlfiles import Relation
 from vsd_analytics.warehouse.stored_records import NotedColumns, opened
@@ -26,8 +27,11 @@ __all__ = [
     "Accelerator",
     "IdsNeededError",
     "accelerated_camera_days",
+    "accelerated_marts",
+    "cell_marts",
     "is_accelerated",
     "needs_only_counts",
+    "needs_violations",
 ]
 
 
@@ -75,6 +79,11 @@ def _has_numbers_of_pairs(part: Part) -> bool:
     """Return whether the engine of some stored frames sends pairs, if only none; parts never change."""
     with opened(part, "frames") as file:
         return not NotedColumns(file.metadata).is_empty("n_pairs")
+
+
+def accelerated_marts() -> Collection[str]:
+    """Return the marts that `cell_marts` computes; none where their queries have to run."""
+    return CELL_MARTS if is_accelerated() else ()
 
 
 def accelerated_camera_days(
