@@ -1,7 +1,7 @@
 """How old a figure is: from a message that is stored to the hours of the running day, by records in an hour.
 
-A made-up morning of many cameras; one more frame comes in at its end, is appended and folded, and the hours of the day
-are read, as `vsd hours` does. Run it with
+A made-up day of many cameras from midnight on; one more frame comes in at its end, is appended and folded, and the
+hours of the day are read, as `vsd hours` does. Run it with
 
     python tests/benchmarks/bench_live.py --cameras 46
 
@@ -19,13 +19,14 @@ from datetime import date
 from pathlib import Path
 
 import numpy as np
-from made_up_site import FIRST_MS, HOUR_S, camera_hour, write_site
+from made_up_site import DAY_MS, FIRST_MS, HOUR_S, camera_hour, write_site
 
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
 DAY = date(2026, 11, 9)
+MIDNIGHT_MS = FIRST_MS // DAY_MS * DAY_MS
 
 
 def main() -> None:
@@ -33,17 +34,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cameras", type=int, default=46)
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--hours", type=int, default=2, help="whole hours stored before the running one, at most 11")
+    parser.add_argument("--hours", type=int, default=2, help="whole hours stored before the running one, at most 23")
     parser.add_argument("--minute", type=int, default=45, help="of the running hour, in which the message comes")
     given = parser.parse_args()
     n_hour = given.cameras * HOUR_S * 6
     took: list[tuple[float, float, float]] = []
     with tempfile.TemporaryDirectory() as folder:
-        site = write_site(Path(folder), n_records=n_hour * (2 * given.hours + 1) // 2, n_cameras=given.cameras)
+        site = write_site(
+            Path(folder),
+            n_records=n_hour * (2 * given.hours + 1) // 2,
+            n_cameras=given.cameras,
+            open_h=24,
+            first_ms=MIDNIGHT_MS,
+            opening="00:00-24:00",
+        )
         build(site)
         store = Store(site.root / "store", site_id=site.site_id)
         for number in range(given.rounds + 1):
-            at_ms = FIRST_MS + 1000 * (given.hours * HOUR_S + given.minute * 60 + number)
+            at_ms = MIDNIGHT_MS + 1000 * (given.hours * HOUR_S + given.minute * 60 + number)
             rows = dict(camera_hour(np.random.default_rng(number), 0, at_ms, most=6))
             wall, cpu = time.perf_counter(), time.process_time()
             for table, records in rows.items():

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import shapely
@@ -153,58 +153,86 @@ def week_cells(data: WeekData, asked: CellsAsked, *, excess: FloorHotspots) -> W
 
 
 def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
-    """Return the violations and the person-time of a week by camera, cell and hour."""
-    slots, grid, hidden = asked.slots, asked.grid, asked.hidden
-    x0, y0, x1, y1 = (end / CELL_M for end in asked.extent)
-    rows = data.warehouse.table(
-        "select camera_id, hour_start_ms, cx, cy, n_violations, n_tracks, exposure_ms, violation_ms from planner_cells "
-        "where floor_id = $floor and hour_start_ms between $from and $to "
-        "and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1 order by all",
-        {
-            "floor": data.floor.floor_id,
-            **_from_to(data, slots),
-            **{"x0": math.floor(x0), "y0": math.floor(y0), "x1": math.ceil(x1), "y1": math.ceil(y1)},
-        },
-    )
-    camera = positions(rows["camera_id"], data.ids, otherwise=-1).astype(np.int32)
-    start_ms = data.hours.start_ms[slots]
-    hour_ms = rows["hour_start_ms"].to_numpy()
-    slot = np.minimum(np.searchsorted(start_ms, hour_ms), len(slots) - 1).astype(np.int32)
-    taken = asked.used[camera, slot] & (start_ms[slot] == hour_ms)
-    n_across = round(1 / CELL_M)
-    x, y = rows["cx"].to_numpy() - grid.x0 * n_across, rows["cy"].to_numpy() - grid.y0 * n_across
-    n, tracks, *times = (rows[name].to_numpy() for name in ("n_violations", "n_tracks", "exposure_ms", "violation_ms"))
-    del rows, hour_ms  # a large floor has millions of rows a week
-    camera, slot, x, y, n, tracks, *times = (v[taken] for v in (camera, slot, x, y, n, tracks, *times))
-    day, side = data.hours.day[slots].astype(np.int32)[slot], asked.shared[camera, slot]
-    if not asked.is_by_hour:
-        day, slot = np.zeros_like(slot), side.astype(np.int32)
-    keys = np.stack((camera, slot, x, y, day, side))
-    del camera, slot, x, y
-    places = _places(data, grid, hidden=hidden or ())
-    is_able = (n > 0) & data.whole.cameras[keys[0]] & (hidden is not None)
-    is_able &= places[keys[3] * grid.n_x * n_across + keys[2]] != HELD_BACK
-    has_time = (times[0] > 0) & ~_is_on(asked.untimed, grid, *keys[2:4])
-    unit_ms = _unit(*(v[has_time] for v in times))  # of what is given: that of all would tell of hidden times
+    """Return the violations and the person-time of a week by camera, cell and hour.
+
+    The rows of one camera are read at a time: all cameras of a large floor have millions a week.
+    """
+    grid, n_across = asked.grid, round(1 / CELL_M)
+    places = _places(data, grid, hidden=asked.hidden or ())
+    none: Any = np.zeros(0, dtype=np.int64)
+    nothing: Any = np.zeros((6, 0), dtype=np.int32)  # of a floor without cameras
+    counted: list[tuple[Ints, Ints]] = [(nothing, none)]
+    timed: list[tuple[Ints, ...]] = [(nothing, none, none, none)]
+    for camera in sorted(range(len(data.ids)), key=lambda k: data.ids[k]):
+        keys, n, tracks, *times = _of_camera(data, asked, camera)
+        is_able = (n > 0) & data.whole.cameras[camera] & (asked.hidden is not None)
+        is_able &= places[keys[3] * grid.n_x * n_across + keys[2]] != HELD_BACK
+        has_time = (times[0] > 0) & ~_is_on(asked.untimed, grid, *keys[2:4])
+        counted.append((keys[:, is_able], n[is_able]))
+        timed.append((keys[:, has_time], np.maximum(tracks, 1)[has_time], *(v[has_time] for v in times)))
+    unit_ms = _unit(*(of for _, _, *times in timed for of in times))  # of what is given: all would tell of hidden times
     return CellCounts(
         violations=_merged(
-            keys[:, is_able],
-            [n[is_able]],
+            np.concatenate([keys for keys, _ in counted], axis=1),
+            [np.concatenate([n for _, n in counted])],
             grid=grid,
             across=n_across,
             mask=asked.mask,
             places=places,
         ),
-        time=_merged(
-            keys[:, has_time],
-            [np.maximum(tracks, 1)[has_time], *(_rounded(v[has_time], unit_ms) for v in times)],
-            grid=grid,
-            across=n_across,
-            mask=asked.mask,
-            is_square=True,
-        ),
+        time=_merged(*_by_square(timed, unit_ms=unit_ms), grid=grid, across=1, mask=asked.mask, is_square=True),
         unit_ms=unit_ms,
     )
+
+
+def _of_camera(data: WeekData, asked: CellsAsked, camera: int) -> tuple[Ints, ...]:
+    """Return the rows of a camera: keys as for `_merged`, violations, tracks, person-time and that in violation."""
+    slots, grid, n_across = asked.slots, asked.grid, round(1 / CELL_M)
+    x0, y0, x1, y1 = (end / CELL_M for end in asked.extent)
+    rows = data.warehouse.table(
+        "select hour_start_ms, cx, cy, n_violations, n_tracks, exposure_ms, violation_ms from planner_cells "
+        "where floor_id = $floor and camera_id = $camera and hour_start_ms between $from and $to "
+        "and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1 order by all",
+        {
+            "floor": data.floor.floor_id,
+            "camera": data.ids[camera],
+            **_from_to(data, slots),
+            **{"x0": math.floor(x0), "y0": math.floor(y0), "x1": math.ceil(x1), "y1": math.ceil(y1)},
+        },
+    )
+    hour_ms, x, y, *values = (column.to_numpy() for column in rows.columns)
+    start_ms = data.hours.start_ms[slots]
+    slot = np.minimum(np.searchsorted(start_ms, hour_ms), len(slots) - 1).astype(np.int32)
+    taken = asked.used[camera, slot] & (start_ms[slot] == hour_ms)
+    slot, x, y, *values = (v[taken] for v in (slot, x - grid.x0 * n_across, y - grid.y0 * n_across, *values))
+    day, side = data.hours.day[slots].astype(np.int32)[slot], asked.shared[camera, slot]
+    if not asked.is_by_hour:
+        day, slot = np.zeros_like(slot), side.astype(np.int32)
+    return np.stack((np.full_like(slot, camera), slot, x, y, day, side)), *values
+
+
+def _by_square(timed: Sequence[Sequence[Ints]], *, unit_ms: int) -> tuple[Ints, list[Ints]]:
+    """Return keys and values of squares, as `_merged` takes them, from those of the half-metre cells of each camera.
+
+    Args:
+        timed: Of each camera keys, tracks, person-time and person-time in violation, in milliseconds.
+        unit_ms: Unit of the times returned. They are rounded in the order given, from one camera to the next.
+    """
+    n_across, before_ms = round(1 / CELL_M), [0, 0]
+    found = []
+    for keys, tracks, *times in timed:
+        rounded = [_rounded(of, unit_ms, before_ms=before) for of, before in zip(times, before_ms, strict=True)]
+        before_ms = [before + int(of.sum()) for of, before in zip(times, before_ms, strict=True)]
+        squares = np.concatenate((keys[:2], keys[2:4] // n_across, keys[4:]))
+        order = np.lexsort(squares[1:4])
+        squares = squares[:, order]
+        is_first = np.append(True, np.any(squares[1:4, 1:] != squares[1:4, :-1], axis=0))[: order.size]
+        starts = np.flatnonzero(is_first)
+        most = np.maximum.reduceat(tracks[order], starts) if starts.size else tracks[:0]
+        sums = [np.add.reduceat(of[order], starts) if starts.size else of[:0] for of in rounded]
+        found.append((squares[:, starts], most, *sums))
+    keys, *values = (np.concatenate(of, axis=-1) for of in zip(*found, strict=True))
+    return keys, values
 
 
 def _is_on(floor: BaseGeometry | None, grid: CellGrid, x: Ints, y: Ints) -> Flags:
@@ -342,10 +370,10 @@ def _unit(*times_ms: Ints) -> int:
     return max(common, UNIT_MS)
 
 
-def _rounded(times_ms: Ints, unit_ms: int) -> Ints:
-    """Return times in units, rounded so that running sums are right to half a unit."""
-    sums = np.cumsum(times_ms)
-    return np.diff((sums + unit_ms // 2) // unit_ms, prepend=0)
+def _rounded(times_ms: Ints, unit_ms: int, *, before_ms: int) -> Ints:
+    """Return times in units, rounded so that running sums, which go on after others, are right to half a unit."""
+    sums = before_ms + np.cumsum(times_ms)
+    return np.diff((sums + unit_ms // 2) // unit_ms, prepend=(before_ms + unit_ms // 2) // unit_ms)
 
 
 def seen_cells(cameras: Sequence[Camera], *, extent: Extent, grid: CellGrid) -> NDArray[np.bool_] | None:
