@@ -100,6 +100,12 @@ def test_texts_of_a_table_are_escaped_in_a_notebook() -> None:
     assert not re.search(r"<script>|<b><b>|<i>", table._repr_html_())
 
 
+@pytest.mark.parametrize("cell_m", [0.3, 0.1, 0.0, -0.5, 2000.0, float("nan")])
+def test_cells_that_stored_cells_do_not_add_up_to_are_refused(week: vsd.Days, cell_m: float) -> None:
+    with pytest.raises(UsageError, match=r"is not a multiple of 0\.25 m"):
+        week.heatmap("exposure", cell_m=cell_m)
+
+
 def test_a_map_is_an_array_of_metres_with_gaps_where_nobody_was(week: vsd.Days) -> None:
     exposure, burden = week.heatmap("exposure"), week.heatmap("burden")
     left, right, bottom, top = exposure.extent_m

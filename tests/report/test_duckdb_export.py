@@ -172,6 +172,17 @@ def test_the_operator_s_file_has_every_count_and_unknown_is_not_zero(demo_projec
     assert {(r["person_records"], r["violations"]) for r in silent} == {(None, None)}
 
 
+@pytest.mark.parametrize("words", [["--duckdb", "{}/week.duckdb", "--exact"], ["--out", "{}/week.csv"]])
+def test_what_hides_nothing_and_records_do_not_go_where_readers_get_their_pages(
+    demo_project: Path, words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for folder in ("reports", "reports/of-november"):
+        options = [word.format(demo_project / folder) for word in words]
+        assert run(cli, ["-C", str(demo_project), "export", *options]) == 2
+        assert "pages for the operator do not go to reports/" in capsys.readouterr().err
+        assert not (demo_project / folder / Path(options[1]).name).exists()
+
+
 def test_a_week_that_is_not_over_is_left_out_and_alone_refused(demo_project: Path, tmp_path: Path) -> None:
     friday = datetime(2026, 11, 13, 12, tzinfo=UTC)
     with pytest.raises(UsageError) as refused:

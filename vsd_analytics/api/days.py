@@ -381,7 +381,7 @@ class Days:
             cell_m: Side of a cell, a multiple of 0.25 m.
 
         Raises:
-            UsageError: E101, there is no such map or floor.
+            UsageError: E101, there is no such map, floor or side.
 
         Example:
             >>> week.heatmap("exposure", cell_m=1.0).array.shape

@@ -211,6 +211,7 @@ def heatmap_of(site: Site, days: tuple[date, date], kind: str, *, floor_id: str 
     }
     if kind not in made:
         raise UsageError(f"there is no map of {kind!r}", why=f"the maps are {', '.join(made)}")
+    maps.check_cell_m(cell_m)
     floor = known_floor(site, floor_id)
     with open_warehouse(site, *days) as warehouse:
         found = made[kind](warehouse, floor=floor, cell_m=cell_m)

@@ -67,6 +67,7 @@ def export(
     from vsd_analytics.store.erasures import RecordScope
 
     path = Path(out)
+    project.pages(str(path.parent), is_operators=True)  # records are personal data
     chosen = table or ("all" if path.suffix == ".jsonl" else "observations")
     first_ms, after_ms = (0, 2**53) if span is None else parse_span(span, project=project)
     which = RecordScope(camera_id_of(project, camera), first_ms, after_ms)
@@ -84,6 +85,8 @@ def export(
 def _export_duckdb(project: Project, days: str | None, out: str, *, as_json: bool) -> None:
     from vsd_analytics.report.pages.duckdb_file import export_duckdb
 
+    if project.is_exact:
+        project.pages(str(Path(out).parent))
     first, last = resolve(project, week=None, days=days)
     done = export_duckdb(
         project.site,
@@ -98,6 +101,8 @@ def _export_duckdb(project: Project, days: str | None, out: str, *, as_json: boo
         emit_json({"file": out, "rows": dict(done.rows)})
         return
     click.echo(f"{sum(done.rows.values()):,} rows in {len(done.rows)} tables written to {out}")
+    if project.is_exact:
+        project.say("nothing is hidden in it: it is for the operator, do not share it")
 
 
 def _print_result(project: Project, done: Exported, out: str) -> None:

@@ -10,7 +10,6 @@ from vsd_analytics.cli.options import choice_option, floor_option, json_option, 
 from vsd_analytics.cli.output import emit_json, rows_of
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.cli.ranges import noted, purged_hours_notes, warehouse_of, warn
-from vsd_analytics.settings import FLOOR_CELL_M
 
 if TYPE_CHECKING:
     from datetime import date
@@ -56,10 +55,9 @@ def heatmap(
     """
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import operator_counts
+    from vsd_analytics.figures.maps import check_cell_m
 
-    n_stored = cell_m / FLOOR_CELL_M
-    if cell_m <= 0 or cell_m > 1000 or abs(n_stored - round(n_stored)) > 1e-9:
-        raise UsageError(f"--cell {cell_m:g} is not a multiple of {FLOOR_CELL_M:g} m", fix="--cell 0.5")
+    check_cell_m(cell_m)
     if kind in ("png", "svg") and out is None:
         raise UsageError("a picture needs a file", fix=f"--out where.{kind}")
     with warehouse_of(project, week=week, days=days, heat_cell_m=cell_m, relations=("heatmap",)) as warehouse:

@@ -80,11 +80,11 @@ class Project:
         reports, are_operators = self.root / "reports", is_operators or self.is_exact
         if out is None:
             return self.root / "operator" if are_operators else reports
-        if are_operators and Path(out).resolve() == reports.resolve():
+        if are_operators and Path(out).resolve().is_relative_to(reports.resolve()):
             raise UsageError(
                 "pages for the operator do not go to reports/",
-                why="small counts are not hidden in them, and what is there may be shared",
-                fix="leave --out away, or name another folder",
+                why="nothing is hidden in them, and what is in reports/ may be shared",
+                fix="leave --out away, or name another folder, such as operator/",
             )
         return Path(out)
 

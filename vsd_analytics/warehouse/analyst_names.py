@@ -135,7 +135,7 @@ def _check_internal(name: str, tables: Collection[str]) -> None:
     if name in queried_relations():
         return
     why = "it is a step of the build and exists only meanwhile" if name in relations("staging") else None
-    fix = f"use {name}, without {INTERNAL}." if name in tables else "vsd sql --list --internal"
+    fix = f"use {name}, without {INTERNAL}." if name in tables else "vsd sql --list names them all"
     raise SqlError(f"{INTERNAL} has no relation {name!r}", code="E603", why=why, fix=fix)
 
 

@@ -27,7 +27,7 @@ NAMED_MAX: Final = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LineRow:
+class FootfallRow:
     """A row of a table: the name of a line, and texts."""
 
     name: str
@@ -72,11 +72,11 @@ class FootfallPage:
     title: str
     headline: str
     said: tuple[str, ...]
-    lines: tuple[LineRow, ...]
+    lines: tuple[FootfallRow, ...]
     line_notes: tuple[str, ...]
     weeks: tuple[LineWeeksView, ...]
     next_days: tuple[str, ...]
-    next: tuple[LineRow, ...]
+    next: tuple[FootfallRow, ...]
     next_notes: tuple[str, ...]
     weeks_read: str
     next_read: str
@@ -162,7 +162,7 @@ def _position(row: Row) -> str | None:
     return str(row["beside_usual"]) if shown and row["beside_usual"] is not None else None
 
 
-def _line(row: Row) -> LineRow:
+def _line(row: Row) -> FootfallRow:
     lo, hi = (value_of(row, name).value for name in ("usual_lo", "usual_hi"))
     usual = fmt.MISSING if lo is None or hi is None else say("footfall.range", lo=fmt.number(lo), hi=fmt.number(hi))
     position = _position(row)
@@ -173,7 +173,7 @@ def _line(row: Row) -> LineRow:
         fmt.MISSING if position is None else say(f"footfall.beside_{position}"),
         *(fmt.signed(value_of(row, name).value) for name in ("change_week", "change_year")),
     )
-    return LineRow(name=str(row["name"]), cells=cells, position=position)
+    return FootfallRow(name=str(row["name"]), cells=cells, position=position)
 
 
 def _line_notes(rows: Sequence[Row]) -> tuple[str, ...]:
@@ -218,7 +218,7 @@ def _monday(week: str) -> str:
     return datetime.strptime(f"{week}-1", "%G-W%V-%u").date().isoformat()
 
 
-def _next(coming: Answer, days: Sequence[date]) -> tuple[tuple[LineRow, ...], tuple[str, ...]]:
+def _next(coming: Answer, days: Sequence[date]) -> tuple[tuple[FootfallRow, ...], tuple[str, ...]]:
     """Return a row for each line of which something is expected, and notes."""
     rows = []
     for _, of_line in groupby(coming.rows, key=lambda row: row["line_id"]):
@@ -229,7 +229,7 @@ def _next(coming: Answer, days: Sequence[date]) -> tuple[tuple[LineRow, ...], tu
         busy = [(value_of(row, "n_busiest"), row) for row in by_day.values()]
         busiest = max((b for b in busy if b[0].value is not None), key=lambda b: b[0].value or 0.0, default=None)
         cells = tuple(fmt.count(None if (n := expected.get(day)) is None else round(n)) for day in days)
-        rows.append(LineRow(name=str(next(iter(by_day.values()))["name"]), cells=(*cells, _busiest(busiest))))
+        rows.append(FootfallRow(name=str(next(iter(by_day.values()))["name"]), cells=(*cells, _busiest(busiest))))
     missing = _why_missing(value_of(row, "n_expected") for row in coming.rows)
     return tuple(rows), (*_calendar(coming), *missing)
 
