@@ -203,7 +203,7 @@ for rates and averages. `vsd sql --show NAME` prints the query.""",
         """\
 **An average per hour** is one over hours that enter rates: `select avg(n_violations_open) from area_hours where
 area_id = 'checkout-queue' and is_in_rates`. Hours without a violation are rows with 0, so they count. Where a camera
-was down for a part of the hours it is too low: `week.areas` has the rate of the report, by recorded hours of each camera.
+was down for a part of the hours it is too low: `week.areas` has the rate of the report, by hours each camera recorded.
 
 **The number of the weekly page** ("Counted", M8) leaves out camera-hours recorded to less than half: `select
 sum(n_violations_open) from camera_hours where is_in_rates`. Without the condition the sum has all that was recorded.
