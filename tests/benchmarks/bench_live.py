@@ -5,7 +5,7 @@ hours of the day are read, as `vsd hours` does. Run it with
 
     python tests/benchmarks/bench_live.py --cameras 46
 
-and put the line into docs/performance.md. 46 cameras send a million person records an hour: ten times the published
+and put the line into docs/methods/speed.md. 46 cameras send a million person records an hour: ten times the published
 deployment.
 """
 
