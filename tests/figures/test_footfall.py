@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from datetime import date, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,12 @@ from vsd_analytics.answer import Answer, Value
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config.project import load_site
+from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.footfall import footfall_answers
 from vsd_analytics.figures.panels import FloorHours
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.share.answers import audience_answers
+from vsd_analytics.site.places import named_floors
 from vsd_analytics.stats.usual import usual_range
 from vsd_analytics.warehouse.warehouse import open_warehouse
 
@@ -169,3 +172,33 @@ def test_reports_have_the_footfall_of_their_week(tmp_path: Path, capsys: pytest.
     (row,) = json.loads(capsys.readouterr().out)["answers"]["footfall"]["rows"]
     assert row["line_id"] == "door"
     assert row["n_open"]["value"] == week_sum(weeks(n_weeks=13), MONDAY)
+
+
+@pytest.mark.parametrize(
+    "words", [["report"], ["today"], ["forecast"], ["planner"], ["export", "--duckdb", "x.duckdb"]]
+)
+def test_pages_of_cameras_are_refused_where_counters_count_alone_and_the_fix_works(
+    tmp_path: Path, words: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = site(tmp_path, weeks(n_weeks=6))
+    text = (root / "vsd.toml").read_text(encoding="utf-8")
+    begin = text.index("[[camera]]")
+    (root / "vsd.toml").write_text(text[:begin] + text[text.index("[[line]]") :], encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    capsys.readouterr()
+    project = ["-C", str(root), "--now", "2026-11-16T12:00:00Z", "--quiet"]
+    assert run(cli, [*project, *words]) == 2
+    said = capsys.readouterr().err
+    assert "no [[camera]] of vsd.toml looks at any floor" in said
+    assert "fix: vsd lines --week last --page" in said
+    assert run(cli, [*project, "lines", "--week", "last", "--page"]) == 0
+
+
+def test_a_floor_without_a_camera_is_left_out_of_the_pages_of_the_others(tmp_path: Path) -> None:
+    root = tmp_path
+    (root / "vsd.toml").write_text(w.toml(cameras=("cam",)), encoding="utf-8")
+    project = load_site(root)
+    attic = replace(project.floors[0], floor_id="attic", name="Attic")
+    assert named_floors(replace(project, floors=(*project.floors, attic)), None) == [project.floors[0].floor_id]
+    with pytest.raises(UsageError, match="looks at floor 'attic'"):
+        named_floors(replace(project, floors=(*project.floors, attic)), "attic")

@@ -39,15 +39,27 @@ def known_floor(site: Site, floor_id: str | None, areas: Sequence[Area] = ()) ->
 
 
 def named_floors(site: Site, floor_id: str | None) -> list[str]:
-    """Return the ids of all floors, or only of the one that is named; UsageError E101 when there is none of this id."""
+    """Return the ids of all floors with cameras, or only of the one that is named.
+
+    Raises:
+        UsageError: E101, there is no floor of this id, or no camera looks at it: all figures but those of door counters
+            need one.
+    """
     floors = [f.floor_id for f in site.floors]
-    if floor_id is None:
-        return floors
-    if floor_id not in floors:
+    if floor_id is not None and floor_id not in floors:
         raise UsageError(
             f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", fix=f"--floor {floors[0]}"
         )
-    return [floor_id]
+    asked = [floor_id] if floor_id is not None else floors
+    seen = [floor for floor in asked if any(camera.floor_id == floor for camera in site.cameras)]
+    if not seen:
+        is_counted = any(line.is_by_counter and line.floor_id in asked for line in site.lines)
+        raise UsageError(
+            f"no [[camera]] of vsd.toml looks at {'any floor' if floor_id is None else f'floor {floor_id!r}'}",
+            why="people are seen by cameras; a door counter counts who passes" if is_counted else None,
+            fix="vsd lines --week last --page" if is_counted else "add [[camera]] with its floor to vsd.toml",
+        )
+    return seen
 
 
 def fixtures_at(site: Site, floor_id: str, day: date) -> tuple[Fixture, ...]:
