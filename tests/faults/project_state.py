@@ -165,10 +165,15 @@ def differences(found: State, whole: State, *, is_named_alike: bool) -> list[str
 
 
 def as_rows(table: Any) -> list[Row]:
-    """Return the rows of an Arrow table, without the import that brings them, which the spool alone notes."""
+    """Return the rows of an Arrow table, without the import that brings them, which the spool alone notes.
+
+    A later column that a file lacks is null.
+    """
+    from vsd_analytics.schema import LATER
     from vsd_analytics.store.owners import OWNER
 
-    return [tuple(v for name, v in row.items() if name != OWNER) for row in table.to_pylist()]
+    rows = table.to_pylist()
+    return [tuple(v for n, v in row.items() if n != OWNER and not (n in LATER and v is None)) for row in rows]
 
 
 def engine_tracks(root: Path, table: str, rows: Sequence[Row]) -> list[Row]:
@@ -189,8 +194,10 @@ def _glob(root: Path, table: str) -> list[Row]:
     pattern = root / "store" / table / "**" / "*.parquet"
     if not any((root / "store" / table).rglob("*.parquet")):
         return []
-    names = ", ".join(SCHEMAS[table].names)  # type: ignore[index]
-    query = f"select {names} from read_parquet($glob, hive_partitioning = true, union_by_name = true)"
+    files = "read_parquet($glob, hive_partitioning = true, union_by_name = true)"
+    there = _reader().sql(f"from {files} limit 0", params={"glob": str(pattern)}).columns
+    names = ", ".join(name for name in SCHEMAS[table].names if name in there)  # type: ignore[index]
+    query = f"select {names} from {files}"
     return engine_tracks(root, table, as_rows(_reader().sql(query, params={"glob": str(pattern)}).to_arrow_table()))
 
 

@@ -11,7 +11,7 @@ import click
 
 from vsd_analytics.cli.options import F, choice_option
 from vsd_analytics.cli.project import Project
-from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES
+from vsd_analytics.config.file_columns import MAP_COLUMNS, METRES
 from vsd_analytics.errors import UsageError
 from vsd_analytics.ingest.formats.adapters import formats
 from vsd_analytics.site.instants import instant
@@ -198,12 +198,12 @@ def renames_of(given: Sequence[str]) -> dict[str, str]:
         ours, equals, theirs = text.partition("=")
         if not equals or not ours.strip() or not theirs.strip():
             raise UsageError(f"--map {text!r} is not OURS=THEIRS", fix="--map ts=time")
-        if ours.strip() not in FILE_COLUMNS:
-            begin = (name for name in FILE_COLUMNS if name.startswith(ours.strip().lower()))
-            near = nearest(ours.strip(), FILE_COLUMNS) or next(begin, None)
+        if ours.strip() not in MAP_COLUMNS:
+            begin = (name for name in MAP_COLUMNS if name.startswith(ours.strip().lower()))
+            near = nearest(ours.strip(), MAP_COLUMNS) or next(begin, None)
             raise UsageError(
                 f"--map {text!r}: no column of ours is called {ours.strip()!r}",
-                why=f"ours: {', '.join(FILE_COLUMNS)}",
+                why=f"ours: {', '.join(MAP_COLUMNS)}",
                 fix=f"--map {shlex.quote(f'{near}={theirs.strip()}')}"
                 if near
                 else "write the name of one of our columns",

@@ -9,7 +9,10 @@ FILE_BOX: Final = ("left", "top", "right", "bottom", "width", "height", "center_
 FILE_TEXTS: Final = ("camera_id", "track_id", "track_a", "track_b")
 FILE_TAG: Final = "tag"
 """What the engine says somebody is, such as staff. Read only where `map` names it: many columns have such a name."""
-FILE_COLUMNS: Final = ("ts", "frame", *FILE_TEXTS, *FILE_NUMBERS, *FILE_BOX, FILE_TAG)
+FILE_COLUMNS: Final = ("ts", "frame", *FILE_TEXTS, *FILE_NUMBERS, *FILE_BOX)
+"""Columns that are read under their own names."""
+MAP_COLUMNS: Final = (*FILE_COLUMNS, FILE_TAG)
+"""Names of ours that `map` may give."""
 
 PLACES: Final = (
     ("x_m", "y_m"),

@@ -12,7 +12,7 @@ from typing import Any
 
 from vsd_analytics.config import camera_in_name
 from vsd_analytics.config.broker_and_alarms import read_topics
-from vsd_analytics.config.file_columns import FILE_COLUMNS, METRES, PLACES
+from vsd_analytics.config.file_columns import MAP_COLUMNS, METRES, PLACES
 from vsd_analytics.config.reader import Form, TableReader, nearest
 from vsd_analytics.config.row_filter import EXAMPLE, FilterError, parse_filter
 from vsd_analytics.config.values import parse_picture_px, zone
@@ -25,7 +25,7 @@ _FILES: Form = {
     ]
 }
 _MAP: Form = {
-    "properties": {name: {"type": "string", "minLength": 1} for name in FILE_COLUMNS},
+    "properties": {name: {"type": "string", "minLength": 1} for name in MAP_COLUMNS},
     "additionalProperties": False,
 }
 _SIZE: Form = {"type": "array", "items": {"type": "integer", "minimum": 1}, "minItems": 2, "maxItems": 2}
@@ -178,14 +178,14 @@ def _camera_from_name(table: TableReader) -> str | None:
 def _map(table: TableReader) -> dict[str, str]:
     columns = {}
     for ours, theirs in table.table("map", example='{ ts = "time", x_m = "X" }', form=_MAP).items():
-        if ours not in FILE_COLUMNS:
-            close = nearest(ours, FILE_COLUMNS)
+        if ours not in MAP_COLUMNS:
+            close = nearest(ours, MAP_COLUMNS)
             table.fault(
                 "map",
                 f"{table.label} map: no column of ours is called {ours!r}",
                 code="E122",
                 note=f"did you mean {close}?" if close else None,
-                fix=f"ours are {', '.join(FILE_COLUMNS)}",
+                fix=f"ours are {', '.join(MAP_COLUMNS)}",
             )
         elif not isinstance(theirs, str) or not theirs.strip():
             fix = f'{ours} = "their name"'

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from vsd_analytics.config.camera_in_name import camera_named
-from vsd_analytics.config.file_columns import FILE_COLUMNS, FILE_TAG, METRES, PLACES
+from vsd_analytics.config.file_columns import FILE_TAG, MAP_COLUMNS, METRES, PLACES
 from vsd_analytics.config.row_filter import RowCondition
 from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
@@ -219,7 +219,7 @@ def _found(source: Source, options: IngestOptions, header: Header) -> dict[str, 
     # a column that the user calls something else is not read by its own name as well
     renamed = {part.strip().lower() for theirs in options.map.values() for part in (theirs, *theirs.split("+"))}
     positions = {}
-    for ours in FILE_COLUMNS:
+    for ours in MAP_COLUMNS:
         if ours == FILE_TAG and ours not in {*options.map, *options.site_map}:
             continue
         named = tuple(n for n in (options.site_map.get(ours, ours), ours) if n.lower() not in renamed)
