@@ -81,6 +81,7 @@ def table_of(seen: Seen) -> pa.Table:
         "u_px": pa.nulls(n, pa.float32()),
         "v_px": pa.nulls(n, pa.float32()),
         "quality": pa.array(np.full(n, "metric")),
+        "is_staff": pa.nulls(n, pa.bool_()),
     }
     return pa.table(columns, schema=SCHEMAS["observations"])
 

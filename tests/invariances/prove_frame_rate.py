@@ -79,6 +79,7 @@ def shop(seed: int, *, noise_m: float) -> World:
         "u_px": pa.nulls(len(x_mm)),
         "v_px": pa.nulls(len(x_mm)),
         "quality": pa.repeat("metric", len(x_mm)),
+        "is_staff": pa.nulls(len(x_mm)),
     }
     schema = SCHEMAS["observations"]
     people = pa.table([pa.array(columns[f.name]).cast(f.type) for f in schema], schema=schema)

@@ -38,7 +38,7 @@ def records(folder: Path, fps: float, *, every: int = 1) -> dict[TableName, pa.T
     x, y = (np.rint(rows[:, k] * 1000).astype(np.int32) for k in (2, 4))
     tracks = [str(int(p)) for p in rows[:, 1]]
     nothing = pa.nulls(n, pa.float32())
-    columns = [["cam-1"] * n, ts_ms, [0] * n, tracks, x, y, nothing, nothing, ["metric"] * n]
+    columns = [["cam-1"] * n, ts_ms, [0] * n, tracks, x, y, nothing, nothing, ["metric"] * n, pa.nulls(n)]
     arrays = [pa.array(c).cast(f.type) for c, f in zip(columns, SCHEMAS["observations"], strict=True)]
     return {"observations": pa.table(arrays, schema=SCHEMAS["observations"])}
 

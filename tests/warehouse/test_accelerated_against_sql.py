@@ -204,6 +204,7 @@ def test_arrays_give_the_rows_of_the_queries(scene: Scene) -> None:
             "track_ends",
             "line_crossings",
             "standing_groups",  # they walk
+            "staff_tags",
         }
     if scene == STANDING:
         assert max(found["track_pairs"]["standing_ms"].to_pylist()) > 0

@@ -17,6 +17,7 @@ from vsd_analytics.errors import UsageError
 from vsd_analytics.figures import maps
 from vsd_analytics.figures.floor_days import Grid
 from vsd_analytics.figures.maps import CellMap
+from vsd_analytics.figures.operator_counts import check_cell_m
 from vsd_analytics.figures.week.model_map import FloorMap
 from vsd_analytics.report.draw.bare_floor import bare_floor
 from vsd_analytics.report.draw.cell_map import LOW, MapCell, cell_map, doubling_steps
@@ -211,7 +212,7 @@ def heatmap_of(site: Site, days: tuple[date, date], kind: str, *, floor_id: str 
     }
     if kind not in made:
         raise UsageError(f"there is no map of {kind!r}", why=f"the maps are {', '.join(made)}")
-    maps.check_cell_m(cell_m)
+    check_cell_m(cell_m)
     floor = known_floor(site, floor_id)
     with open_warehouse(site, *days) as warehouse:
         found = made[kind](warehouse, floor=floor, cell_m=cell_m)

@@ -55,9 +55,8 @@ def heatmap(
     """
     from vsd_analytics.errors import UsageError
     from vsd_analytics.figures import operator_counts
-    from vsd_analytics.figures.maps import check_cell_m
 
-    check_cell_m(cell_m)
+    operator_counts.check_cell_m(cell_m)
     if kind in ("png", "svg") and out is None:
         raise UsageError("a picture needs a file", fix=f"--out where.{kind}")
     with warehouse_of(project, week=week, days=days, heat_cell_m=cell_m, relations=("heatmap",)) as warehouse:

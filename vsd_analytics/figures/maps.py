@@ -13,10 +13,8 @@ from typing import Final, Unpack
 import numpy as np
 
 from vsd_analytics.answer import Reason, State
-from vsd_analytics.errors import UsageError
 from vsd_analytics.figures.cell_hours import CellHours, CellRange, cell_hours, mixed_s
 from vsd_analytics.figures.floor_days import Flags, Floats, Grid
-from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.model import Floor
 from vsd_analytics.stats import hotspots as test
 from vsd_analytics.warehouse.warehouse import Warehouse
@@ -28,21 +26,7 @@ MIN_EXPOSURE_H: Final = 0.25
 MIN_EXPECTED_S: Final = 10.0
 """Person-seconds (smoothed) that must be expected in violation for a ratio."""
 
-CELL_MAX_M: Final = 1000.0
-"""Larger cells are larger than any floor."""
-
 UNTOLD: Final = Reason("map.together_unknown")
-
-
-def check_cell_m(cell_m: float) -> None:
-    """Refuse a side of cells that stored cells do not add up to.
-
-    Raises:
-        UsageError: E101, it is no multiple of `FLOOR_CELL_M` up to 1 km.
-    """
-    n_stored = cell_m / FLOOR_CELL_M
-    if not 0 < cell_m <= CELL_MAX_M or not np.isclose(n_stored, round(n_stored), rtol=0, atol=1e-9):
-        raise UsageError(f"a cell of {cell_m:g} m is not a multiple of {FLOOR_CELL_M:g} m", fix="--cell 0.5")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from datetime import datetime, tzinfo
 from typing import TYPE_CHECKING, Any, Final, Literal
 
+from vsd_analytics.errors import UsageError
+from vsd_analytics.settings import FLOOR_CELL_M
 from vsd_analytics.site.places import known_floor
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -14,6 +16,9 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 At = Literal["midpoint", "person"]
+CELL_MAX_M: Final = 1000.0
+"""Larger cells are larger than any floor."""
+ROUNDING: Final = 1e-9
 
 _BY: dict[str | None, str] = {
     None: (
@@ -35,6 +40,17 @@ _QUARTER_HOURS: Final = (
     "select quarter * 900000 as start_ms, person_records, violation_records, n_violations, recorded_s, recorded_share, "
     "open_s, exposure_s, violation_s, cameras_down, state from quarter_hours order by quarter"
 )
+
+
+def check_cell_m(cell_m: float) -> None:
+    """Refuse a side of cells that stored cells do not add up to.
+
+    Raises:
+        UsageError: E101, it is no multiple of `FLOOR_CELL_M` up to 1 km.
+    """
+    n_stored = cell_m / FLOOR_CELL_M
+    if not 0 < cell_m <= CELL_MAX_M or abs(n_stored - round(n_stored)) > ROUNDING:
+        raise UsageError(f"a cell of {cell_m:g} m is not a multiple of {FLOOR_CELL_M:g} m", fix="--cell 0.5")
 
 
 def begun_until_ms(warehouse: Warehouse, *, now: datetime) -> int | None:
