@@ -141,6 +141,8 @@ def test_few_people_of_one_direction_hide_all_that_tells_them(tmp_path: Path) ->
     (row,) = answers(root, is_exact=False)["footfall"].rows
     assert [value(row[name]) for name in ("n_open", "per_open_h", "change_week")] == [None] * 3
     assert "n_left" not in row
+    coming = answers(root, is_exact=False)["footfall_next"].rows
+    assert {value(day[name]) for day in coming for name in ("n_expected", "n_busiest")} == {None}
     (exact,) = answers(root)["footfall"].rows
     assert value(exact["n_open"]) == week_sum(counts, MONDAY)
 

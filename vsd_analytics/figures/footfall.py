@@ -79,10 +79,12 @@ NEXT: Final = (
     *_KEYS,
     Column("local_date", "key"),
     Column("name", "fact"),
-    Column("n_expected", "people", "crossings", "M60"),
+    Column("n_expected", "people", "crossings", "M60", tells=_TELLS),
     Column("busiest_hour", "fact", "hour_of_day"),
-    Column("n_busiest", "people", "crossings", "M60"),
+    Column("n_busiest", "people", "crossings", "M60", tells=_TELLS),
     Column("open_h", "fact", "h"),
+    Column("n_open", "count", "crossings", audience="operator"),
+    *_OPERATOR,
 )
 """Columns of `footfall_next`."""
 
@@ -264,6 +266,8 @@ def _coming(site: Site, line: Line, weeks: LineWeeks, monday: date) -> list[Row]
             **_keys(line),
             "local_date": following + timedelta(days=k),
             "open_h": float(open_h[hours].sum()),
+            "n_open": Value(int(weeks.n[-1].sum())),
+            **_parts(weeks, -1),
         }
         if not np.isfinite(n_h[is_open]).all():
             why = Value.missing(forecast.reason or Reason("footfall.hours"))
