@@ -85,7 +85,7 @@ def imports(path: Path, *, with_types: bool = True) -> set[str]:
 
 
 def room(module: str) -> str:
-    parts = module.split(".")
+    parts = module.replace(".__main__", ".cli").split(".")  # `python -m vsd_analytics` is the command line
     return parts[1] if len(parts) > 1 and parts[1] in ROOMS else "base"
 
 

@@ -1,4 +1,4 @@
-"""Where the shipped SQL and report files are: inside the wheel, or at the top of a checkout."""
+"""Where the shipped SQL, report files and pages of the manual are: inside the wheel, or at the top of a checkout."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ _PACKAGE = Path(__file__).resolve().parent
 
 
 def shipped(folder: str) -> Path:
-    """Return the folder `sql` or `reports`.
+    """Return the folder `sql`, `reports` or `docs`.
 
     Args:
-        folder: "sql" or "reports".
+        folder: "sql", "reports" or "docs".
 
     Returns:
         The folder inside the installed wheel when there is one, else the one at the top of the checkout.

@@ -348,6 +348,17 @@ def test_unknown_code_is_answered_with_the_nearest(vsd: Vsd) -> None:
         explanation("")
 
 
+def test_explain_takes_words_and_shows_where_the_manual_answers(vsd: Vsd) -> None:
+    code, out, _ = vsd("explain", "opening", "hours")
+    assert code == 0
+    assert out.startswith("guide: Opening hours\n")
+    sections = json.loads(vsd("explain", "opening", "hours", "--json")[1])["sections"]
+    assert [*sections[0]] == ["page", "heading", "text"]
+    code, _, err = vsd("explain", "qqqq")
+    assert code == 2
+    assert "the manual says nothing about 'qqqq'" in err
+
+
 def test_explain_without_a_code_lists_all(vsd: Vsd) -> None:
     code, out, _ = vsd("explain")
     assert code == 0

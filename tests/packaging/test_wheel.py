@@ -19,7 +19,7 @@ from site_text import site_text
 from vsd_analytics.version import VERSION
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-SHIPPED = ("sql", "reports")
+SHIPPED = {"sql": "*", "reports": "*", "docs": "*.md"}
 SITE = site_text(site='opening = { mon-sun = "09:00-12:00" }\n')
 
 
@@ -69,11 +69,11 @@ def _run(program: Path, *arguments: str, folder: Path) -> str:
     return done.stdout
 
 
-def test_wheel_carries_every_sql_and_report_file(wheel: Path) -> None:
+def test_wheel_carries_every_sql_and_report_file_and_page_of_the_manual(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
-    for folder in SHIPPED:
-        found = (p for p in (REPOSITORY / folder).rglob("*") if p.is_file() and not p.name.startswith("."))
+    for folder, pattern in SHIPPED.items():
+        found = (p for p in (REPOSITORY / folder).rglob(pattern) if p.is_file() and not p.name.startswith("."))
         files = [p for p in found if p.parent.name != "__pycache__"]  # templates that a report compiled
         missing = {f"vsd_analytics/_shipped/{p.relative_to(REPOSITORY).as_posix()}" for p in files} - names
         assert files, folder

@@ -13,6 +13,7 @@ from mcp import Client
 from vsd_analytics.cli.explain import explanations
 from vsd_analytics.service.answers import TABLES, ReportAnswers
 from vsd_analytics.service.mcp_server import mcp_server
+from vsd_analytics.wording.manual import Manual
 
 Call = tuple[str, dict[str, Any]]
 T = TypeVar("T")
@@ -37,7 +38,7 @@ def in_own_loop(coroutine: Coroutine[Any, Any, T]) -> T:
 
 def ask_everything(answers: ReportAnswers, *, week: str) -> str:
     """Return all that an assistant is told of a week of the first floor."""
-    server = mcp_server(answers, explanations=explanations())
+    server = mcp_server(answers, manual=Manual(explanations()))
     of_week = {"week": week}
     calls: list[Call] = [("site", {}), ("verdicts", of_week), ("list_figures", of_week)]
     calls += [("table", {"name": name, **of_week}) for name in TABLES]

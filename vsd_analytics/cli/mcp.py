@@ -23,6 +23,7 @@ def mcp(project: Project) -> None:
     """
     from vsd_analytics.cli.explain import explanations
     from vsd_analytics.service.answers import ReportAnswers
+    from vsd_analytics.wording.manual import Manual
 
     try:
         from vsd_analytics.service.mcp_server import mcp_server
@@ -33,4 +34,4 @@ def mcp(project: Project) -> None:
             fix='pip install "vsd-analytics[mcp]"',
         ) from None
     now = project.now if project.now_text is not None else None
-    mcp_server(ReportAnswers(project.root, now=now), explanations=explanations()).run("stdio")
+    mcp_server(ReportAnswers(project.root, now=now), manual=Manual(explanations())).run("stdio")
