@@ -86,3 +86,29 @@ def test_people_inside_are_told_by_counters_and_unknown_with_one_that_has_one_nu
     add(root, [f"{day}T{h:02}:00,9,0" for day in DAYS for h in hours], "--both", "in", line="gate")
     (whole,) = printed(root, capsys)["doors"]
     assert (whole["people"]["value"], whole["known_open_h"]) == (None, 0)
+
+
+@pytest.mark.parametrize(("early", "is_told"), [(0, True), (3, False), (6, True)])
+def test_people_before_the_empty_hour_are_not_told_by_doors_beside_their_lines(
+    early: int, is_told: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = site(tmp_path, text=DOOR + 'inside = "left"\n[doors]\nempty_at = "08:00"\n')
+    n_in = {(DAYS[0], 6): early, **{(day, 8): 40 for day in DAYS}}
+    rows = [f"{d}T{h:02}:00,{n_in.get((d, h), 0)},{40 if h == 9 else 0}" for d in DAYS for h in range(24)]
+    add(root, rows, *SIDES)
+    found = printed(root, capsys)
+    assert found["lines"][0]["n_to_left"]["value"] == 280 + early
+    assert found["doors"][0]["n_in"]["value"] == (280 if is_told else None)
+
+
+def test_the_most_people_inside_are_hidden_where_they_are_few(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = site(tmp_path, text=DOOR + 'inside = "left"\n[doors]\nempty_at = "08:00"\n')
+    quarters = [f"{h:02}:{m:02}" for h in range(24) for m in range(0, 60, 15)]
+    n = {"08:00": (3, 0), "08:15": (30, 30), "09:45": (0, 3)}
+    add(
+        root, [f"{d}T{q},{','.join(map(str, n.get(q, (0, 0))))}" for d in DAYS for q in quarters], *SIDES, every="15min"
+    )
+    (whole,) = printed(root, capsys)["doors"]
+    assert (whole["n_in"]["value"], whole["most_people"]["value"]) == (231, None)

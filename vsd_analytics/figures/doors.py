@@ -54,12 +54,13 @@ _NUMBERS: Final = (
     Column("n_out", "count", "people", tells=_LEAST[1:2]),
     Column("people", "people", "people", "M58", tells=_BOTH, per="known_open_h"),
     Column("people_in_view", "people", "people", tells=_BOTH),
-    Column("most_people", "people", "people", "M58", tells=_BOTH),
+    Column("most_people", "people", "people", "M58", tells=(*_BOTH, "n_most")),
     Column("drift", "people", "people", "M58", tells=_BOTH + _LEAST[2:]),
     Column("drift_per_1000", "rate", "per_1000_crossings", "M58", tells=_BOTH + _LEAST[2:]),
     Column("n_in_least", "count", "people", audience="operator"),
     Column("n_out_least", "count", "people", audience="operator"),
     Column("n_day_least", "count", "people", audience="operator"),
+    Column("n_most", "count", "people", audience="operator"),
     Column("known_open_h", "fact", "h"),
     Column("open_h", "fact", "h"),
 )
@@ -99,7 +100,7 @@ def door_answers(period: Period) -> tuple[Answer, Answer]:
     crossings (M58); opening hours in which the number is known. A day begins at `[doors] empty_at`. Over the days the
     drift is the mean without sign. For the operator: the fewest people above 0 whom one door counted in and out, in
     `door_days` on one day, and the fewer of these on one day; where they are few, numbers of all doors less those of
-    the others would tell them.
+    the others would tell them. People before the empty hour of a date are among these: lines count them on that date.
     """
     data = period.data
     doors = {n.line_id: n.inside for n in data.site.lines if n.floor_id == data.floor.floor_id and n.inside}
@@ -118,7 +119,8 @@ def door_answers(period: Period) -> tuple[Answer, Answer]:
     of_days = {day: list(of_day) for day, of_day in groupby(quarters, key=lambda q: q.day)}
     days = {day: of_day for day, of_day in of_days.items() if of_day[0].is_over}
     crossed = [row for row in rows if row["line_id"] in doors and row["local_date"] >= period.first]
-    of_day, of_all = (least_of_doors(crossed, doors, by_day=by_day) for by_day in (True, False))
+    early = _before_empty(crossed, doors, empty_min)
+    of_day, of_all = (least_of_doors(crossed, doors, by_day=by_day, early=early) for by_day in (True, False))
     day_least = _least([n for n in of_day if n is not None])
     key: Row = {"floor_id": data.floor.floor_id}
     by_day = tuple(
@@ -168,7 +170,11 @@ def inside_by_doors(
 
 
 def least_of_doors(
-    rows: Sequence[Mapping[str, Any]], doors: Mapping[str, str], *, by_day: bool
+    rows: Sequence[Mapping[str, Any]],
+    doors: Mapping[str, str],
+    *,
+    by_day: bool,
+    early: tuple[Mapping[date, int], Mapping[date, int]] = ({}, {}),
 ) -> tuple[int | None, int | None]:
     """Return the fewest people above 0 that one door counted in, and out; 0 without any, None where none is known.
 
@@ -176,17 +182,33 @@ def least_of_doors(
         rows: Rows of `line_counts` of doors.
         doors: The side that is inside, by line.
         by_day: Of one door and local day; else of one door over all rows.
+        early: People in and out through all doors before the empty hour of each local date, which are fewest, too.
     """
     sums: tuple[dict[Any, int], dict[Any, int]] = ({}, {})
     for row in rows:
-        counts = row["n_to_left"], row["n_to_right"]
-        ways = counts if doors[row["line_id"]] == "left" else counts[::-1]
         place = (row["line_id"], row["local_date"] if by_day else None)
-        for of_way, n in zip(sums, ways, strict=True):
+        for of_way, n in zip(sums, _in_and_out(row, doors), strict=True):
             if n is not None:
                 of_way[place] = of_way.get(place, 0) + n
-    n_in, n_out = (_least(list(of_way.values())) for of_way in sums)
+    n_in, n_out = (_least([*of_way.values(), *of_early.values()]) for of_way, of_early in zip(sums, early, strict=True))
     return n_in, n_out
+
+
+def _in_and_out(row: Mapping[str, Any], doors: Mapping[str, str]) -> tuple[int | None, int | None]:
+    counts = row["n_to_left"], row["n_to_right"]
+    return counts if doors[row["line_id"]] == "left" else counts[::-1]
+
+
+def _before_empty(
+    rows: Sequence[Mapping[str, Any]], doors: Mapping[str, str], empty_min: int
+) -> tuple[dict[date, int], dict[date, int]]:
+    """Return people in and out before the empty hour of each local date, which door counts give to the day before."""
+    found: tuple[dict[date, int], dict[date, int]] = ({}, {})
+    for row in rows:
+        if row["local_hour"] * 60 + row["minute"] < empty_min:
+            for of_way, n in zip(found, _in_and_out(row, doors), strict=True):
+                of_way[row["local_date"]] = of_way.get(row["local_date"], 0) + (n or 0)
+    return found
 
 
 def _least(counts: Sequence[int]) -> int | None:
@@ -227,6 +249,7 @@ def _numbers(
         "people": Value(sum(known) / len(known)) if known else unknown,
         "people_in_view": Value(sum(seen) / len(seen)) if seen else unknown,
         "most_people": Value(max(peaks)) if known else unknown,
+        "n_most": Value(max(peaks)) if known else unknown,
         "drift": unknown if drift is None else Value(drift),
         "drift_per_1000": unknown if per_1000 is None else Value(per_1000),
         **{name: unknown if n is None else Value(n) for name, n in zip(_LEAST, least, strict=True)},

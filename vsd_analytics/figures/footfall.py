@@ -2,7 +2,8 @@
 
 A week is its crossings per recorded open hour, so that an outage lowers nothing. The usual range is made of the weeks
 before. Changes are over the hours of the week that both weeks recorded in full. They have no verdict: how much footfall
-differs by chance is shown by the range.
+differs by chance is shown by the range. For readers, ranges, changes and expected numbers are made without weeks whose
+sums are hidden, and of hours with few crossings by their sum alone.
 """
 
 from __future__ import annotations
@@ -14,8 +15,11 @@ from typing import Any, Final
 import numpy as np
 
 from vsd_analytics.answer import Answer, Cell, Column, Reason, Row, Value
+from vsd_analytics.figures.panels import Flags
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import NOT_RECORDED
+from vsd_analytics.figures.share.counts import Mask
+from vsd_analytics.figures.share.crossings import evened_hours
 from vsd_analytics.figures.slots import Floats, open_hours
 from vsd_analytics.figures.special_days import days_of_one_week, notes_of_days, special_days
 from vsd_analytics.figures.trend import TREND_WEEKS
@@ -35,18 +39,25 @@ select
     line_id,
     local_date,
     local_hour,
-    sum(n_both) as n,
-    sum(n_to_left) as n_left,
-    sum(n_to_right) as n_right,
-    count(*) / 4 as recorded_h
+    sum(n_both) filter (where is_open and state = 'full') as n,
+    sum(n_to_left) filter (where is_open and state = 'full') as n_left,
+    sum(n_to_right) filter (where is_open and state = 'full') as n_right,
+    sum(n_both) filter (where not (is_open and state = 'full')) as n_rest,
+    count(*) filter (where is_open and state = 'full') / 4 as recorded_h
 from line_counts
-where floor_id = $floor and local_date between $first and $last and is_open and state = 'full' and n_both is not null
+where floor_id = $floor and local_date between $first and $last and n_both is not null
 group by line_id, local_date, local_hour
 order by line_id, local_date, local_hour
 """
-_PARTS: Final = ("n_left", "n_right")
+_PARTS: Final = ("n_left", "n_right", "n_rest")
+"""Sums that `n_open` tells, beside those of `vsd lines`: to either side, and all crossings less those of open hours."""
 _TELLS: Final = ("n_open", *_PARTS)
-_OPERATOR: Final = tuple(Column(name, "count", "crossings", audience="operator") for name in _PARTS)
+
+
+def _operator(*names: str) -> tuple[Column, ...]:
+    return tuple(Column(name, "count", "crossings", audience="operator") for name in names)
+
+
 _KEYS: Final = (Column("floor_id", "key"), Column("line_id", "key"))
 FOOTFALL: Final = (
     *_KEYS,
@@ -56,14 +67,14 @@ FOOTFALL: Final = (
     Column("usual_lo", "rate", "per_open_hour", "M60", tells=_TELLS),
     Column("usual_hi", "rate", "per_open_hour", "M60", tells=_TELLS),
     Column("beside_usual", "fact"),
-    Column("change_week", "rate", "change", "M60", tells=_TELLS),
-    Column("change_year", "rate", "change", "M60", tells=_TELLS),
+    Column("change_week", "rate", "change", "M60", tells=(*_TELLS, "n_week_least")),
+    Column("change_year", "rate", "change", "M60", tells=(*_TELLS, "n_year_least")),
     Column("special_days", "fact"),
     Column("recorded_open_h", "fact", "h"),
     Column("open_h", "fact", "h"),
-    *_OPERATOR,
+    *_operator(*_PARTS, "n_week_least", "n_year", "n_year_least"),
 )
-"""Columns of `footfall`."""
+"""Columns of `footfall`; for the operator, the fewest crossings that each change tells, and those of a year before."""
 WEEKS: Final = (
     *_KEYS,
     Column("week", "key"),
@@ -72,19 +83,18 @@ WEEKS: Final = (
     Column("per_open_h", "rate", "per_open_hour", "M60", tells=_TELLS),
     Column("recorded_open_h", "fact", "h"),
     Column("open_h", "fact", "h"),
-    *_OPERATOR,
+    *_operator(*_PARTS),
 )
 """Columns of `footfall_weeks`."""
 NEXT: Final = (
     *_KEYS,
     Column("local_date", "key"),
     Column("name", "fact"),
-    Column("n_expected", "people", "crossings", "M60", tells=_TELLS),
+    Column("n_expected", "people", "crossings", "M60", tells=(*_TELLS, "n_of_day")),
     Column("busiest_hour", "fact", "hour_of_day"),
-    Column("n_busiest", "people", "crossings", "M60", tells=_TELLS),
+    Column("n_busiest", "people", "crossings", "M60", tells=(*_TELLS, "n_of_hour")),
     Column("open_h", "fact", "h"),
-    Column("n_open", "count", "crossings", audience="operator"),
-    *_OPERATOR,
+    *_operator("n_open", *_PARTS, "n_of_day", "n_of_hour"),
 )
 """Columns of `footfall_next`."""
 
@@ -96,6 +106,7 @@ class LineWeeks:
     Attributes:
         n: Crossings either way, in quarter-hours that were recorded in full.
         n_left, n_right: Of these to either side.
+        n_rest: All others: in closed hours, and in quarter-hours that were not recorded in full.
         recorded_h: Hours of such quarter-hours.
         open_h: Open hours.
     """
@@ -103,6 +114,7 @@ class LineWeeks:
     n: Floats
     n_left: Floats
     n_right: Floats
+    n_rest: Floats
     recorded_h: Floats
     open_h: Floats
 
@@ -113,6 +125,14 @@ class LineWeeks:
         is_known = (recorded_h > 0) & (recorded_h >= MOST_RECORDED * open_h)
         nothing = np.full(len(self.n), np.nan)
         return np.asarray(np.divide(self.n.sum(axis=1), recorded_h, out=nothing, where=is_known))
+
+    def least(self, k: int) -> float:
+        """Return the smallest number above 0 that the sums of a week tell, 0 where there is none."""
+        return _least(*(float(grid[k].sum()) for grid in (self.n, self.n_left, self.n_right, self.n_rest)))
+
+    def told(self, mask: Mask) -> Flags:
+        """Return which weeks' sums the readers of a page may know, shape (n_weeks,)."""
+        return np.array([not mask.hides(self.least(k)) for k in range(len(self.n))])
 
 
 def footfall_answers(week: Period) -> tuple[Answer, ...]:
@@ -130,12 +150,13 @@ def footfall_answers(week: Period) -> tuple[Answer, ...]:
     before = _year_before(site, floor.floor_id, monday)
     special = days_of_one_week(site, monday - _YEAR, monday)
     known = [line for line in lines if line.line_id in weeks]
+    mask = week.data.mask
     rows = tuple(
-        {**_keys(line), **_week(weeks[line.line_id], before.get(line.line_id)), "special_days": special}
+        {**_keys(line), **_week(weeks[line.line_id], before.get(line.line_id), mask), "special_days": special}
         for line in known
     )
     history = tuple(row for line in known for row in _history(line, weeks[line.line_id], monday))
-    coming = tuple(row for line in known for row in _coming(site, line, weeks[line.line_id], monday))
+    coming = tuple(row for line in known for row in _coming(site, line, weeks[line.line_id], monday, mask))
     special_now, special_next = (
         tuple((None, note) for note in notes_of_days(site, first)) for first in (monday, monday + timedelta(weeks=1))
     )
@@ -159,6 +180,8 @@ def line_weeks(warehouse: Warehouse, floor_id: str, monday: date, *, n_weeks: in
         by_line.setdefault(row["line_id"], []).append(row)
     weeks = {}
     for line_id, rows in by_line.items():
+        if not any(row["recorded_h"] for row in rows):
+            continue
         week, day = np.divmod([(row["local_date"] - first).days for row in rows], 7)
         slot = 24 * day + np.array([row["local_hour"] for row in rows])
         sums = {name: np.zeros((n_weeks, _SLOTS)) for name in ("n", *_PARTS, "recorded_h")}
@@ -181,42 +204,57 @@ def _keys(line: Line) -> dict[str, Cell]:
     return {"floor_id": line.floor_id, "line_id": line.line_id, "name": line.name}
 
 
-def _week(weeks: LineWeeks, year: LineWeeks | None) -> dict[str, Cell]:
+def _week(weeks: LineWeeks, year: LineWeeks | None, mask: Mask) -> dict[str, Cell]:
     rates = weeks.per_open_h
     rate = float(rates[-1])
-    usual = usual_range(rates[:-1][np.isfinite(rates[:-1])].tolist())
+    is_told = weeks.told(mask)
+    usual = usual_range(rates[:-1][np.isfinite(rates[:-1]) & is_told[:-1]].tolist())
     few = Value.missing(Reason("footfall.weeks", least=MIN_WEEKS))
     ends = (few, few) if usual is None else (Value(usual.lo), Value(usual.hi))
     is_known = np.isfinite(rate)
     not_recorded = Value.missing(Reason("footfall.recorded", least=MOST_RECORDED))
     recorded_h = float(weeks.recorded_h[-1].sum())
+    change_week, week_least = _change(weeks, -2, weeks)
+    no_year = Value.missing(Reason("footfall.year"))
+    change_year, year_least = (no_year, 0.0) if year is None else _change(year, 0, weeks)
     return {
         "n_open": Value(int(weeks.n[-1].sum())) if recorded_h else Value.of(NOT_RECORDED),
         "per_open_h": Value(rate) if is_known else not_recorded,
         "usual_lo": ends[0],
         "usual_hi": ends[1],
-        "beside_usual": usual.position(rate) if usual is not None and is_known else None,
-        "change_week": _change(weeks, -2, weeks),
-        "change_year": Value.missing(Reason("footfall.year")) if year is None else _change(year, 0, weeks),
+        "beside_usual": usual.position(rate) if usual is not None and is_known and is_told[-1] else None,
+        "change_week": change_week,
+        "change_year": change_year,
+        "n_week_least": Value(week_least),
+        "n_year": no_year if year is None else Value(int(year.n[0].sum())),
+        "n_year_least": Value(year_least),
         "recorded_open_h": recorded_h,
         "open_h": float(weeks.open_h[-1].sum()),
         **_parts(weeks, -1),
     }
 
 
-def _change(before: LineWeeks, k: int, now: LineWeeks) -> Value:
-    """Return the relative change of crossings over the hours of the week that both weeks recorded in full."""
+def _change(before: LineWeeks, k: int, now: LineWeeks) -> tuple[Value, float]:
+    """Return the relative change of crossings over the hours of the week that both weeks recorded in full.
+
+    And the smallest number above 0 that it tells: of the week before, of these hours, and of the hours left out.
+    """
     is_whole = [(w.recorded_h[at] > 0) & (w.recorded_h[at] >= w.open_h[at]) for w, at in ((before, k), (now, -1))]
     both = is_whole[0] & is_whole[1]
     n_before, n_now = float(before.n[k][both].sum()), float(now.n[-1][both].sum())
     if now.open_h[-1][both].sum() < MOST_RECORDED * now.open_h[-1].sum() or not n_before:
-        return Value.missing(Reason("footfall.compared", least=MOST_RECORDED))
-    return Value(n_now / n_before - 1)
+        return Value.missing(Reason("footfall.compared", least=MOST_RECORDED)), 0.0
+    left_out = before.n[k][~both].sum(), now.n[-1][~both].sum()
+    return Value(n_now / n_before - 1), _least(before.least(k), n_before, n_now, *map(float, left_out))
+
+
+def _least(*counts: float) -> float:
+    return min((n for n in counts if n > 0), default=0.0)
 
 
 def _parts(weeks: LineWeeks, k: int) -> dict[str, Cell]:
-    """Return the crossings to either side of a week, which tell what the sum of both does not hide."""
-    grids = (weeks.n_left, weeks.n_right)
+    """Return what the crossings of a week tell beside the numbers of `vsd lines`."""
+    grids = (weeks.n_left, weeks.n_right, weeks.n_rest)
     return {name: Value(int(grid[k].sum())) for name, grid in zip(_PARTS, grids, strict=True)}
 
 
@@ -241,11 +279,13 @@ def _history(line: Line, weeks: LineWeeks, monday: date) -> list[Row]:
     ]
 
 
-def _coming(site: Site, line: Line, weeks: LineWeeks, monday: date) -> list[Row]:
+def _coming(site: Site, line: Line, weeks: LineWeeks, monday: date, mask: Mask) -> list[Row]:
     """Return the days of next week: crossings expected, and those of the busiest hour with their range."""
     following = monday + timedelta(weeks=1)
     open_h = open_hours(site, following)
-    n, recorded_h = weeks.n[1:], np.where(weeks.recorded_h >= weeks.open_h, weeks.recorded_h, 0.0)[1:]
+    recorded_h = np.where((weeks.recorded_h >= weeks.open_h) & weeks.told(mask)[:, None], weeks.recorded_h, 0.0)[1:]
+    n = evened_hours(weeks.n[1:], recorded_h, mask=mask)
+    recorded_h = np.where(np.isnan(n), 0.0, recorded_h)
     days = special_days(site, monday, n_weeks=len(n))
     forecast = forecast_week(
         np.where(recorded_h > 0, n, 0.0),
@@ -271,11 +311,22 @@ def _coming(site: Site, line: Line, weeks: LineWeeks, monday: date) -> list[Row]
         }
         if not np.isfinite(n_h[is_open]).all():
             why = Value.missing(forecast.reason or Reason("footfall.hours"))
-            rows.append({**row, "n_expected": why, "busiest_hour": None, "n_busiest": why})
+            rows.append(
+                {**row, "n_expected": why, "busiest_hour": None, "n_busiest": why, "n_of_day": why, "n_of_hour": why}
+            )
             continue
         busiest = int(np.argmax(np.where(is_open, n_h, -1.0)))
         at = 24 * k + busiest
         ends = float(forecast.lo[at] * open_h[at]), float(forecast.hi[at] * open_h[at])
-        busy = Value(float(n_h[busiest]), *ends)
-        rows.append({**row, "n_expected": Value(float(n_h[is_open].sum())), "busiest_hour": busiest, "n_busiest": busy})
+        n_busiest, n_expected = float(n_h[busiest]), float(n_h[is_open].sum())
+        rows.append(
+            {
+                **row,
+                "n_expected": Value(n_expected),
+                "busiest_hour": None if mask.hides(n_busiest) or not weeks.told(mask)[-1] else busiest,
+                "n_busiest": Value(n_busiest, *ends),
+                "n_of_day": Value(n_expected),
+                "n_of_hour": Value(n_busiest),
+            }
+        )
     return rows

@@ -14,6 +14,7 @@ from typing import Final
 
 from vsd_analytics.answer import Answer, Answers, Cell, Reason, Row, Sum, Value, check_sums, value_of
 from vsd_analytics.figures.share.counts import is_small, mask_of
+from vsd_analytics.figures.share.crossings import crossings_again
 from vsd_analytics.site.model import Site
 
 COUNTS_IN_REASONS: Final[Mapping[str, str]] = {
@@ -68,9 +69,14 @@ def share(answers: Iterable[Answer], *, below: int) -> Answers:
 
 
 def audience_answers(answers: Iterable[Answer], site: Site) -> Answers:
-    """Return what may be shared; where the site hides nothing, all of it."""
+    """Return what may be shared; where the site hides nothing, all of it.
+
+    Crossings that are shared are remembered (`crossings_again`).
+    """
     mask = mask_of(site)
-    return share(answers, below=mask.below) if mask.is_on else Answers(answers)
+    if not mask.is_on:
+        return Answers(answers)
+    return share(crossings_again(answers, site, below=mask.below), below=mask.below)
 
 
 def _parts_to_hide(

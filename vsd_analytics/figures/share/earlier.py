@@ -1,4 +1,4 @@
-"""What left before: `shared.jsonl` in the project's folder, with the counts of each floor and week that was shared.
+"""What left before: `shared.jsonl` in the project's folder, with the counts of each floor and line by week shared.
 
 A week can change after it was shared: late data, an erasure, a better calibration, another distance. Who has both
 versions has their difference. So each version is stored, one JSON object a line, and `weeks` masks the differences from
@@ -57,12 +57,42 @@ class SharedWeek:
     people: str = "all"
 
 
+@dataclass(frozen=True, slots=True)
+class SharedLine:
+    """What was counted at a counting line, or at all doors of a floor, in a week that was shared.
+
+    Attributes:
+        floor_id, line_id, monday: Which; the line is empty for the doors of the floor.
+        n: Crossings by the name of a sum that was shown: of the week, of its days, of its hours of the day.
+        people: Whom it counts (`people` of vsd.toml).
+    """
+
+    floor_id: str
+    line_id: str
+    monday: date
+    n: Mapping[str, int]
+    people: str = "all"
+
+
 def read(site: Site) -> Sequence[SharedWeek]:
-    """Return every version of every week that was shared, in order.
+    """Return every version of every floor's week that was shared, in order.
 
     Raises:
         InputError: E110, a line is none.
     """
+    return [week for week in _all(site) if isinstance(week, SharedWeek)]
+
+
+def read_lines(site: Site) -> Sequence[SharedLine]:
+    """Return every version of every week of a counting line that was shared, in order.
+
+    Raises:
+        InputError: E110, a line of the file is none.
+    """
+    return [week for week in _all(site) if isinstance(week, SharedLine)]
+
+
+def _all(site: Site) -> Sequence[SharedWeek | SharedLine]:
     path = site.root / FILE
     try:
         stat = path.stat()
@@ -96,29 +126,32 @@ def changed_days(site: Site, n: Mapping[date, float], *, floor_id: str | None) -
     return frozenset(found)
 
 
-def remember(site: Site, weeks: Iterable[SharedWeek]) -> None:
+def remember(site: Site, weeks: Iterable[SharedWeek | SharedLine]) -> None:
     """Store versions of weeks that leave, durably; what is stored already is not again.
 
     Raises:
         DiskError: E304 to E306, the disk refused; then nothing may be shared.
     """
     weeks = list(weeks)
-    known = read(site)
+    known = _all(site)
     if all(week in known for week in weeks):
         return
     path = (site.root / FILE).resolve()
     with exclusive(site.root / LOCK):
-        known = read(site)
+        known = _all(site)
         lines = [json.dumps(_as_dict(week), ensure_ascii=False) for week in (*known, *weeks)]
         publish(path, "".join(f"{line}\n" for line in dict.fromkeys(lines)).encode(), is_private=True)
 
 
 @lru_cache(maxsize=4)
-def _read(path: Path, mtime_ns: int, size: int) -> tuple[SharedWeek, ...]:
+def _read(path: Path, mtime_ns: int, size: int) -> tuple[SharedWeek | SharedLine, ...]:
     return tuple(_week(line, number) for number, line in enumerate(path.read_bytes().splitlines(), 1) if line.strip())
 
 
-def _as_dict(week: SharedWeek) -> dict[str, Any]:
+def _as_dict(week: SharedWeek | SharedLine) -> dict[str, Any]:
+    if isinstance(week, SharedLine):
+        of = {"week": f"{week.monday:%G-W%V}", "floor": week.floor_id, "line": week.line_id}
+        return {**of, "crossings": week.n, "people": week.people}
     return {
         "week": f"{week.monday:%G-W%V}",
         "through": week.through.isoformat(),
@@ -135,10 +168,13 @@ def _as_dict(week: SharedWeek) -> dict[str, Any]:
     }
 
 
-def _week(line: bytes, number: int) -> SharedWeek:
+def _week(line: bytes, number: int) -> SharedWeek | SharedLine:
     try:
         value = json.loads(line)
         monday = date.fromisoformat(f"{value['week']}-1")
+        if "crossings" in value:
+            n = {str(name): int(n) for name, n in value["crossings"].items()}
+            return SharedLine(value["floor"], value["line"], monday, n, str(value["people"]))
         return SharedWeek(
             value["floor"],
             monday,
