@@ -23,7 +23,7 @@ ROOMS = (
     "api",
     *("simulate", "live", "doctor", "cli"),
 )
-BASE = {"answer", "errors", "resources", "schema", "settings", "version"}
+BASE = {"answer", "errors", "owners", "resources", "schema", "settings", "version"}
 """Modules of no room, which every room may import. `__init__` is the public API and names modules of all rooms."""
 SAYS_NOTHING = {
     "common",

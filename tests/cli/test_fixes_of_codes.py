@@ -161,6 +161,7 @@ ELSEWHERE: Final[dict[str, tuple[str, str]]] = {
     "E106": ("a plug-in that cannot be loaded: its package is upgraded", "ingest/test_plugins.py"),
     "E107": ("a library that is missing: it is installed", "packaging/test_core.py"),
     "E120": ("the operating system refuses a file", "ingest/test_ingest_pipeline.py"),
+    "W111": ("root in the project of another user: a machine's users", "doctor/test_machine_findings.py"),
     "E130": ("a platform without file locks", ""),
     "E206": ("a file that unpacks too far: only a setting or another file helps", "fuzz/test_fuzz_limits.py"),
     "E213": ("a name of a file: it is renamed", "ingest/test_camera_from_name.py"),

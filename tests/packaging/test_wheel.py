@@ -82,10 +82,18 @@ def test_wheel_carries_every_sql_and_report_file_and_page_of_the_manual(wheel: P
     assert any(n.endswith("licenses/LICENSE") for n in names)
 
 
+def test_an_environment_of_the_wheel_has_the_units_where_the_page_on_installing_says(scripts: Path) -> None:
+    deploy = scripts.parent / "share" / "vsd-analytics" / "deploy"
+    units = REPOSITORY / "deploy" / "systemd"
+    assert {p.name for p in (deploy / "systemd").iterdir()} == {p.name for p in units.iterdir()}
+    page = (REPOSITORY / "docs" / "install.md").read_text(encoding="utf-8")
+    assert "cd /opt/vsd/share/vsd-analytics/deploy/systemd" in page
+
+
 def test_wheel_carries_no_tests_and_no_data(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         tops = {n.split("/")[0] for n in archive.namelist()}
-    assert tops == {"vsd_analytics", f"vsd_analytics-{VERSION}.dist-info"}
+    assert tops == {"vsd_analytics", f"vsd_analytics-{VERSION}.dist-info", f"vsd_analytics-{VERSION}.data"}
 
 
 def test_installed_package_is_the_wheels(scripts: Path, tmp_path: Path) -> None:

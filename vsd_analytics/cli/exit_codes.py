@@ -14,6 +14,7 @@ import click
 
 from vsd_analytics.cli.output import emit_json, render_error
 from vsd_analytics.errors import UsageError, VsdError, disk_error
+from vsd_analytics.owners import denied
 
 BEYOND_CORE: Final = frozenset(
     {"babel", "contourpy", "cv2", "jinja2", "markupsafe", "matplotlib", "PIL", "resvg_py", "scipy"}
@@ -65,7 +66,8 @@ def run(command: click.Command, arguments: list[str]) -> int:
         if verbose:
             raise
         what = f"{error.strerror or error}: {error.filename}" if error.filename else str(error)
-        refused = VsdError(what, code="E120", fix="check the path, its permissions and the free space")
+        why, fix = denied(os.fsdecode(error.filename or ""))
+        refused = VsdError(what, code="E120", why=why, fix=fix)
         _print_error(disk_error(error) or refused, as_json=as_json)
         return 2
     except Exception as error:

@@ -52,8 +52,9 @@ def inbox(project: Project, files: tuple[Path, ...], yes: bool, as_json: bool) -
             click.echo(f"{at.isoformat(timespec='minutes')}  {plain(found.question_id)}  {found.kind}{said}{who}")
     if as_json:
         emit_json({"answers": rows, "is_stored": yes})
-    elif rows and not yes:
-        project.say("nothing was stored; to store these answers, add --yes")
+    elif rows:
+        stored = "stored: vsd log list --all shows them, and the next page says what was answered"
+        project.say(stored if yes else "nothing was stored; to store these answers, add --yes")
     return code
 
 

@@ -175,7 +175,9 @@ def log_list(project: Project, is_all: bool, as_json: bool) -> None:
     for number, entry in enumerate(entries, start=1):
         click.echo(f"{number:>3}  {ids[entry]}  {_line(entry)}")
     if not entries:
-        project.say('no entries yet; add one: vsd log add "what was moved" --at 2026-11-11T12:00')
+        project.say(
+            'no entries yet (answers: vsd log list --all); add one: vsd log add "what was moved" --at 2026-11-11T12:00'
+        )
 
 
 def _history(project: Project, *, as_json: bool) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
@@ -12,7 +13,8 @@ from typing import TYPE_CHECKING
 import click
 
 from vsd_analytics.cli.output import plain, render_error
-from vsd_analytics.errors import UsageError
+from vsd_analytics.errors import UsageError, VsdError
+from vsd_analytics.owners import other_owner
 from vsd_analytics.site.instants import instant
 
 if TYPE_CHECKING:
@@ -57,7 +59,10 @@ class Project:
         """Return the project folder: `-C`, or the nearest one upward that holds vsd.toml."""
         from vsd_analytics.config.project import find_project
 
-        return find_project(Path(self.folder))
+        folder = find_project(Path(self.folder))
+        if warning := _root_in_the_house_of(folder):
+            click.echo(render_error(warning, word="warning"), err=True)
+        return folder
 
     @cached_property
     def site(self) -> Site:
@@ -101,6 +106,19 @@ class Project:
 
 
 pass_project = click.make_pass_decorator(Project)
+
+
+def _root_in_the_house_of(folder: Path) -> VsdError | None:
+    """Return a warning where root runs a command on the project of another user; None = all is well."""
+    owner = other_owner(folder)
+    if owner is None or os.geteuid() != 0:
+        return None
+    return VsdError(
+        f"this runs as root, and the project belongs to {owner}",
+        code="W111",
+        why=f"{owner} and its services cannot read files that root makes here",
+        fix=f"runuser -u {owner} -- vsd ...; for what root has made: chown -R {owner}: {shlex.quote(str(folder))}",
+    )
 
 
 def warn_of_broken_log_lines(project: Project) -> None:

@@ -93,6 +93,7 @@ def report(
       vsd report --week last --mail --send
     """
     from vsd_analytics.cli import report_mail
+    from vsd_analytics.report.send import sent_mails
 
     is_mailed = is_mailed or is_sent
     if as_json:
@@ -127,7 +128,7 @@ def report(
                 failed.append(error)
     code = _exit_code(reports, strict=strict)
     for files in every if is_mailed else ():
-        where = Path(out) if out is not None else project.root / report_mail.FOLDER
+        where = Path(out) if out is not None else project.root / sent_mails.FOLDER
         try:
             paths.append(report_mail.mail_week(project, files, options=options, out=where))
         except VsdError as error:

@@ -24,10 +24,6 @@ if TYPE_CHECKING:
     from vsd_analytics.report.send.sent_mails import Week
     from vsd_analytics.site.routes import MailRoute
 
-FOLDER = "mail"
-"""Below the project, not among the reports: these may be published, and mails hold addresses."""
-LOG = "sent.jsonl"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MailOptions:
@@ -158,13 +154,13 @@ def send(
         MailError: E803 to E809; what was sent is noted.
     """
     from vsd_analytics.report.send import mail_server
-    from vsd_analytics.report.send.sent_mails import SentLog, to_send
+    from vsd_analytics.report.send.sent_mails import FILE, FOLDER, SentLog, to_send
 
     folder = project.root / FOLDER
     folder.mkdir(mode=0o700, exist_ok=True)
     identity = str(mail["Message-ID"])
     now: datetime = project.now
-    with SentLog(folder / LOG) as log:
+    with SentLog(folder / FILE) as log:
         left, has = to_send(log, week, to, is_again=is_again)
         for address in has:
             is_other = log.message_id(week, address) != identity

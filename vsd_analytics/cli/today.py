@@ -165,7 +165,7 @@ def _write(project: Project, card: Today, out: str | None, options: MailOptions 
     from vsd_analytics.report.model.assemble import MADE_UP_ENGINE
     from vsd_analytics.report.pages.mail import as_bytes, filled
     from vsd_analytics.report.pages.today import make_today_page, today_html, today_mail
-    from vsd_analytics.report.send.sent_mails import Week
+    from vsd_analytics.report.send.sent_mails import FOLDER, Week
     from vsd_analytics.warehouse.provenance import engines
 
     site = project.site
@@ -180,7 +180,7 @@ def _write(project: Project, card: Today, out: str | None, options: MailOptions 
         date = project.now.astimezone(site.zone) if options.is_sent else None
         shared = make_today_page(closed_days(card, site), site, is_made_up=is_made_up)
         mail = today_mail(shared, sender=options.sender, to=options.to, date=date)
-        target = Path(out) if out is not None else project.root / report_mail.FOLDER
+        target = Path(out) if out is not None else project.root / FOLDER
         paths += write(target, {f"today{floor}.eml": as_bytes(mail)})
     for path in paths:
         click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB")

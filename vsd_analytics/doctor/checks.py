@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+import shlex
 import shutil
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -10,12 +11,14 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from importlib import metadata
+from itertools import chain
 from pathlib import Path
 
 from vsd_analytics.config.project import FILE, find_project, load_site
 from vsd_analytics.doctor.finding import Finding
 from vsd_analytics.doctor.nodes import examine_exchange
 from vsd_analytics.errors import ConfigError, StoreError, VsdError
+from vsd_analytics.owners import denied, user_name
 from vsd_analytics.report.pages.pdf import find_chromium
 from vsd_analytics.settings import SETTINGS, Settings
 from vsd_analytics.site.model import Camera, Site
@@ -117,6 +120,18 @@ def _project(
             yield Finding(FILE, "note", f"{error.what}: only the machine and the broker configuration are checked")
         return
     yield _file_system(folder)
+    yield from _owners(folder)
+    try:
+        yield from _project_in(folder, now=now, environ=environ, broker_config=broker_config)
+    except OSError as error:
+        why, fix = denied(str(error.filename or folder))
+        detail = f"{error.strerror or error}: {error.filename}; nothing after it was checked"
+        yield Finding("files", "needs you", detail + (f": {why}" if why else ""), fix)
+
+
+def _project_in(
+    folder: Path, *, now: datetime, environ: Mapping[str, str], broker_config: Path | None
+) -> Iterator[Finding]:
     try:
         site = load_site(folder, environ=environ)
     except ConfigError as error:
@@ -132,7 +147,8 @@ def _project(
     yield _disk(site)
     yield _pseudonyms(site)
     yield from _retention(site, now=now)
-    yield from _watch(site)
+    yield from _watch(site, now=now)
+    yield from _mails(site)
     yield from _live(site, now=now, environ=environ, broker_config=broker_config)
     yield _plans(site)
     today = now.astimezone(site.zone).date()
@@ -208,7 +224,27 @@ def _far_off(site: Site) -> Iterator[Finding]:
         yield Finding("instants", "needs you", detail, FAR_OFF_FIX)
 
 
-def _watch(site: Site) -> Iterator[Finding]:
+def _owners(folder: Path) -> Iterator[Finding]:
+    """Yield a finding where files are of another user than the folder: its own user cannot read what root made."""
+    owner = folder.stat().st_uid
+    near = chain(folder.iterdir(), folder.glob("*/*"))
+    strange = sorted(path for path in near if path.lstat().st_uid != owner)
+    if strange:
+        names = ", ".join(str(path.relative_to(folder)) for path in strange[:3])
+        are = "1 file belongs" if len(strange) == 1 else f"{len(strange)} files belong"
+        detail = f"{are} to another user than the project: {names}{', ...' if len(strange) > 3 else ''}"
+        fix = f"as root: chown -R {user_name(owner)}: {shlex.quote(str(folder.resolve()))}"
+        yield Finding("owner", "needs you", detail, fix)
+
+
+def _mails(site: Site) -> Iterator[Finding]:
+    if site.mail is not None:
+        from vsd_analytics.doctor.mails import examine_mails  # mail programs are loaded only where mail is sent
+
+        yield from examine_mails(site)
+
+
+def _watch(site: Site, *, now: datetime) -> Iterator[Finding]:
     from vsd_analytics.live.watch import read_watch_status
 
     status = read_watch_status(site.root)
@@ -226,6 +262,21 @@ def _watch(site: Site) -> Iterator[Finding]:
     else:
         died = f"the watch of {folder} died after {status.get('at')} ({counts})"
         yield Finding("watched folder", "needs you", died, f"vsd ingest --watch {folder}")
+    yield from _kept_files(Path(str(folder)), now=now, days=int(site.settings.retention_days))
+
+
+def _kept_files(folder: Path, *, now: datetime, days: int) -> Iterator[Finding]:
+    """Yield a finding for files that were read and outlive their records."""
+    from vsd_analytics.live.inbox import DONE
+
+    oldest_s = (now - timedelta(days=days)).timestamp()
+    done = (folder / DONE).iterdir() if (folder / DONE).is_dir() else iter(())
+    if n := sum(path.stat().st_ctime < oldest_s for path in done):
+        place = folder / DONE
+        detail = f"{n} files read more than {days} days ago are still in {place}; no purge reaches them"
+        yield Finding(
+            "read files", "needs you", detail, f"find {shlex.quote(str(place))} -type f -ctime +{days} -delete"
+        )
 
 
 def _live(site: Site, *, now: datetime, environ: Mapping[str, str], broker_config: Path | None) -> Iterator[Finding]:

@@ -47,6 +47,7 @@ from vsd_analytics.ingest.reading.adapter import (
 from vsd_analytics.ingest.reading.column_hints import differing_cameras
 from vsd_analytics.ingest.reading.limits import within_bounds
 from vsd_analytics.ingest.reading.raw import n_rows, without_zones
+from vsd_analytics.owners import denied
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.cameras_by_name import nearest_camera_id
 from vsd_analytics.site.model import ReadingRule, Site
@@ -316,12 +317,9 @@ class _Ingest:
             if error is not None:
                 raise error
         except OSError as error:
-            raise InputError(
-                f"{self.source.file_name} cannot be read: {error.strerror or error}",
-                code="E120",
-                where=Where(self.source.name),
-                fix="check the path and its permissions",
-            ) from None
+            why, fix = denied(self.source.path)
+            what = f"{self.source.file_name} cannot be read: {error.strerror or error}"
+            raise InputError(what, code="E120", where=Where(self.source.name), why=why, fix=fix) from None
 
     def understand(self, result: SourceResult, reader: Adapter, head: Sequence[RawBatch]) -> None:
         """Make the card of the source, and refuse what is almost surely wrong; `late` compares what follows with it."""

@@ -310,5 +310,6 @@ def _program_failed(program: Path, why: str) -> MailError:
         "the mail program did not take the mail",
         code="E808",
         why=why,
-        fix=f"run it by hand: echo test | {program} you@example.org; its log tells more. Nothing was sent",
+        fix='in a unit of systemd: [mail] smtp = "localhost" and tls = "none" in place of sendmail; '
+        f"else run it by hand: echo test | {program} you@example.org; its log tells more. Nothing was sent",
     )

@@ -1,4 +1,4 @@
-"""Which weeks were mailed to whom: `mail.jsonl` in the project, so that a week reaches nobody twice.
+"""Which weeks were mailed to whom: `mail/sent.jsonl` in the project, so that a week reaches nobody twice.
 
 One JSON object a line, on the disk before the mail is handed over and again afterwards. It holds addresses, so only its
 owner may read it, and it never lies among the reports, which may be published.
@@ -19,7 +19,9 @@ from typing import Final, Literal
 from vsd_analytics.errors import MailError, Where, disk_error
 from vsd_analytics.store import file_locks
 
-FILE: Final = "mail.jsonl"
+FOLDER: Final = "mail"
+"""Below the project, not among the reports: these may be published, and mails hold addresses."""
+FILE: Final = "sent.jsonl"
 Step = Literal["begun", "sent", "not sent"]
 Key = tuple[str, str, str]
 
@@ -114,12 +116,25 @@ class SentLog:
             self._note(line)
 
     def _note(self, line: bytes) -> None:
-        try:
-            record = json.loads(line)
-            key = str(record["floor"]), str(record["week"]), str(record["to"]).casefold()
-            self._last[key] = record["step"], str(record["message_id"])
-        except (ValueError, KeyError, TypeError):
-            return  # torn: a step that is not whole on the disk was never acted on, or leaves "begun" standing
+        if (read := _read(line)) is not None:
+            key, step, message_id = read
+            self._last[key] = step, message_id
+
+
+def last_steps(path: Path) -> dict[Key, Step]:
+    """Return how far each mail got, by floor, week and address in small letters; nothing where there is no file."""
+    lines = path.read_bytes().splitlines() if path.exists() else []
+    return {key: step for key, step, _ in filter(None, map(_read, lines))}
+
+
+def _read(line: bytes) -> tuple[Key, Step, str] | None:
+    """Return what a line says; None = it is torn: a step that is not whole on the disk was never acted on."""
+    try:
+        record = json.loads(line)
+        key = str(record["floor"]), str(record["week"]), str(record["to"]).casefold()
+        return key, record["step"], str(record["message_id"])
+    except (ValueError, KeyError, TypeError):
+        return None
 
 
 def to_send(
