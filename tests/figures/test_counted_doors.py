@@ -112,3 +112,30 @@ def test_the_most_people_inside_are_hidden_where_they_are_few(
     )
     (whole,) = printed(root, capsys)["doors"]
     assert (whole["n_in"]["value"], whole["most_people"]["value"]) == (231, None)
+
+
+def test_hours_that_were_not_recorded_are_printed_only_where_the_site_is_open(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = site(tmp_path)
+    add(root, [f"{day}T{h:02}:00,20,12" for day in DAYS for h in (6, 8)], *SIDES)
+    capsys.readouterr()
+    assert run(cli, ["-C", str(root), "--now", "2026-11-20T12:00:00Z", "--quiet", "lines", "--week", "2026-W46"]) == 0
+    printed_hours = capsys.readouterr().out.split("hour of the day")[1].split()
+    assert [hour for hour in printed_hours if hour.endswith(":00")] == ["06:00", "08:00", "09:00"]
+
+
+def test_the_busiest_quarter_hour_of_a_counter_is_that_of_its_sums(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = site(tmp_path)
+    quarters = [(h, m) for h in (8, 9) for m in range(0, 60, 15)]
+    add(root, [f"{d}T{h:02}:{m:02},{45 if (h, m) == (9, 15) else 20},10" for d in DAYS for h, m in quarters], *SIDES,
+        every="15min")  # fmt: skip
+    (peak,) = printed(root, capsys)["line_peaks"]
+    assert peak["people_per_min"]["value"] == pytest.approx(55 / 15, rel=1e-3)
+    assert (peak["per_m_s"]["value"], peak["per_m_s"]["reason"]) == (
+        None,
+        "the line is not drawn, so its width is unknown",
+    )
+    assert peak["whole_h"] == 14

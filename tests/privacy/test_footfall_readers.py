@@ -14,6 +14,7 @@ from figures.test_footfall import HOURS, MONDAY, WEEK, answers, site, value, wee
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import vsd_analytics
 from vsd_analytics.answer import Answer
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
@@ -259,3 +260,11 @@ def test_the_json_of_a_report_holds_no_week_of_a_line_again_that_changed_a_littl
     assert again["lines"]["rows"][0]["n_both"]["value"] is None
     assert "shared before" in again["lines"]["rows"][0]["n_both"]["reason"]
     assert {row["n_both"]["value"] for name in ("line_days", "line_hours") for row in again[name]["rows"]} == {None}
+
+
+def test_a_notebook_remembers_nothing_for_it_is_the_operator_s(tmp_path: Path) -> None:
+    root = site(tmp_path, weeks(n_weeks=2))
+    assert len(vsd_analytics.open(root).week("2026-W46").lines) == 1
+    assert not (root / "shared.jsonl").exists()
+    lines_of_week(root)
+    assert (root / "shared.jsonl").exists()

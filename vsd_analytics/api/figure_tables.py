@@ -52,7 +52,7 @@ def answer_table(
     with opened(*compare.days_needed(site, days)) as warehouse:
         for floor in site.floors:
             period = Period(FloorHours(warehouse, floor=floor), *days)
-            answer = audience_answers(answers(period), site)[name]
+            answer = audience_answers(answers(period), site, leaves=False)[name]
             tables.append(arrow(answer))
             if answer.nothing is not None:
                 why.append(reason_text(answer.nothing))

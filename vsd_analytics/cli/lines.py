@@ -28,8 +28,9 @@ LAYOUTS: Final[dict[str, Layout]] = {
         TableLayout(("name", "local_date", "local_hour"), only="local_date"),
     ),
     "line_days": (TableLayout(("name", "local_date", *_COUNTS, "unrecorded_open_h")),),
-    "line_hours": (TableLayout(("name", "local_hour", *_COUNTS, "unrecorded_open_h")),),
+    "line_hours": (TableLayout(("name", "local_hour", *_COUNTS, "unrecorded_open_h"), some=("recorded_h", "open_h")),),
 }
+"""Hours of the day in which nothing was recorded are printed where the site is open, as `vsd hours` prints them."""
 
 
 @click.command()

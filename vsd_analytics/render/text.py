@@ -28,10 +28,12 @@ class TableLayout:
     Attributes:
         columns: Names of columns, in order; those the answer lacks are left out.
         only: Column without whose cell or number a row is left out; empty for all rows.
+        some: Columns of which one is above 0 in each row that is shown; empty for all rows.
     """
 
     columns: tuple[str, ...]
     only: str = ""
+    some: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +143,11 @@ def _tables(answer: Answer, shown: TableLayout) -> Iterator[list[str]]:
 
 def _has_row(shown: TableLayout | GridLayout, row: Row) -> bool:
     """Tell whether a layout shows a row."""
-    if isinstance(shown, GridLayout) or not shown.only:
+    if isinstance(shown, GridLayout):
+        return True
+    if shown.some and not any(row[name] for name in shown.some):
+        return False
+    if not shown.only:
         return True
     cell = row.get(shown.only)
     return cell.value is not None if isinstance(cell, Value) else cell is not None

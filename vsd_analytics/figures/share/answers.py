@@ -68,15 +68,18 @@ def share(answers: Iterable[Answer], *, below: int) -> Answers:
     return Answers(_shared(answer, small, hidden, below) for answer in every)
 
 
-def audience_answers(answers: Iterable[Answer], site: Site) -> Answers:
+def audience_answers(answers: Iterable[Answer], site: Site, *, leaves: bool = True) -> Answers:
     """Return what may be shared; where the site hides nothing, all of it.
 
-    Crossings that are shared are remembered (`crossings_again`).
+    Args:
+        answers: Everything that leaves together.
+        site: The project.
+        leaves: They leave the operator's hands: crossings of lines are remembered, and compared with what left before.
     """
     mask = mask_of(site)
     if not mask.is_on:
         return Answers(answers)
-    return share(crossings_again(answers, site, below=mask.below), below=mask.below)
+    return share(crossings_again(answers, site, below=mask.below) if leaves else answers, below=mask.below)
 
 
 def _parts_to_hide(

@@ -77,9 +77,10 @@ def crossings_again(answers: Iterable[Answer], site: Site, *, below: int) -> lis
     """
     every = list(answers)
     asked = [answer for answer in every if answer.name in (*_COUNTED, *_MADE_OF)]
-    if not asked:
+    holds = asked[0].holds_for if asked else None
+    if holds is None or holds.first.weekday() or holds.last - holds.first != timedelta(days=6):
         return every
-    floor_id, monday = str(asked[0].holds_for.floor_id), asked[0].holds_for.first
+    floor_id, monday = str(holds.floor_id), holds.first
     told: dict[Week, dict[str, int]] = {}
     for answer in asked:
         for week, name, count in _told(answer):
