@@ -20,6 +20,14 @@
 --   needs        as M0 and M7; ranked in a week recorded to 60 %
 --   uncertainty  as M0 and M7; pulled rates by empirical Bayes (vsd_analytics.stats.shrinkage)
 --   by           vsd_analytics.figures.week.areas.areas
+-- figure: M54 By floor space
+--   definition   M0 on 100 m², and M5 on each m², of the floor of a place that people can walk on where cameras see it: its polygon within
+--                their views, without fixtures; a m² in two areas belongs to the first
+--   unit         violations per open hour and 100 m²; people per m²
+--   denominator  recorded open hours and m² at the end of the period
+--   needs        as M0 and M5, and known views
+--   uncertainty  as M0 and M5; sizes have none
+--   by           vsd_analytics.figures.floor_space.per_floor
 -- figure: M27 Before and after
 --   definition   ratio of M7 after / before a logged change in its area, over the same ratio of areas left alone
 --   unit         ratio

@@ -22,19 +22,18 @@ import shapely
 
 from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.close_time import SECONDS, close_time
+from vsd_analytics.figures.floor_space import VIEW_UNKNOWN, fixtures_of, view_of
 from vsd_analytics.figures.mixing import pair_time
 from vsd_analytics.figures.panels import Array, Ints
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.share.counts import Mask
 from vsd_analytics.figures.slots import NOTHING_OPEN
 from vsd_analytics.figures.week.results import CloseByCrowding, CloseInClasses, CloseInDays
-from vsd_analytics.geometry.camera_views import plan_bounds, view_polygon
 from vsd_analytics.settings import OWNER_CELL_M
-from vsd_analytics.warehouse.owner_spans import in_force, owner_spans
+from vsd_analytics.warehouse.owner_spans import owner_spans
 
 EDGES: Final = tuple(float(f"{0.5 * 2 ** (k / 2):.4g}") for k in range(15))
 """Where classes of crowding begin, after the first: 0.5 to 64 others in view per 100 m²."""
-VIEW_UNKNOWN: Final = Reason("crowding.view_unknown")
 
 
 def close_by_crowding(period: Period, *, why_hidden: Reason | None, is_by_day: bool = True) -> CloseByCrowding:
@@ -100,19 +99,14 @@ def counted_floor_m2(period: Period) -> Array:
     It is the view within the plan, without fixtures and without the cells that another camera counts.
     """
     data, (_, end_ms) = period.data, period.span_ms
-    bounds = plan_bounds(data.floor)
-    at = data.local(end_ms - 1)
-    fixtures = shapely.union_all(
-        [shapely.Polygon(f.polygon) for f in data.site.fixtures if f.floor_id == data.floor.floor_id and f.is_there(at)]
-    )
+    fixtures = fixtures_of(period)
     spans = (s for s in owner_spans(data.site) if s.floor_id == data.floor.floor_id)
     cells = next(s.cells for s in spans if s.from_ms <= end_ms - 1 < s.to_ms)
     middles = (np.array([(c.cx, c.cy) for c in cells], dtype=np.float64).reshape(-1, 2) + 0.5) * OWNER_CELL_M
     owner = np.array([c.camera_id for c in cells], dtype=np.str_)
     found = []
     for camera in data.cameras:
-        calibration = next(iter(in_force(camera, end_ms - 1)), None)
-        view = view_polygon(camera, calibration=calibration, bounds=bounds)
+        view = view_of(period, camera)
         if view is None:
             found.append(np.nan)
             continue

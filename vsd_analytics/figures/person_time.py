@@ -13,11 +13,13 @@ import numpy as np
 
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.close_time import SECONDS, close_time, close_time_share, in_units
+from vsd_analytics.figures.floor_days import NO_FLOOR
 from vsd_analytics.figures.groups import PURGED, camera_lives
 from vsd_analytics.figures.panels import Place
 from vsd_analytics.figures.periods import Period
 from vsd_analytics.figures.rates import history
 from vsd_analytics.figures.slots import NOTHING_OPEN
+from vsd_analytics.site.model import Area, Floor
 from vsd_analytics.stats.estimates import RateEstimate, no_rate
 from vsd_analytics.stats.rates import violation_rate
 from vsd_analytics.warehouse.dimensions import QUARTER_MS
@@ -83,7 +85,7 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
         none = no_rate(NOTHING_OPEN, "not_enough_data")
         return PersonTime(none, None, None, none, none)
     return PersonTime(
-        people=_people(period),
+        people=people_level(period, data.floor),
         exposure_h=float(panel.exposure_h.sum()),
         peak=_peak(period),
         close=close_time_share(period, close_time(period, data.floor)),
@@ -91,10 +93,24 @@ def person_time(period: Period, *, able: set[str] | None = None) -> PersonTime:
     )
 
 
-def _people(period: Period) -> RateEstimate:
-    """Return the mean number of people. Person-seconds are used as events, so rules for small counts do not apply."""
+def people_level(period: Period, where: Floor | Area | None) -> RateEstimate:
+    """Return the mean number of people (M5) on the floor, in an area, or (None) on the rest of the floor.
+
+    Person-seconds stand for events, so that rules for small counts do not apply.
+    """
     data = period.data
-    now, past = (data.panel(data.everyone, days) for days in (period.days, period.history_days))
+    if (why := period.why_no_exposure) is not None:
+        return no_rate(why)
+    place = data.everyone
+    if not isinstance(where, Floor):
+        area_id = None if where is None else where.area_id
+        _, exposure_h = data.counted_in(area_id)
+        place = Place(exposure_h, exposure_h, np.asarray(exposure_h.any(axis=1)), data.is_there(area_id))
+    if not place.cameras.any():
+        return no_rate(NO_FLOOR)
+    now, past = (data.panel(place, days) for days in (period.days, period.history_days))
+    if not now.x_h.any():
+        return no_rate(NOTHING_OPEN, "not_enough_data")
     weeks_before = history(period, past.exposure_h * 3600, history_x_h=past.x_h)
     found = violation_rate(now.exposure_h * 3600, now.x_h, **data.site.settings.for_intervals, **weeks_before)
     return in_units(found, SECONDS, Reason("nobody.seen"))

@@ -8,6 +8,7 @@ from typing import Final
 
 from vsd_analytics.answer import Answer, Cell, Column, Reason, Row, Value
 from vsd_analytics.figures.catalogue.form import FigureInputs, answers
+from vsd_analytics.figures.floor_space import OF_M2, per_floor, walkable_m2
 from vsd_analytics.figures.hotspot_answers import hotspot_answers
 from vsd_analytics.figures.share.counts import GIVES_AWAY
 from vsd_analytics.figures.slots import NOTHING_OPEN
@@ -23,6 +24,8 @@ AREAS: Final = (
     Column("violation_rate_verdict", "fact"),
     Column("encounter_rate", "rate", "per_person_hour", "M15", per="exposure_h"),
     Column("close_time_share", "share", "share", "M15", per="exposure_h"),
+    Column("floor_m2", "fact", "m2"),
+    Column("violation_rate_100_m2", "rate", "per_open_hour_100_m2", "M54", per="recorded_h"),
     Column("rates_share", "share", "share", "M15"),
     Column("shrunken_encounter_rate", "rate", "per_person_hour", "M15", per="exposure_h"),
     Column("excess_per_week", "rate", "violations", "M15"),
@@ -32,12 +35,12 @@ AREAS: Final = (
 """Columns of `areas`."""
 
 
-@answers("M15")
+@answers("M15", "M54")
 def areas(inputs: FigureInputs) -> tuple[Answer, ...]:
     """Return the rates of each area (M15), most violations first; the rest of the floor has no `area_id`.
 
-    Beside the rates: the area's share of the sum of all areas' rates; its rate per person-hour shrunken towards the
-    mean of all, and what that makes above the floor's rate in the week.
+    Beside the rates: violations on 100 m² of its walkable floor (M54); the area's share of the sum of all areas' rates;
+    its rate per person-hour shrunken towards the mean of all, and what that makes above the floor's rate in the week.
     """
     data = inputs.data
     if not inputs.areas:
@@ -51,8 +54,12 @@ def areas(inputs: FigureInputs) -> tuple[Answer, ...]:
         shown.sort(key=lambda a: len(order) if a.area_id is None else order.index(a.area_id))
     shrunken = _shrunken(inputs, shown)
     ranks = iter(range(1, len(shown) + 1))
+    sizes_m2 = walkable_m2(data.this)
     rows = [
-        {**_area(inputs, a, shrunken.get(a.area_id)), "rank": next(ranks) if _can_rank(inputs, a) else None}
+        {
+            **_area(inputs, a, shrunken.get(a.area_id), sizes_m2.get(a.area_id)),
+            "rank": next(ranks) if _can_rank(inputs, a) else None,
+        }
         for a in shown
     ]
     notes: list[tuple[int | None, Reason]] = []
@@ -84,7 +91,7 @@ def _shrunken(inputs: FigureInputs, areas: Sequence[AreaRow]) -> dict[str | None
     return {} if shrunken is None else dict(zip(full, shrunken, strict=True))
 
 
-def _area(inputs: FigureInputs, area: AreaRow, shrunken: Pulled | None) -> Row:
+def _area(inputs: FigureInputs, area: AreaRow, shrunken: Pulled | None, floor_m2: float | None) -> Row:
     rate, floor = area.violation_rate, inputs.level.encounter_rate.value
     excess = None
     if shrunken is not None and floor is not None and area.exposure_h is not None:
@@ -96,6 +103,8 @@ def _area(inputs: FigureInputs, area: AreaRow, shrunken: Pulled | None) -> Row:
         "violation_rate_verdict": rate.verdict,
         "encounter_rate": measured(area.encounter_rate),
         "close_time_share": measured(area.close_time_share),
+        "floor_m2": floor_m2,
+        "violation_rate_100_m2": per_floor(rate, floor_m2, of_m2=OF_M2),
         "rates_share": known(area.share if rate.value is not None else None, rate.reason or NOTHING_OPEN, rate.state),
         "shrunken_encounter_rate": Value.missing(_not_shrunken()) if shrunken is None else measured(shrunken),
         "excess_per_week": known(excess, _not_shrunken()),
