@@ -41,7 +41,8 @@ def test_completion_of_days_and_projects_offers_what_the_page_describes() -> Non
 
     tables = {*sql_tables(), *COMPUTED_TABLES} | {"areas", "capacity", "coverage"}
     assert offered(vsd.Days) == tables | {"at", "context_figures", "heatmap", "sql", "tracks"}
-    assert offered(vsd.OpenProject) == {"change", "changes", "compare", "days", "ingest", "plan", "try_layout", "week"}
+    of_project = {"change", "changes", "compare", "days", "forecast", "ingest", "plan", "try_layout", "week"}
+    assert offered(vsd.OpenProject) == of_project
 
 
 def test_no_public_name_is_also_that_of_a_room() -> None:

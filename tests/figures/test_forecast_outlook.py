@@ -16,6 +16,7 @@ import pandas as pd
 import pytest
 from planted_hours import MONDAY, of, planted, site_of
 
+from vsd_analytics.api.project import open_project
 from vsd_analytics.cli import forecast as command
 from vsd_analytics.cli import main
 from vsd_analytics.config.change_log import add_entry
@@ -28,6 +29,7 @@ from vsd_analytics.ingest.intake.pipeline import ingest
 from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.site.model import Camera, Floor, Site
 from vsd_analytics.stats.rates import violation_rate
+from vsd_analytics.warehouse.stored_days import Extent
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 from vsd_analytics.wording.reasons import reason_text
 
@@ -272,6 +274,26 @@ def test_json_has_the_same_and_no_nan(project: Path, capsys: pytest.CaptureFixtu
     assert answers["unusual_hours"]["rows"][0]["n_violations"]["value"] == 90
     assert vsd("-C", str(project), "forecast", "--week", "2026-W46", "--unusual", "--json") == 0
     assert list(json.loads(capsys.readouterr().out)["answers"]) == ["unusual_hours"]
+
+
+def test_python_gives_the_rows_of_the_command(
+    project: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    vsd("-C", str(project), "forecast", "--week", "2026-W46", "--json")
+    rows = json.loads(capsys.readouterr().out)["answers"]["forecast"]["rows"]
+    site = open_project(project)
+
+    def plant(hours: pd.DataFrame) -> None:
+        hours.loc[of(hours, day=date(2026, 11, 11), hour=10), "n_violations_open"] = 90
+
+    last_day = date(2026, 11, 15)
+    monkeypatch.setattr("vsd_analytics.api.project.stored_extent", lambda _: Extent(last_day, last_day))
+    monkeypatch.setattr("vsd_analytics.api.project.open_warehouse", lambda *_: planted(site.site, plant))
+    table = site.forecast()
+    assert [(f"{row['local_date']}", row["local_hour"], row["people"], row["violation_rate_hi"]) for row in table] == [
+        (row["local_date"], row["local_hour"], row["people"]["value"], pytest.approx(row["violation_rate"]["hi"]))
+        for row in rows
+    ]
 
 
 def test_a_floor_that_is_not_there_is_reported(project: Path, capsys: pytest.CaptureFixture[str]) -> None:

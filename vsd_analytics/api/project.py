@@ -146,6 +146,34 @@ class OpenProject:
         title = f"{found.floor_name}, {_named(a)} and {_named(b)}"
         return Table(arrow(places), title=title, note=reason_text(places.nothing))
 
+    def forecast(self, week: str = "last", *, floor_id: str | None = None) -> Table:
+        """Return what the week after a week is expected to bring, hour by hour (M25).
+
+        Args:
+            week: The last week the forecast knows: "2026-W46", "last", "last-2".
+            floor_id: The floor; None = the whole site.
+
+        Returns:
+            A row for each open hour: `local_date`, `local_hour`, `people` and `violation_rate` with the `_lo` and `_hi`
+            of four of five such hours. No row with fewer than four recorded weeks; `note` says so.
+
+        Raises:
+            UsageError: E101, it is no week, or there is no such floor.
+
+        Example:
+            >>> len(site.forecast())  # one week is too little
+            0
+        """
+        from vsd_analytics.figures import forecast as figures
+        from vsd_analytics.figures.forecast_answers import forecast_answers, holds_in_week
+
+        monday = self.week(week).first
+        with open_warehouse(self.site, figures.first_day(monday), monday + timedelta(days=6)) as warehouse:
+            outlook = figures.forecast(warehouse, monday, floor_id=floor_id)
+            holds = holds_in_week(self.site, floor_id, outlook.monday, inputs=warehouse.inputs_digest)
+        hours, _ = forecast_answers(outlook, holds)
+        return Table(arrow(hours), title=f"Forecast of {outlook.monday:%G-W%V}", note=reason_text(hours.nothing))
+
     def change(self, number: int, *, area_id: str | None = None, weeks: int = 4) -> BeforeAfterFigure:
         """Return what a change of the log did to its area, beside areas that were left alone (M27).
 
