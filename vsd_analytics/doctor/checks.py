@@ -15,6 +15,7 @@ from itertools import chain
 from pathlib import Path
 
 from vsd_analytics.config.project import FILE, find_project, load_site
+from vsd_analytics.doctor.counters import examine_counters
 from vsd_analytics.doctor.finding import Finding
 from vsd_analytics.doctor.nodes import examine_exchange
 from vsd_analytics.errors import ConfigError, StoreError, VsdError
@@ -155,6 +156,7 @@ def _project_in(
     there = [c for c in site.cameras if c.end_day is None or c.end_day > today]
     for camera in there:
         yield _calibration(camera, now=now)
+    yield from examine_counters(site, now=now)
     yield from _agreement(site)
     yield _pictures(there)
     yield _log(site)
