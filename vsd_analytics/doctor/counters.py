@@ -46,6 +46,7 @@ def examine_counters(site: Site, *, now: datetime) -> Iterator[Finding]:
             yield Finding("counter", "needs you", detail, f"vsd counts remove {line_id}, and add its files again")
         elif line.is_there(today, today) and (today - last).days > SILENT_DAYS:
             detail = f"{said}: silent for {(today - last).days} days"
+            gone = last + timedelta(days=1)
             fix = (
                 f"vsd counts add its last files, with the columns as before; to = {gone} in its [[line]] if it is gone"
             )
