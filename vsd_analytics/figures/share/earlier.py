@@ -80,7 +80,7 @@ def read(site: Site) -> Sequence[SharedWeek]:
     Raises:
         InputError: E110, a line is none.
     """
-    return [week for week in _all(site) if isinstance(week, SharedWeek)]
+    return tuple(week for week in _all(site) if isinstance(week, SharedWeek))
 
 
 def read_lines(site: Site) -> Sequence[SharedLine]:
@@ -89,7 +89,7 @@ def read_lines(site: Site) -> Sequence[SharedLine]:
     Raises:
         InputError: E110, a line of the file is none.
     """
-    return [week for week in _all(site) if isinstance(week, SharedLine)]
+    return tuple(week for week in _all(site) if isinstance(week, SharedLine))
 
 
 def _all(site: Site) -> Sequence[SharedWeek | SharedLine]:
