@@ -1,0 +1,277 @@
+"""Where a build on many workers would end: measured units, the simulated schedule, and real runs beside it.
+
+Measures what each unit of a build costs in a process of its own, alone and beside another one; what the driver does
+before, between, for each unit and after; and what the engine adds to a unit. From these alone it predicts the wall time
+of builds on a few workers of this machine, runs them (`tests/cluster/prove_cluster.py`), and prints both. Then it
+simulates a longer build of such units on up to 512 workers with a core each. Run it with
+
+    python tests/benchmarks/bench_schedule.py --engine dask
+
+and put the tables into docs/methods/several-machines.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import multiprocessing
+import os
+import pickle
+import random
+import resource
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from build_schedule import Engine, Machines, Phase, Schedule, simulate
+from made_up_site import write_site
+
+from vsd_analytics.site.model import Site
+from vsd_analytics.store.seals import DAY_FACT
+from vsd_analytics.warehouse.build import build, day_work, hour_work
+from vsd_analytics.warehouse.distributed import Work
+
+sys.path.append(str(Path(__file__).parents[1]))
+
+from cluster.prove_cluster import engine, processor_s, run
+
+from vsd_analytics.cluster.workers import workers
+
+ENGINES = {"dask": Engine(ahead=2), "spark": Engine(ahead=4, n_series=1)}
+"""How `vsd_analytics.cluster` hands out units."""
+N_CARRIED = 30
+IMPORTS = "import time, vsd_analytics.warehouse.build; print(time.process_time())"
+WORKERS = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512)
+
+
+@dataclass
+class Parts:
+    """What a build is made of: processor seconds of the driver and bytes, by phase in turn.
+
+    Attributes:
+        days: UTC days of each phase.
+        before_s: Before its units are handed out.
+        publish_s: Median, for a unit that comes back.
+        sent, returned: Bytes of a unit there and back, medians.
+        after_s: After the last phase.
+    """
+
+    days: list[Sequence[int]] = field(default_factory=list)
+    before_s: list[float] = field(default_factory=list)
+    publish_s: list[float] = field(default_factory=list)
+    sent: list[int] = field(default_factory=list)
+    returned: list[int] = field(default_factory=list)
+    after_s: float = 0.0
+
+
+def driver_parts(site: Site) -> Parts:
+    """Build here, unit by unit, and return what the driver does beside the units."""
+    parts, since = Parts(), time.process_time()
+
+    def here(work: Work, site: Site, days: Sequence[int]) -> Iterator[tuple[int, Mapping[str, bytes]]]:
+        nonlocal since
+        parts.before_s.append(time.process_time() - since)
+        publish_s, returned = [], []
+        for day in days:
+            files = work(site, day)
+            returned.append(len(pickle.dumps(files)))
+            begun = time.process_time()
+            yield day, files
+            publish_s.append(time.process_time() - begun)
+        parts.days.append(days)
+        parts.publish_s.append(statistics.median(publish_s))
+        parts.sent.append(len(pickle.dumps((work, site, days[0]))))
+        parts.returned.append(int(statistics.median(returned)))
+        since = time.process_time()
+
+    build(site, distributed=here)
+    parts.after_s = time.process_time() - since
+    return parts
+
+
+def forget_hourly(site: Site) -> None:
+    """Remove all facts but `camera_days`, which units of hours read."""
+    for folder in (site.root / "facts", site.root / "facts" / "weeks"):
+        for fact in folder.iterdir() if folder.is_dir() else ():
+            if fact.is_dir() and fact.name not in (DAY_FACT, "weeks"):
+                shutil.rmtree(fact)
+
+
+def unit_s(asked: tuple[Work, Site, int]) -> float:
+    """Return the processor seconds of a unit in this process."""
+    work, site, day = asked
+    begun = time.process_time()
+    work(site, day)
+    return time.process_time() - begun
+
+
+def units_s(work: Work, site: Site, days: Sequence[int], *, n_at_once: int) -> list[float]:
+    """Return the processor seconds of each unit in processes of their own, of which some run at once."""
+    asked = [(work, site, day) for day in days]
+    with contextlib.ExitStack() as stack:
+        context = multiprocessing.get_context("spawn")
+        pools = [stack.enter_context(ProcessPoolExecutor(1, mp_context=context)) for _ in range(n_at_once)]
+        found = [pool.map(unit_s, asked) for pool in pools]
+        return [sum(of_unit) / n_at_once for of_unit in zip(*found, strict=True)]
+
+
+def carried(site: Site, day: int) -> dict[str, bytes]:
+    """Return as many bytes as `day` says, which do not compress, as those of fact files."""
+    return {"carried": random.Random(day).randbytes(day)}
+
+
+def engine_costs(site: Site, name: str, n_bytes: int, folder: Path) -> tuple[float, float]:
+    """Return what an engine adds to a unit of so many bytes: processor seconds of its worker, and of the driver."""
+    with engine(name, 1, folder) as (address, started), workers(address) as distributed:
+        list(distributed(carried, site, [n_bytes + k for k in range(4)]))  # imports and first use
+        before = processor_s(started[0]), _own_s()
+        list(distributed(carried, site, [n_bytes + k for k in range(N_CARRIED)]))
+        took = processor_s(started[0]) - before[0], _own_s() - before[1]
+    return took[0] / N_CARRIED, took[1] / N_CARRIED
+
+
+def _own_s() -> float:
+    """Return the processor seconds of this process and of the Java that it started."""
+    ticks, own = 0, os.getpid()
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with contextlib.suppress(OSError):
+            head, _, rest = path.read_text().rpartition(") ")
+            of = rest.split()
+            if int(head.split()[0]) == own or int(of[1]) == own:
+                ticks += int(of[11]) + int(of[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def _busy_s() -> float:
+    """Return the seconds that all cores of the machine were busy since it was started."""
+    user, nice, system, *_ = (int(v) for v in Path("/proc/stat").read_text().split("\n")[0].split()[1:])
+    return (user + nice + system) / os.sysconf("SC_CLK_TCK")
+
+
+def others() -> float:
+    """Return how many cores others keep busy meanwhile: the least of a few looks of a second."""
+    looks = []
+    for _ in range(5):
+        before, own = _busy_s(), _own_s()
+        time.sleep(1)
+        looks.append(_busy_s() - before - (_own_s() - own))
+    return max(0.0, min(looks))
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--engine", choices=ENGINES, default="dask")
+    parser.add_argument("--days", type=int, default=16, help="UTC days that are measured.")
+    parser.add_argument("--cameras", type=int, default=18)
+    parser.add_argument("--hours", type=int, default=12, help="Hours of a day with records.")
+    parser.add_argument("--interval", type=int, default=4, help="Seconds from frame to frame.")
+    parser.add_argument("--workers", type=int, nargs="*", default=[1, 2, 4], help="Of the real runs.")
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--simulated-days", type=int, default=365)
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as root:
+        project, folder = Path(root) / "project", Path(root) / "workers"
+        project.mkdir()
+        folder.mkdir()
+        per_day = given.cameras * given.hours * 3600 // given.interval * 6
+        size = {"n_cameras": given.cameras, "open_h": given.hours, "interval_s": given.interval}
+        site = write_site(project, n_records=given.days * per_day, **size)
+        print(f"{given.days} days of {per_day:,} person records; load {os.getloadavg()[0]:.1f}\n")
+        _tables(site, given, folder)
+
+
+def _tables(site: Site, given: argparse.Namespace, folder: Path) -> None:
+    parts, how = driver_parts(site), ENGINES[given.engine]
+    days = parts.days[-1]
+    in_phase_1 = units_s(day_work, site, parts.days[0], n_at_once=1)
+    forget_hourly(site)
+    alone, beside = (units_s(hour_work, site, days, n_at_once=n) for n in (1, 2))
+    slowdown = max(1.0, statistics.median(b / a for a, b in zip(alone, beside, strict=True)))
+    imports = subprocess.run([sys.executable, "-c", IMPORTS], capture_output=True, text=True, check=True)
+    worker_s, driver_s = engine_costs(site, given.engine, parts.returned[-1], folder)
+    how = replace(how, start_s=float(imports.stdout))
+    phases = [
+        Phase(before_s, [unit + worker_s for unit in units], publish_s + driver_s)
+        for before_s, units, publish_s in zip(parts.before_s, (in_phase_1, alone), parts.publish_s, strict=True)
+    ]
+    print("| of a build | value |\n|---|--:|")
+    longest, mean = max(alone), statistics.mean(alone)
+    serial_s = sum(parts.before_s) + parts.after_s + sum(len(p.units_s) * p.publish_s for p in phases)
+    print(f"| a unit, processor s: mean, longest | {mean:.2f}, {longest:.2f} |")
+    print(f"| the same beside another one, times alone | {slowdown:.2f} |")
+    print(f"| a unit of `camera_days`, s | {statistics.mean(in_phase_1):.3f} |")
+    print(f"| bytes of a unit: sent, returned | {parts.sent[-1]:,}, {parts.returned[-1]:,} |")
+    print(f"| engine, of a unit: worker, driver, ms | {1e3 * worker_s:.1f}, {1e3 * driver_s:.1f} |")
+    print(f"| driver, publishing a unit, ms | {1e3 * parts.publish_s[-1]:.1f} |")
+    print(f"| driver, planning, of a day, ms | {1e3 * sum(parts.before_s) / len(days):.1f} |")
+    print(f"| driver, at the end, of a day, ms | {1e3 * parts.after_s / len(days):.1f} |")
+    print(f"| serial share of a build | {serial_s / (serial_s + sum(sum(p.units_s) for p in phases)):.4f} |")
+    print(f"| driver, greatest memory, MiB | {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} |\n")
+    _compare(site, given, folder, phases, how, parts.after_s, slowdown)
+    _simulated(given, phases, how, parts.after_s, slowdown, parts.returned[-1])
+
+
+def _compare(
+    site: Site,
+    given: argparse.Namespace,
+    folder: Path,
+    phases: Sequence[Phase],
+    how: Engine,
+    after_s: float,
+    slowdown: float,
+) -> None:
+    print("| workers | predicted, s | measured, s (least to greatest) | predicted / measured | others, cores |")
+    print("|--:|--:|---|--:|--:|", flush=True)
+    for n_workers in given.workers:
+        measured, busy = [], []
+        for _ in range(given.rounds):
+            busy.append(others())
+            measured.append(run(site, given.engine, n_workers, folder, is_killed=False)[0])
+        machines = Machines(cores=os.cpu_count() or 1, others=statistics.median(busy), slowdown=slowdown)
+        predicted_s = simulate(phases, n_workers=n_workers, engine=how, machines=machines, after_s=after_s).makespan_s
+        median = statistics.median(measured)
+        spread = f"{median:.1f} ({min(measured):.1f} to {max(measured):.1f})"
+        cells = f"{predicted_s:.1f} | {spread} | {predicted_s / median:.2f} | {machines.others:.1f}"
+        print(f"| {n_workers} | {cells} |", flush=True)
+
+
+def longer(phases: Sequence[Phase], after_s: float, n_days: int) -> tuple[list[Phase], float]:
+    """Return the phases and the end of a build of more such days: the driver's work grows with the days."""
+    times = n_days / len(phases[-1].units_s)
+
+    def units(phase: Phase) -> list[float]:
+        return [phase.units_s[k % len(phase.units_s)] for k in range(n_days)]
+
+    return [Phase(p.before_s * times, units(p), p.publish_s) for p in phases], after_s * times
+
+
+def _simulated(
+    given: argparse.Namespace, phases: Sequence[Phase], how: Engine, after_s: float, slowdown: float, returned: int
+) -> None:
+    n_days = given.simulated_days
+    more, end_s = longer(phases, after_s, n_days)
+    machines = Machines(slowdown=slowdown)
+
+    def schedule(n_workers: int) -> Schedule:
+        return simulate(more, n_workers=n_workers, engine=how, machines=machines, after_s=end_s)
+
+    one = schedule(1)
+    print(f"\n{n_days} such days, simulated, a core for each worker and for the driver:\n")
+    print("| workers | makespan, s | speed-up | efficiency | driver share | most results waiting, MB |")
+    print("|--:|--:|--:|--:|--:|--:|")
+    for n_workers in WORKERS:
+        of = schedule(n_workers)
+        cells = f"{of.makespan_s:.1f} | {one.makespan_s / of.makespan_s:.1f} | {of.efficiency:.2f}"
+        print(f"| {n_workers} | {cells} | {of.driver_share:.2f} | {of.most_waiting * returned / 1e6:.0f} |")
+
+
+if __name__ == "__main__":
+    main()
