@@ -48,6 +48,12 @@ ENGINES = {"dask": Engine(ahead=2), "spark": Engine(ahead=4, n_series=1)}
 """How `vsd_analytics.cluster` hands out units."""
 N_CARRIED = 30
 IMPORTS = "import time, vsd_analytics.warehouse.build; print(time.process_time())"
+PROBE = """
+import time
+begun = time.perf_counter()
+while (took := time.perf_counter() - begun) < 3: pass
+print(time.process_time() / took)
+"""
 WORKERS = (1, 2, 4, 8, 16, 32, 64, 128, 256, 512)
 
 
@@ -149,20 +155,15 @@ def _own_s() -> float:
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
-def _busy_s() -> float:
-    """Return the seconds that all cores of the machine were busy since it was started."""
-    user, nice, system, *_ = (int(v) for v in Path("/proc/stat").read_text().split("\n")[0].split()[1:])
-    return (user + nice + system) / os.sysconf("SC_CLK_TCK")
-
-
 def others() -> float:
-    """Return how many cores others keep busy meanwhile: the least of a few looks of a second."""
-    looks = []
-    for _ in range(5):
-        before, own = _busy_s(), _own_s()
-        time.sleep(1)
-        looks.append(_busy_s() - before - (_own_s() - own))
-    return max(0.0, min(looks))
+    """Return how many processes of others want a core, given the part of a core that probes get beside them."""
+    cores = os.cpu_count() or 1
+    probes = [
+        subprocess.Popen([sys.executable, "-c", PROBE], stdout=subprocess.PIPE, text=True, start_new_session=True)
+        for _ in range(cores)
+    ]
+    share = statistics.mean(float(probe.communicate()[0]) for probe in probes)
+    return max(0.0, cores / share - cores)
 
 
 def main() -> None:
@@ -228,13 +229,14 @@ def _compare(
     after_s: float,
     slowdown: float,
 ) -> None:
-    print("| workers | predicted, s | measured, s (least to greatest) | predicted / measured | others, cores |")
+    print("| workers | predicted, s | measured, s (least to greatest) | predicted / measured | other processes |")
     print("|--:|--:|---|--:|--:|", flush=True)
     for n_workers in given.workers:
         measured, busy = [], []
         for _ in range(given.rounds):
-            busy.append(others())
+            before = others()
             measured.append(run(site, given.engine, n_workers, folder, is_killed=False)[0])
+            busy.append((before + others()) / 2)
         machines = Machines(cores=os.cpu_count() or 1, others=statistics.median(busy), slowdown=slowdown)
         predicted_s = simulate(phases, n_workers=n_workers, engine=how, machines=machines, after_s=after_s).makespan_s
         median = statistics.median(measured)

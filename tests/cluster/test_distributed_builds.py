@@ -122,6 +122,21 @@ def test_a_stopped_run_leaves_the_days_that_were_done_and_the_next_one_computes_
     assert facts(site) == facts(rebuilt(site, tmp_path / "again"))
 
 
+def test_days_with_most_hours_to_compute_are_handed_out_first(three_days: Path, tmp_path: Path) -> None:
+    site, asked = copy(three_days, tmp_path / "project"), dict[str, list[int]]()
+    store = Store(site.root / "store", site_id=site.site_id)
+    store.append("observations", part_of_second_hour(1))
+    store.fold()
+
+    def noting(work: Work, site: Site, days: Sequence[int]) -> Iterator[tuple[int, Files]]:
+        asked[work.__name__] = list(days)
+        yield from elsewhere(work, site, days)
+
+    build(site, distributed=noting)
+    first, second, third = asked["day_work"]
+    assert asked["hour_work"] == [second, first, third]
+
+
 def rebuilt(site: Site, to: Path) -> Site:
     again = copy(site.root, to)
     shutil.rmtree(to / "facts")

@@ -145,7 +145,7 @@ def _build(
         on_plan(len(computed))
     if distributed is not None and len(stale) > 1 and site.settings.people == "all":
         n_hours = Counter(u.number // 24 for u in computed)
-        wanted = {day: [files.paths[name][day] for name in names] for day, names in stale.items()}
+        wanted = {d: [files.paths[n][d] for n in stale[d]] for d in sorted(stale, key=lambda d: -n_hours[d])}
         publish_days(hour_work, site, wanted, distributed, on_day=lambda day: on_hours and on_hours(n_hours[day]))
     else:
         _write_hours(site, files, stale, computed, days, staff, check=check, on_hours=on_hours)

@@ -33,14 +33,15 @@ def publish_days(
     Args:
         work: The unit of work.
         site: The project.
-        wanted: By UTC day number, the paths of the files that its unit must return.
+        wanted: By UTC day number, the paths of the files that its unit must return; in the order in which the days are
+            handed out. Those that take longest come first: else workers wait for the last one.
         distributed: Where the units run.
         on_day: Called with each day that is done.
 
     Raises:
         StoreError: E315, a unit returned other files: it ran in another version, or read other records.
     """
-    for day, files in distributed(work, site, sorted(wanted)):
+    for day, files in distributed(work, site, list(wanted)):
         paths = {site.root / name: data for name, data in files.items()}
         if paths.keys() != set(wanted[day]):
             raise StoreError(
