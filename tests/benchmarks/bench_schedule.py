@@ -18,7 +18,6 @@ import multiprocessing
 import os
 import pickle
 import random
-import resource
 import shutil
 import statistics
 import subprocess
@@ -32,6 +31,7 @@ from pathlib import Path
 
 from build_schedule import Engine, Machines, Phase, Schedule, simulate
 from made_up_site import write_site
+from one_step import peak_mib
 
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.seals import DAY_FACT
@@ -67,6 +67,7 @@ class Parts:
         publish_s: Median, for a unit that comes back.
         sent, returned: Bytes of a unit there and back, medians.
         after_s: After the last phase.
+        peak_mib: Greatest memory of the driver.
     """
 
     days: list[Sequence[int]] = field(default_factory=list)
@@ -75,18 +76,27 @@ class Parts:
     sent: list[int] = field(default_factory=list)
     returned: list[int] = field(default_factory=list)
     after_s: float = 0.0
+    peak_mib: float = 0.0
 
 
 def driver_parts(site: Site) -> Parts:
-    """Build here, unit by unit, and return what the driver does beside the units."""
-    parts, since = Parts(), time.process_time()
+    """Build, unit by unit in another process, and return what the driver does beside the units."""
+    parts, context = Parts(), multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=context) as pool:
+        _build_with(site, parts, pool)
+    parts.peak_mib = peak_mib()
+    return parts
+
+
+def _build_with(site: Site, parts: Parts, pool: ProcessPoolExecutor) -> None:
+    since = time.process_time()
 
     def here(work: Work, site: Site, days: Sequence[int]) -> Iterator[tuple[int, Mapping[str, bytes]]]:
         nonlocal since
         parts.before_s.append(time.process_time() - since)
         publish_s, returned = [], []
         for day in days:
-            files = work(site, day)
+            files = pool.submit(work, site, day).result()
             returned.append(len(pickle.dumps(files)))
             begun = time.process_time()
             yield day, files
@@ -99,7 +109,6 @@ def driver_parts(site: Site) -> Parts:
 
     build(site, distributed=here)
     parts.after_s = time.process_time() - since
-    return parts
 
 
 def forget_hourly(site: Site) -> None:
@@ -144,13 +153,13 @@ def engine_costs(site: Site, name: str, n_bytes: int, folder: Path) -> tuple[flo
 
 
 def _own_s() -> float:
-    """Return the processor seconds of this process and of the Java that it started."""
+    """Return the processor seconds of this process and of the Java that it started in its group."""
     ticks, own = 0, os.getpid()
     for path in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError):
             head, _, rest = path.read_text().rpartition(") ")
             of = rest.split()
-            if int(head.split()[0]) == own or int(of[1]) == own:
+            if own in (int(head.split()[0]), int(of[1])) and int(of[2]) == os.getpgrp():
                 ticks += int(of[11]) + int(of[12])
     return ticks / os.sysconf("SC_CLK_TCK")
 
@@ -190,7 +199,8 @@ def main() -> None:
 
 
 def _tables(site: Site, given: argparse.Namespace, folder: Path) -> None:
-    parts, how = driver_parts(site), ENGINES[given.engine]
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        parts, how = pool.submit(driver_parts, site).result(), ENGINES[given.engine]
     days = parts.days[-1]
     in_phase_1 = units_s(day_work, site, parts.days[0], n_at_once=1)
     forget_hourly(site)
@@ -215,7 +225,7 @@ def _tables(site: Site, given: argparse.Namespace, folder: Path) -> None:
     print(f"| driver, planning, of a day, ms | {1e3 * sum(parts.before_s) / len(days):.1f} |")
     print(f"| driver, at the end, of a day, ms | {1e3 * parts.after_s / len(days):.1f} |")
     print(f"| serial share of a build | {serial_s / (serial_s + sum(sum(p.units_s) for p in phases)):.4f} |")
-    print(f"| driver, greatest memory, MiB | {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} |\n")
+    print(f"| driver, greatest memory, MiB | {parts.peak_mib:.0f} |\n")
     _compare(site, given, folder, phases, how, parts.after_s, slowdown)
     _simulated(given, phases, how, parts.after_s, slowdown, parts.returned[-1])
 

@@ -28,6 +28,7 @@ COMMANDS: Final = (
     "bench_live.py --cameras 46 --hours 1",
     "bench_live.py --cameras 46 --hours 23",
     "bench_retention_year.py --weeks 13",
+    "bench_schedule.py --engine dask --days 8 --rounds 2",
 )
 """In the order of the page."""
 QUICK: Final = (

@@ -68,7 +68,7 @@ PERSONS = 600_000
 """People who are compared with those of their frame."""
 
 
-def _peak_mib() -> float:
+def peak_mib() -> float:
     """Return the greatest memory of this process. Linux hands `ru_maxrss` on from the parent, so it is not asked."""
     with contextlib.suppress(OSError), Path("/proc/self/status").open(encoding="ascii") as lines:
         return next(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM"))
@@ -83,7 +83,7 @@ def main(kind: str, step: str, folder: str, n: str) -> None:
         answer = do()
         took = time.perf_counter() - wall, time.process_time() - cpu
     digest = answer.digest() if isinstance(answer, CountedCells) else answer if answer is None else text_hash(answer)
-    print(json.dumps({"wall_s": took[0], "cpu_s": took[1], "peak_mib": _peak_mib(), "answer": digest}))
+    print(json.dumps({"wall_s": took[0], "cpu_s": took[1], "peak_mib": peak_mib(), "answer": digest}))
 
 
 if __name__ == "__main__":

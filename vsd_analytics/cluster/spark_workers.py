@@ -6,10 +6,7 @@ import contextlib
 import os
 import re
 import sys
-from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from itertools import islice
 
 from pyspark import SparkConf, SparkContext
 
@@ -17,10 +14,8 @@ from vsd_analytics.errors import StoreError
 from vsd_analytics.site.model import Site
 from vsd_analytics.warehouse.distributed import DistributedRun, Work
 
-AHEAD = 2
-"""Days handed out at once for each core. Spark returns the results of a series together, so the days are two series of
-one for each core: while the last days of one are computed, or published, workers have the other."""
-N_SERIES = 2
+AHEAD = 4
+"""Days handed out at once for each core: Spark returns the results of all of them together."""
 
 _RAISED = re.compile(r"^[\w.]*(?:Error|Exception): .*$", re.MULTILINE)
 """The last line of a traceback of Python within the words of Java."""
@@ -39,24 +34,15 @@ def connected(address: str) -> Iterator[DistributedRun]:
     try:
 
         def distributed(work: Work, site: Site, days: Sequence[int]) -> Iterator[tuple[int, Mapping[str, bytes]]]:
-            n_days = AHEAD * max(1, context.defaultParallelism) // N_SERIES
-            series = iter([days[first : first + n_days] for first in range(0, len(days), n_days)])
-
-            def results(some: Sequence[int]) -> list[tuple[int, Mapping[str, bytes]]]:
-                return list(context.parallelize(some, len(some)).map(lambda day: (day, work(site, day))).collect())
-
-            with ThreadPoolExecutor(N_SERIES) as pool:
-                running = deque(pool.submit(results, some) for some in islice(series, N_SERIES))
+            n_ahead = AHEAD * max(1, context.defaultParallelism)
+            for first in range(0, len(days), n_ahead):
+                some = days[first : first + n_ahead]
                 try:
-                    while running:
-                        yield from running.popleft().result()
-                        running.extend(pool.submit(results, some) for some in islice(series, 1))
+                    yield from context.parallelize(some, len(some)).map(lambda day: (day, work(site, day))).collect()
                 except Exception as error:
                     if "Py4J" not in type(error).__name__:
                         raise
                     raise _failed("Spark gave up one day", str(error)) from None
-                finally:
-                    context.cancelAllJobs()  # the pool waits for what still runs
 
         yield distributed
     finally:
