@@ -71,7 +71,7 @@ def test_walkers_over_blind_floor_a_border_or_an_overlap_are_linked(
     put(site, rows)  # type: ignore[arg-type]
     whole = flow_of(site, 5)
     found = whole.links
-    (link,) = found.found
+    (link,) = found.links
     assert (link.origin.area_id, link.to.area_id, link.share.n) == ("bread", "till", 120)
     assert link.share.lo is not None
     assert link.share.hi is not None
@@ -127,7 +127,7 @@ def test_shares_have_no_interval_where_people_go_on_unseen(tmp_path: Path) -> No
     (bread,) = [a for a in found.areas if a.area.area_id == "bread"]
     assert bread.following.reason is not None
     assert [(to.areas[0].area_id, to.share.lo) for to in bread.to] == [("wine", None)]
-    (link,) = [x for x in found.links.found if x.origin.area_id == "bread"]
+    (link,) = [x for x in found.links.links if x.origin.area_id == "bread"]
     assert (link.to.area_id, link.share.value) == ("till", pytest.approx(0.5, abs=0.1))
 
 

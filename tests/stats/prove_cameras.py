@@ -111,7 +111,7 @@ def measured(world: World, seed: int) -> tuple[dict[str, Span], dict[str, float]
     open_s = N_DAYS * 7200.0
     naive["people at the till"] = sum(r["n_people"] * r["s"] for r in levels) / open_s
     naive["till full"] = sum(r["s"] for r in levels if r["n_people"] >= CAPACITY) / open_s
-    linked = next((x.share for x in moves.links.found if (x.origin.area_id, x.to.area_id) == ("bread", "till")), None)
+    linked = next((x.share for x in moves.links.links if (x.origin.area_id, x.to.area_id) == ("bread", "till")), None)
     spans["the same by links"] = (None, None, None) if linked is None else (linked.value, linked.lo, linked.hi)
     naive["the same by links"] = naive["bread to till"]
     return spans, naive, queue.value("recorded_share", area_id="till").value or 0.0

@@ -108,9 +108,9 @@ def hotspot_table(site: Site, until: date) -> Table:
     notes = []
     with open_warehouse(site, *hotspot_figures.days_needed(site, until)) as warehouse:
         for floor in site.floors:
-            found = hotspot_figures.hotspots(warehouse, floor_id=floor.floor_id, until=until)
-            holds = window_holds(site, found, inputs=warehouse.inputs_digest)
-            answer = hotspot_answers(found, holds)[0]
+            floor_hotspots = hotspot_figures.hotspots(warehouse, floor_id=floor.floor_id, until=until)
+            holds = window_holds(site, floor_hotspots, inputs=warehouse.inputs_digest)
+            answer = hotspot_answers(floor_hotspots, holds)[0]
             tables.append(arrow(answer))
             if answer.nothing is not None:
                 notes.append(f"{floor.name}: {reason_text(answer.nothing)}")

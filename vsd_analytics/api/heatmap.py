@@ -204,30 +204,30 @@ def _colours(faintest: float) -> Colormap:
 
 def heatmap_of(site: Site, days: tuple[date, date], kind: str, *, floor_id: str | None, cell_m: float) -> Heatmap:
     """Return a map of some days of a floor; arguments and errors as of `Days.heatmap`."""
-    made: dict[str, Callable[..., CellMap]] = {
+    functions: dict[str, Callable[..., CellMap]] = {
         "exposure": maps.exposure_map,
         "burden": maps.burden_map,
         "risk": maps.risk_map,
         "excess": maps.excess_map,
     }
-    if kind not in made:
-        raise UsageError(f"there is no map of {kind!r}", why=f"the maps are {', '.join(made)}")
+    if kind not in functions:
+        raise UsageError(f"there is no map of {kind!r}", why=f"the maps are {', '.join(functions)}")
     check_cell_m(cell_m)
     floor = known_floor(site, floor_id)
     with open_warehouse(site, *days) as warehouse:
-        found = made[kind](warehouse, floor=floor, cell_m=cell_m)
-    return as_heatmap(kind, found, floor=floor, site=site, until=days[1])
+        floor_map = functions[kind](warehouse, floor=floor, cell_m=cell_m)
+    return as_heatmap(kind, floor_map, floor=floor, site=site, until=days[1])
 
 
-def as_heatmap(kind: str, found: CellMap, *, floor: Floor, site: Site, until: date) -> Heatmap:
+def as_heatmap(kind: str, floor_map: CellMap, *, floor: Floor, site: Site, until: date) -> Heatmap:
     """Return a map of the figures as a `Heatmap`."""
-    unit = reason_text(found.unit)
-    if found.grid is None or found.values is None or found.exposure_h is None:
+    unit = reason_text(floor_map.unit)
+    if floor_map.grid is None or floor_map.values is None or floor_map.exposure_h is None:
         nothing, nowhere = np.zeros((0, 0)), (0.0, 0.0, 0.0, 0.0)
-        return Heatmap(kind, nothing, unit, nowhere, nothing, floor, reason_text(found.reason), site, until)
-    extent_m = _extent_m(found.grid)
-    note = "" if np.isfinite(found.values).any() else "in no cell did people spend enough time to tell"
-    return Heatmap(kind, found.values, unit, extent_m, found.exposure_h, floor, note, site, until)
+        return Heatmap(kind, nothing, unit, nowhere, nothing, floor, reason_text(floor_map.reason), site, until)
+    extent_m = _extent_m(floor_map.grid)
+    note = "" if np.isfinite(floor_map.values).any() else "in no cell did people spend enough time to tell"
+    return Heatmap(kind, floor_map.values, unit, extent_m, floor_map.exposure_h, floor, note, site, until)
 
 
 def _extent_m(grid: Grid) -> tuple[float, float, float, float]:

@@ -65,7 +65,9 @@ class OpenProject:
         extent = stored_extent(self.site)
         stored = "nothing stored yet" if extent is None else f"stored {extent.first_day} to {extent.last_day}"
         n_cameras, n_areas = len(self.site.cameras), len(self.site.areas)
-        cameras, areas = (f"{n} {of}{'' if n == 1 else 's'}" for n, of in ((n_cameras, "camera"), (n_areas, "area")))
+        cameras, areas = (
+            f"{n} {noun}{'' if n == 1 else 's'}" for n, noun in ((n_cameras, "camera"), (n_areas, "area"))
+        )
         return f"{self.site.name}: {cameras}, {areas}, {stored}"
 
     def week(self, week: str = "last") -> Days:
@@ -139,11 +141,11 @@ class OpenProject:
 
         a, b = _range(before), _range(after)
         with open_warehouse(self.site, *figures.days_needed(self.site, a, b)) as warehouse:
-            found = figures.compare(warehouse, a, b, floor_id=floor_id, area_ids=area_ids)
+            comparison = figures.compare(warehouse, a, b, floor_id=floor_id, area_ids=area_ids)
             rest = say("reason.row.rest")
-            answers = compare_answers(found, self.site, rest=rest, inputs=warehouse.inputs_digest)
+            answers = compare_answers(comparison, self.site, rest=rest, inputs=warehouse.inputs_digest)
         places = Answers(answers)["compared_places"]
-        title = f"{found.floor_name}, {_named(a)} and {_named(b)}"
+        title = f"{comparison.floor_name}, {_named(a)} and {_named(b)}"
         return Table(arrow(places), title=title, note=reason_text(places.nothing))
 
     def forecast(self, week: str = "last", *, floor_id: str | None = None) -> Table:

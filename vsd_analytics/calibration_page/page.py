@@ -214,12 +214,12 @@ def plan_extent(site: Site, camera: Camera, floor: Floor, given: tuple[PointPair
 
 def _views(site: Site, camera: Camera) -> list[Any]:
     """Return what the camera and the others of its floor see, as far as it is known."""
-    found = []
+    views = []
     for other in site.cameras:
         used = other.calibrations[-1] if other.calibrations else None
         if other.floor_id == camera.floor_id:
-            found.append(view_polygon(other, calibration=used))
-    return [view for view in found if view is not None]
+            views.append(view_polygon(other, calibration=used))
+    return [view for view in views if view is not None]
 
 
 def _meta(

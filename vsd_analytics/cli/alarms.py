@@ -86,19 +86,19 @@ def alarms(
         else:
             _write_page(project, answers, out, is_opened=is_opened)
         return 0
-    found = _replay(project, days, rules) if rules else []
-    is_delivered = _deliver(project, found) if deliver else True
+    events = _replay(project, days, rules) if rules else []
+    is_delivered = _deliver(project, events) if deliver else True
     if as_events:
         import json
 
-        for event in found:
+        for event in events:
             click.echo(json.dumps(event.as_dict(project.site.zone), ensure_ascii=False))
     elif not rules:
         click.echo("vsd.toml has no [[alarm]]: docs/alarms.md shows how to write one")
     else:
         from vsd_analytics.live.events import alarms_of
 
-        _print_table(project, alarms_of(found, project.site.zone))
+        _print_table(project, alarms_of(events, project.site.zone))
     return 0 if is_delivered else 1
 
 
@@ -167,8 +167,8 @@ def _answers(project: Project, days: str | None, rules: Sequence[AlarmRule]) -> 
     first, last = _range(project, days)
     total = ((last - first).days + 1) * 86400
     with progress(None, total=total, label="replaying", unit=" s", quiet=project.quiet) as bar:
-        found = alarm_days(project.site, first, last, rules=rules, now=project.now, on_time=bar.update)
-    return alarm_answers(found, project.site)
+        replayed_days = alarm_days(project.site, first, last, rules=rules, now=project.now, on_time=bar.update)
+    return alarm_answers(replayed_days, project.site)
 
 
 def _print_json(answers: Answers) -> None:

@@ -195,8 +195,8 @@ def _from_people(
     seen = off_planes(every.rows(~in_parts(every.outline, camera.ignore_px)), camera.planes)
     if since is not None and seen.ts_ms is not None:
         seen = seen.between(round(since.timestamp() * 1000), None)
-    done, found = put_into_force_from_people(project, camera_id, seen, size_px=picture_px, since=since)
-    return _shown(project, done, _people_lines(done, found), _people_dict(found), as_json=as_json)
+    done, calibration = put_into_force_from_people(project, camera_id, seen, size_px=picture_px, since=since)
+    return _shown(project, done, _people_lines(done, calibration), _people_dict(calibration), as_json=as_json)
 
 
 def put_into_force_from_people(
@@ -207,18 +207,20 @@ def put_into_force_from_people(
     from vsd_analytics.engine.people_calibration_file import write_stated_error
     from vsd_analytics.geometry.stated_errors import beside
 
-    found = calibrate_from_people(seen, size_px=size_px)
-    done = _put_into_force(project, camera_id, found.homography, since=since)
-    write_stated_error(beside(project.site.root / done.file, "people"), found, calibration_id=done.calibration_id)
-    if found.is_of_few:
-        whom = f"about {found.n_walks} walks" if found.n_people is None else f"{found.n_people} persons"
-        least = FEW_WALKS if found.n_people is None else FEW_PEOPLE
+    calibration = calibrate_from_people(seen, size_px=size_px)
+    done = _put_into_force(project, camera_id, calibration.homography, since=since)
+    write_stated_error(beside(project.site.root / done.file, "people"), calibration, calibration_id=done.calibration_id)
+    if calibration.is_of_few:
+        whom = (
+            f"about {calibration.n_walks} walks" if calibration.n_people is None else f"{calibration.n_people} persons"
+        )
+        least = FEW_WALKS if calibration.n_people is None else FEW_PEOPLE
         project.say(
             f"warning[W406]: camera {camera_id} is calibrated from {whom}, fewer than {least}: distances along the "
             "view may be a quarter off. Record for ten minutes or more, and calibrate again; or measure points: "
             f"vsd calibrate {camera_id} --draw"
         )
-    return done, found
+    return done, calibration
 
 
 def _from_lines(
@@ -231,19 +233,20 @@ def _from_lines(
     from vsd_analytics.site.cameras_by_name import camera_called
 
     known = camera_called(project.site, camera_id).picture_px
-    found = camera_from_lines(picture, height_m=height_m)
-    if known is not None and known != found.size_px:
-        sizes = ["{}x{}".format(*size) for size in (found.size_px, known)]
+    estimate = camera_from_lines(picture, height_m=height_m)
+    if known is not None and known != estimate.size_px:
+        sizes = ["{}x{}".format(*size) for size in (estimate.size_px, known)]
         raise UsageError(
             f"{picture.name} has {sizes[0]} pixels, and the camera's pictures {sizes[1]}",
             fix="give a picture as the engine sees it",
         )
-    camera = found.camera
-    tilt, roll, spread = np.degrees([camera.tilt_rad, camera.roll_rad, found.tilt_sd_rad])
-    focal = camera.focal_px / found.size_px[0]
+    camera = estimate.camera
+    tilt, roll, spread = np.degrees([camera.tilt_rad, camera.roll_rad, estimate.tilt_sd_rad])
+    focal = camera.focal_px / estimate.size_px[0]
     done = _put_into_force(project, camera_id, camera.homography(), since=since)
     lines = [
-        f"{camera_id}: from {found.n_segments} straight edges, {found.share:.0%} of their length in three directions",
+        f"{camera_id}: from {estimate.n_segments} straight edges, {estimate.share:.0%} of their length in three "
+        "directions",
         f"tilt {tilt:.1f} degrees (one sd {spread:.1f}), roll {roll:.1f} degrees, "
         f"focal length {focal:.2f} picture widths",
         f"distances are as right as the height given, {height_m:g} m",
@@ -255,8 +258,8 @@ def _from_lines(
         "roll_deg": round(float(roll), 2),
         "focal_px": round(camera.focal_px, 1),
         "tilt_sd_deg": round(float(spread), 2),
-        "n_segments": found.n_segments,
-        "share_of_length": round(found.share, 3),
+        "n_segments": estimate.n_segments,
+        "share_of_length": round(estimate.share, 3),
     }
     return _shown(project, done, lines, more, as_json=as_json)
 
@@ -337,42 +340,46 @@ def _picture_px(camera: Camera, size: str | None) -> tuple[int, int]:
     return known_size(camera, camera.picture_px if size is None else parse_size(size))
 
 
-def _people_lines(done: Calibrated, found: FromPeople) -> list[str]:
+def _people_lines(done: Calibrated, calibration: FromPeople) -> list[str]:
     import numpy as np
 
-    camera = found.camera
-    what = "skeletons" if found.uses_joints else "boxes"
-    who = "" if found.n_people is None else f" of {found.n_people:,} persons, {found.n_walkers:,} of them walking"
-    near, far = np.quantile(found.map[:, 2], [0.1, 0.9])
+    camera = calibration.camera
+    what = "skeletons" if calibration.uses_joints else "boxes"
+    who = (
+        ""
+        if calibration.n_people is None
+        else f" of {calibration.n_people:,} persons, {calibration.n_walkers:,} of them walking"
+    )
+    near, far = np.quantile(calibration.map[:, 2], [0.1, 0.9])
     tilt, roll = np.degrees([camera.tilt_rad, camera.roll_rad])
     return [
-        f"{done.camera_id}: from {found.n_rows:,} {what}{who}",
+        f"{done.camera_id}: from {calibration.n_rows:,} {what}{who}",
         f"camera {camera.height_m:.2f} m high, tilt {tilt:.1f} degrees, roll {roll:.1f} degrees, "
-        f"focal length {camera.focal_px / found.size_px[0]:.2f} picture widths",
-        f"error (one sd): distances {found.error:.0%} by the camera; 2 m with the feet's error ±{near:.2f} m in the "
-        f"best tenth of the floor, ±{far:.2f} m in the worst",
+        f"focal length {camera.focal_px / calibration.size_px[0]:.2f} picture widths",
+        f"error (one sd): distances {calibration.error:.0%} by the camera; 2 m with the feet's error ±{near:.2f} m in "
+        f"the best tenth of the floor, ±{far:.2f} m in the worst",
         *_lines(done)[1:],
     ]
 
 
-def _people_dict(found: FromPeople) -> dict[str, object]:
+def _people_dict(calibration: FromPeople) -> dict[str, object]:
     import numpy as np
 
-    camera = found.camera
+    camera = calibration.camera
     return {
         "height_m": round(camera.height_m, 3),
         "tilt_deg": round(float(np.degrees(camera.tilt_rad)), 2),
         "roll_deg": round(float(np.degrees(camera.roll_rad)), 2),
         "focal_px": round(camera.focal_px, 1),
-        "n_rows": found.n_rows,
-        "n_people": found.n_people,
-        "n_walks": found.n_walks,
-        "is_of_few": found.is_of_few,
-        "n_walkers": found.n_walkers,
-        "distance_error": round(found.error, 4),
+        "n_rows": calibration.n_rows,
+        "n_people": calibration.n_people,
+        "n_walks": calibration.n_walks,
+        "is_of_few": calibration.is_of_few,
+        "n_walkers": calibration.n_walkers,
+        "distance_error": round(calibration.error, 4),
         "error_map": [
             dict(zip(("x_m", "y_m", "sd_of_2_m", "camera_part"), row, strict=True))
-            for row in found.map.round(3).tolist()
+            for row in calibration.map.round(3).tolist()
         ],
     }
 

@@ -28,13 +28,13 @@ def print_card(project: Project, card: SourceProfile) -> None:
 
 def card_as_dict(project: Project, card: SourceProfile) -> dict[str, Any]:
     """Return the key `card` of `--json`: instants as ISO 8601 in the site's zone, unknown is null."""
-    found = rounded(asdict(card))
+    fields = rounded(asdict(card))
     for key in ("first", "last"):
-        ms = found.pop(f"{key}_ms")
-        found[key] = None if ms is None else local_time(project, ms).replace(" ", "T")
-    for row in found["rows"]:
+        ms = fields.pop(f"{key}_ms")
+        fields[key] = None if ms is None else local_time(project, ms).replace(" ", "T")
+    for row in fields["rows"]:
         row["ours"]["ts"] = local_time(project, int(row["ours"].pop("ts_ms"))).replace(" ", "T")
-    return dict(found)
+    return dict(fields)
 
 
 def local_time(project: Project, ms: int) -> str:
@@ -72,8 +72,8 @@ def _lines(project: Project, card: SourceProfile) -> list[tuple[str, str]]:
         box = ", boxes by their upper left corner" if any(c.ours == "left" for c in card.columns) else ""
         lines.append(("", f"taken for granted: u grows to the right, v downwards, to people's feet{box}; {_PICTURE}"))
     if card.cameras:
-        of = "" if card.is_whole else f", in the first {count(card.n_records, 'record')}"
-        lines.append(("cameras", ", ".join(f"{name[:40]} ({n:,})" for name, n in card.cameras.items()) + of))
+        scope = "" if card.is_whole else f", in the first {count(card.n_records, 'record')}"
+        lines.append(("cameras", ", ".join(f"{name[:40]} ({n:,})" for name, n in card.cameras.items()) + scope))
     if card.n_ids:
         lasting = "" if card.life_s is None else f"; half of them last {card.life_s:,.1f} s or longer"
         lines.append(("ids", f"{card.n_ids:,}{lasting}"))

@@ -138,12 +138,12 @@ def _two_periods(
     first, last = figures.days_needed(project.site, a, b)
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
         warehouse.materialise("violations", "camera_hours", "area_hours")
-        found = figures.compare(warehouse, a, b, floor_id=floor_id, area_ids=area_ids)
-        answers = compare_answers(found, project.site, rest=say("reason.row.rest"), inputs=warehouse.inputs_digest)
+        comparison = figures.compare(warehouse, a, b, floor_id=floor_id, area_ids=area_ids)
+        answers = compare_answers(comparison, project.site, rest=say("reason.row.rest"), inputs=warehouse.inputs_digest)
         notes = purged_hours_notes(warehouse)
     days = (min(a[0], b[0]), max(a[1], b[1]))
     print_answers(Answers(answers), days=days, layouts=LAYOUTS, as_json=as_json, notes=notes)
-    return 0 if found.state == "ok" else 1
+    return 0 if comparison.state == "ok" else 1
 
 
 def _change_of_log(project: Project, number: int, area_id: str | None, weeks: int, *, as_json: bool) -> int:
@@ -161,17 +161,17 @@ def _change_of_log(project: Project, number: int, area_id: str | None, weeks: in
     first, last = days_needed(project.site, number, weeks=weeks)
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
         warehouse.materialise("violations", "camera_hours", "area_hours")
-        found = before_after(warehouse, number, area_id=area_id, weeks=weeks)
-        scored = score(found, read_plans(project.site), zone_day=found.at.astimezone(project.site.zone).date())
-        answers = change_answers(found, scored, project.site, inputs=warehouse.inputs_digest)
+        figure = before_after(warehouse, number, area_id=area_id, weeks=weeks)
+        scored = score(figure, read_plans(project.site), zone_day=figure.at.astimezone(project.site.zone).date())
+        answers = change_answers(figure, scored, project.site, inputs=warehouse.inputs_digest)
         notes = purged_hours_notes(warehouse)
     days = (answers[0].holds_for.first, answers[0].holds_for.last)
     with speaking("en"):
-        story = came_of(exact_effect(project.site, found), day=last)
+        story = came_of(exact_effect(project.site, figure), day=last)
     if not as_json:
-        click.echo(f"{plain(found.area_name)}: {plain(story)}\n")
+        click.echo(f"{plain(figure.area_name)}: {plain(story)}\n")
     print_answers(Answers(answers), days=days, layouts=LAYOUTS, as_json=as_json, notes=notes, beside={"story": story})
-    return 0 if found.state == "ok" else 1
+    return 0 if figure.state == "ok" else 1
 
 
 def _in_turn(project: Project, number: int, *, as_json: bool) -> int:
@@ -183,11 +183,11 @@ def _in_turn(project: Project, number: int, *, as_json: bool) -> int:
     days = switchback_days(project.site, number)
     with warehouse_of(project, week=None, days=f"{days[0]}..{days[1]}") as warehouse:
         warehouse.materialise("violations", "camera_hours", "area_hours")
-        found = switchback(warehouse, number)
-        answer = switchback_answer(found, project.site, inputs=warehouse.inputs_digest)
+        figure = switchback(warehouse, number)
+        answer = switchback_answer(figure, project.site, inputs=warehouse.inputs_digest)
         notes = purged_hours_notes(warehouse)
     print_answers(Answers([answer]), days=days, layouts=LAYOUTS, as_json=as_json, notes=notes)
-    return 0 if found.state == "ok" else 1
+    return 0 if figure.state == "ok" else 1
 
 
 def _days(project: Project, text: str) -> tuple[date, date]:

@@ -106,11 +106,11 @@ def demo(
         None, total=(7 if is_shop else 5) * weeks, label="people walk", unit="day", quiet=project.quiet
     ) as bar:
         truth = write(root, seed=seed, weeks=weeks, last_week=last_week, progress=lambda done, total: bar.update(1))
-    made = time.perf_counter()
+    written = time.perf_counter()
     counts = f"{truth.n_messages:,} frames, {truth.n_person_records:,} person records"
     made_of = f"{weeks} week{'' if weeks == 1 else 's'} of made-up people"
     what = "a shop with 4 cameras" if is_shop else "a canteen with one camera"
-    click.echo(f"  Made {what} and {made_of}: {counts} in {made - started:.1f} s")
+    click.echo(f"  Made {what} and {made_of}: {counts} in {written - started:.1f} s")
     inner = project.inside(root)
     files = sorted((root / "engine").iterdir())
     n_bytes = sum(f.stat().st_size for f in files)
@@ -118,7 +118,7 @@ def demo(
         result = ingest_demo(inner.site, files, seed=seed, on_bytes=bar.update)
     n_new = sum(c.n_new for c in result.fold.tables.values())
     read = time.perf_counter()
-    click.echo(f"  Read into the store: {n_new:,} records in {read - made:.1f} s")
+    click.echo(f"  Read into the store: {n_new:,} records in {read - written:.1f} s")
     pages = []
     for week in truth.weeks if reports == "all" else truth.weeks[-1:]:
         pages += [root / "reports" / path.name for path in write_week(inner, week) if path.suffix == ".html"]

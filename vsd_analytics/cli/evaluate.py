@@ -99,14 +99,14 @@ def evaluate(
     if size is not None:
         raise UsageError("--size belongs to a data set without images", fix="leave out --size")
     positions = read_positions(truth)
-    found = read_messages(messages, clock=positions.clock, keeps_unnamed=by == "place")
+    detections = read_messages(messages, clock=positions.clock, keeps_unnamed=by == "place")
     if by == "place":
-        found = matched_by_place(found, positions, within_m=WITHIN_M if within_m is None else within_m)
+        detections = matched_by_place(detections, positions, within_m=WITHIN_M if within_m is None else within_m)
     counted, left_out = positions, [0, 0]
     if uncounted:
         areas = [corners for name in uncounted for corners in _areas(project, name)]
-        found, counted, *left_out = without_uncounted(found, positions, areas)
-    done = compare(found, counted, distance_m=distance_m)
+        detections, counted, *left_out = without_uncounted(detections, positions, areas)
+    done = compare(detections, counted, distance_m=distance_m)
     if positions.n_bad:
         project.say(f"warning: {positions.n_bad:,} rows of {truth.name} have no usable position")
     if as_json:

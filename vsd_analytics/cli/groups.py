@@ -51,13 +51,13 @@ def groups(project: Project, week: str | None, days: str | None, camera_id: str 
 
     with warehouse_of(project, week=week, days=days) as warehouse:
         warehouse.materialise("violations", "camera_hours")
-        found = analysis.groups(warehouse, camera_id=camera_id)
-        answers = Answers(group_answers(found, project.site, inputs=warehouse.inputs_digest))
+        site_groups = analysis.groups(warehouse, camera_id=camera_id)
+        answers = Answers(group_answers(site_groups, project.site, inputs=warehouse.inputs_digest))
         notes = purged_hours_notes(warehouse)
-    tracks = {"groups": [_group(g) for g in found.groups]}
-    dates = (found.first, found.last)
+    tracks = {"groups": [_group(g) for g in site_groups.groups]}
+    dates = (site_groups.first, site_groups.last)
     print_answers(answers, days=dates, layouts=LAYOUTS, as_json=as_json, notes=notes, beside=tracks)
-    return 0 if found.state == "ok" else 1
+    return 0 if site_groups.state == "ok" else 1
 
 
 def _group(group: Group) -> dict[str, Any]:

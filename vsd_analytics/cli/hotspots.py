@@ -78,16 +78,18 @@ def hotspots(
     first, _ = analysis.days_needed(project.site, until)
     with warehouse_of(project, week=None, days=f"{first}..{until}") as warehouse:
         warehouse.materialise("violations")
-        found = analysis.hotspots(warehouse, floor_id=floor.floor_id, until=until)
+        floor_hotspots = analysis.hotspots(warehouse, floor_id=floor.floor_id, until=until)
         rules, inputs = purged_hours_notes(warehouse), warehouse.inputs_digest
-    holds = as_answers.window_holds(project.site, found, inputs=inputs)
-    answers = Answers(as_answers.hotspot_answers(found, holds))
+    holds = as_answers.window_holds(project.site, floor_hotspots, inputs=inputs)
+    answers = Answers(as_answers.hotspot_answers(floor_hotspots, holds))
     kind = "json" if as_json else kind
     if kind == "json":
-        drawn: dict[str, Any] = {"outlines": as_answers.outlines(found)}
+        drawn: dict[str, Any] = {"outlines": as_answers.outlines(floor_hotspots)}
         if with_cells:
-            drawn["cells"] = as_answers.cell_tests(found)
-        printed = answers_json(answers, days=(found.first, found.last), notes=rules, beside=rounded(drawn))
+            drawn["cells"] = as_answers.cell_tests(floor_hotspots)
+        printed = answers_json(
+            answers, days=(floor_hotspots.first, floor_hotspots.last), notes=rules, beside=rounded(drawn)
+        )
         if out is None:
             emit_json(printed)
             return
@@ -96,11 +98,11 @@ def hotspots(
         warn(rules)
         if kind == "geojson":
             lists = [answers["hotspots"], answers["past_hotspots"]]
-            text = _json(geojson(lists, as_answers.outlines(found), key="spot_id"))
+            text = _json(geojson(lists, as_answers.outlines(floor_hotspots), key="spot_id"))
         else:
             text = csv_text(answers["hotspots"]) if kind == "csv" else answers_text(answers, LAYOUTS) + "\n"
-    if kind in ("geojson", "csv") and found.reason is not None:
-        project.say(f"no hotspots: {reason_text(found.reason)}")
+    if kind in ("geojson", "csv") and floor_hotspots.reason is not None:
+        project.say(f"no hotspots: {reason_text(floor_hotspots.reason)}")
     if out is None:
         click.echo(text, nl=False)
         return

@@ -57,15 +57,17 @@ def hours(
             frame = operator_counts.quarter_hours(warehouse, until_ms=until_ms)
         else:
             frame = operator_counts.hours(warehouse, by=by, until_ms=until_ms)
-        notes, said = purged_hours_notes(warehouse), not_over_note(warehouse, until_ms)
+        notes, hour_notes = purged_hours_notes(warehouse), not_over_note(warehouse, until_ms)
         if by is None and (silent := operator_counts.silent_cameras(warehouse)):
             of_all = f"{len(silent)} of {len(project.site.cameras)}"
-            said.append(f"{', '.join(silent)} recorded nothing; recorded_s is the mean over cameras, {of_all} with 0 s")
+            hour_notes.append(
+                f"{', '.join(silent)} recorded nothing; recorded_s is the mean over cameras, {of_all} with 0 s"
+            )
     if as_json:
-        emit_json(noted({"quarter_hours" if is_quarters else "hours": rows_of(frame)}, notes + said))
+        emit_json(noted({"quarter_hours" if is_quarters else "hours": rows_of(frame)}, notes + hour_notes))
         return
     warn(notes)
-    for note in said:
+    for note in hour_notes:
         project.say(note)
     if by != "area":
         frame = frame[(frame["recorded_s"] > 0) | (frame["open_s"] > 0)]

@@ -36,20 +36,20 @@ def inbox(project: Project, files: tuple[Path, ...], yes: bool, as_json: bool) -
     for path in _mails(files):
         try:
             with path.open("rb") as file:
-                found = mail_answer(file.read(MAIL_MAX_BYTES + 1), project.site)
+                answer = mail_answer(file.read(MAIL_MAX_BYTES + 1), project.site)
         except NoAnswerError as error:
             click.echo(f"{plain(path.name)} is no answer: {plain(str(error))}", err=True)
             code = 1
             continue
-        at = found.at
+        at = answer.at
         if yes:
-            add_answer(project.site, found.question_id, found.kind, at=at, text=found.text or None, by=found.by)
-        rows.append({"file": path.name, "at": at.isoformat(), "question": found.question_id, "answer": found.kind,
-                     "text": found.text, "by": found.by})  # fmt: skip
+            add_answer(project.site, answer.question_id, answer.kind, at=at, text=answer.text or None, by=answer.by)
+        rows.append({"file": path.name, "at": at.isoformat(), "question": answer.question_id, "answer": answer.kind,
+                     "text": answer.text, "by": answer.by})  # fmt: skip
         if not as_json:
-            who = f"  ({plain(found.by)})" if found.by else ""
-            said = f"  {plain(found.text)}" if found.text else ""
-            click.echo(f"{at.isoformat(timespec='minutes')}  {plain(found.question_id)}  {found.kind}{said}{who}")
+            who = f"  ({plain(answer.by)})" if answer.by else ""
+            text = f"  {plain(answer.text)}" if answer.text else ""
+            click.echo(f"{at.isoformat(timespec='minutes')}  {plain(answer.question_id)}  {answer.kind}{text}{who}")
     if as_json:
         emit_json({"answers": rows, "is_stored": yes})
     elif rows:

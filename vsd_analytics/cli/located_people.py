@@ -156,12 +156,12 @@ def _grounds(camera: Camera) -> list[tuple[int, int, Calibration | None, tuple[P
 
     changes = {from_ms for from_ms, _, _ in calibration_spans(camera)}
     changes |= {round(start.timestamp() * 1000) for start in plane_starts(camera.planes)}
-    found = []
+    grounds = []
     for from_ms, to_ms in pairwise([*sorted(changes | {-FOREVER_MS}), FOREVER_MS]):
         at = None if from_ms == -FOREVER_MS else datetime.fromtimestamp(from_ms / 1000, UTC)
         used = in_force(camera, from_ms)
-        found.append((from_ms, to_ms, used[0] if used else None, planes_in_force(camera.planes, at)))
-    return found
+        grounds.append((from_ms, to_ms, used[0] if used else None, planes_in_force(camera.planes, at)))
+    return grounds
 
 
 def by_monoloco(detected: DetectedPeople, own: MonolocoPeople) -> LocatedParts:

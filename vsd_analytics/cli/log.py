@@ -116,13 +116,13 @@ def log_edit(
     if area is not None and whole_site:
         raise UsageError("--area and --whole-site exclude each other", fix="leave one of them out")
     place = None if whole_site else AS_IT_IS if area is None else area
-    made = edit_entry(project.site, which, text=text, at=at, area=place)
-    if made.after is None:
+    edit = edit_entry(project.site, which, text=text, at=at, area=place)
+    if edit.after is None:
         raise AssertionError("a corrected entry is there")
     if as_json:
-        emit_json({**entry_dict(made.after), "replaces": entry_dict(made.before)})
+        emit_json({**entry_dict(edit.after), "replaces": entry_dict(edit.before)})
         return
-    click.echo(_line(made.after))
+    click.echo(_line(edit.after))
 
 
 @log.command("remove")
@@ -142,11 +142,11 @@ def log_remove(project: Project, which: str, by: str | None, as_json: bool) -> N
     """
     from vsd_analytics.config.change_log import entry_dict, remove_entry
 
-    made = remove_entry(project.site, which, at=project.now, by=by)
+    removal = remove_entry(project.site, which, at=project.now, by=by)
     if as_json:
-        emit_json({"removes": entry_dict(made.before), "is_new": made.is_new})
+        emit_json({"removes": entry_dict(removal.before), "is_new": removal.is_new})
         return
-    click.echo(f"{'removed' if made.is_new else 'was removed before'}  {_line(made.before)}")
+    click.echo(f"{'removed' if removal.is_new else 'was removed before'}  {_line(removal.before)}")
 
 
 @log.command("list")
@@ -187,15 +187,15 @@ def _history(project: Project, *, as_json: bool) -> None:
 
     rows = []
     for record in read_records(project.site):
-        said = record.entry if record.entry is not None else record.answer
-        kind = "removed" if said is None else "corrected" if record.supersedes else "added"
+        entry = record.entry if record.entry is not None else record.answer
+        kind = "removed" if entry is None else "corrected" if record.supersedes else "added"
         row: dict[str, object] = {"line": record.line, "kind": kind}
         if record.answer is not None and record.supersedes is None:
             row |= {"kind": record.answer.kind, "question": record.answer.question, "by": record.answer.by}
         if record.withdrawn_by is not None:
             row["by"] = record.withdrawn_by
-        if said is not None:
-            row |= {"at": said.at.isoformat(), "text": said.text, "area": said.area_id}
+        if entry is not None:
+            row |= {"at": entry.at.isoformat(), "text": entry.text, "area": entry.area_id}
         if record.supersedes is not None:
             row["before"] = entry_dict(record.supersedes)
         rows.append((row, record))
@@ -203,12 +203,12 @@ def _history(project: Project, *, as_json: bool) -> None:
         emit_json({"history": [row for row, _ in rows]})
         return
     for row, record in rows:
-        said = record.entry or record.answer or record.supersedes
-        if said is None:
+        entry = record.entry or record.answer or record.supersedes
+        if entry is None:
             continue
-        place, question = plain(said.area_id or "whole site"), plain(str(row.get("question") or ""))
-        text = " ".join(part for part in (question, plain(said.text)) if part)
-        at = said.at.isoformat(timespec="minutes")
+        place, question = plain(entry.area_id or "whole site"), plain(str(row.get("question") or ""))
+        text = " ".join(part for part in (question, plain(entry.text)) if part)
+        at = entry.at.isoformat(timespec="minutes")
         click.echo(f"{record.line:>3}  {row['kind']:<12}  {at}  {place}  {' '.join(text.split())}")
         if record.supersedes is not None and record.entry is not None:
             click.echo(f"     {'before':<12}  {_line(record.supersedes)}")

@@ -129,8 +129,8 @@ def check_lines(camera_id: str, check: CameraCheck) -> list[str]:
     seen = f"{camera_id}: {check.n_people:,} whole people in {check.n_slots} stretches of an hour or more"
     if check.least_deg is None:
         return [seen, "too few to tell whether the camera has moved: give some days, or a week"]
-    found = [f"{seen}; a tilt of {check.least_deg:.1f} degrees or more would be found"]
-    return found if check.moves else [*found, "the camera has not moved (a turn to the side does not show)"]
+    lines = [f"{seen}; a tilt of {check.least_deg:.1f} degrees or more would be found"]
+    return lines if check.moves else [*lines, "the camera has not moved (a turn to the side does not show)"]
 
 
 def _when(move: CameraMove, *, zone: str) -> str:

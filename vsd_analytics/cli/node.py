@@ -121,12 +121,12 @@ def send(project: Project, every_s: float | None, as_json: bool) -> int:
             "forgotten_days": done.n_forgotten,
         }
 
-    found = _rounds(project, one_round, every_s=every_s)
+    status = _rounds(project, one_round, every_s=every_s)
     if as_json:
-        emit_json(found)
-    elif found:
-        words = f"{count(found['written'], 'file')} handed on, {found['received']:,} received by the site"
-        click.echo(f"{words}, {found['waiting']:,} waiting for a receipt")
+        emit_json(status)
+    elif status:
+        words = f"{count(status['written'], 'file')} handed on, {status['received']:,} received by the site"
+        click.echo(f"{words}, {status['waiting']:,} waiting for a receipt")
     return 0
 
 
@@ -153,12 +153,12 @@ def receive(project: Project, every_s: float | None, as_json: bool) -> int:
     def one_round(stop: Callable[[], bool]) -> dict[str, Any]:
         return _as_dict(receive_all(project.site, exchange, now=project.clock(), stop=stop))
 
-    found = _rounds(project, one_round, every_s=every_s)
+    status = _rounds(project, one_round, every_s=every_s)
     if as_json:
-        emit_json(found)
-    elif found:
-        _print_received(found)
-    return int(bool(found.get("held") or found.get("quarantined") or found.get("is_ballast_spent")))
+        emit_json(status)
+    elif status:
+        _print_received(status)
+    return int(bool(status.get("held") or status.get("quarantined") or status.get("is_ballast_spent")))
 
 
 def _as_dict(done: Received) -> dict[str, Any]:
@@ -183,20 +183,20 @@ def _as_dict(done: Received) -> dict[str, Any]:
     }
 
 
-def _print_received(found: dict[str, Any]) -> None:
-    for name, n in found["records"].items():
+def _print_received(status: dict[str, Any]) -> None:
+    for name, n in status["records"].items():
         click.echo(f"{name:<16} {count(n, 'record')}")
-    for name, why in found["held"].items():
+    for name, why in status["held"].items():
         click.echo(plain(f"held at the place: {name}: {why}"), err=True)
-    if found["damaged"]:
-        first = plain(found["damaged_files"][0])
-        several = f" and {found['damaged'] - 1:,} more" if found["damaged"] > 1 else ""
+    if status["damaged"]:
+        first = plain(status["damaged_files"][0])
+        several = f" and {status['damaged'] - 1:,} more" if status["damaged"] > 1 else ""
         click.echo(f"{first}{several}: damaged on the way or not signed by a node of this site; removed", err=True)
-    for reason, n in sorted(found["quarantined"].items()):
+    for reason, n in sorted(status["quarantined"].items()):
         click.echo(f"{count(n, 'record')} quarantined: {reason}", err=True)
-    warn_of_erased(found["erased"])
-    again = f", {found['again']:,} of them again" if found["again"] else ""
-    click.echo(f"{count(found['files'], 'file')} received{again}, {count(found['new'], 'new record')} stored")
+    warn_of_erased(status["erased"])
+    again = f", {status['again']:,} of them again" if status["again"] else ""
+    click.echo(f"{count(status['files'], 'file')} received{again}, {count(status['new'], 'new record')} stored")
 
 
 def _route(project: Project, *, is_node: bool) -> ExchangeRoute:
@@ -221,9 +221,9 @@ def _rounds(
     from vsd_analytics.live.exchange_rounds import ONCE, keep_on, write_status
 
     if every_s is None:
-        found = one_round(lambda: False)
-        write_status(project.root, found, state=ONCE, error=None, now=project.clock())
-        return found
+        status = one_round(lambda: False)
+        write_status(project.root, status, state=ONCE, error=None, now=project.clock())
+        return status
     last: dict[str, Any] = {}
 
     with stop_signals() as stopped:

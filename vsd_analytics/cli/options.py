@@ -101,10 +101,10 @@ def parse_size(text: str) -> tuple[int, int]:
     Raises:
         UsageError: E101.
     """
-    found = re.fullmatch(r"(\d{2,5})[x×](\d{2,5})", text.strip().lower())
-    if found is None or not (int(found[1]) and int(found[2])):
+    match = re.fullmatch(r"(\d{2,5})[x×](\d{2,5})", text.strip().lower())
+    if match is None or not (int(match[1]) and int(match[2])):
         raise UsageError(f"--size: {text!r} is not a picture size", fix="--size 1920x1080: width x height in pixels")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])
 
 
 def known_size(camera: Camera, size_px: tuple[int, int] | None) -> tuple[int, int]:

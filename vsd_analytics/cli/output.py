@@ -27,7 +27,7 @@ def plain(text: str) -> str:
 def emit_json(value: Any) -> None:
     """Print one JSON object on standard output; NaN never appears, missing is null, control characters are escaped."""
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, default=_as_text)
-    click.echo(CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text))
+    click.echo(CONTROL.sub(lambda match: f"\\u{ord(match[0]):04x}", text))
 
 
 def _as_text(value: object) -> str:

@@ -107,17 +107,17 @@ def plan(
     first, last = plan_days(project.site)
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
         warehouse.materialise("violations", "camera_hours", "area_hours")
-        found = plan_experiment(warehouse, area_id, effect=effect, power=power, weeks_max=weeks_max)
+        experiment_plan = plan_experiment(warehouse, area_id, effect=effect, power=power, weeks_max=weeks_max)
         inputs = warehouse.inputs_digest
-    made = stored_plan(found, made=project.now.astimezone(project.site.zone).date())
-    is_new = made is not None and add_plan(project.site, made)
-    days = found.known or (first, last)
-    stored = {"stored": None if made is None else plan_dict(made), "is_new": is_new}
-    answers = Answers(plan_answers(found, project.site, days=days, inputs=inputs))
+    plan_record = stored_plan(experiment_plan, made=project.now.astimezone(project.site.zone).date())
+    is_new = plan_record is not None and add_plan(project.site, plan_record)
+    days = experiment_plan.known or (first, last)
+    stored = {"stored": None if plan_record is None else plan_dict(plan_record), "is_new": is_new}
+    answers = Answers(plan_answers(experiment_plan, project.site, days=days, inputs=inputs))
     print_answers(answers, days=days, layouts=LAYOUTS, as_json=as_json, notes=(), beside=stored)
     if is_new and not as_json:
         project.say("stored in plans.jsonl; after the change: vsd log add, then vsd compare --change N")
-    return 0 if found.state == "ok" else 1
+    return 0 if experiment_plan.state == "ok" else 1
 
 
 def _in_turn(
@@ -137,21 +137,21 @@ def _in_turn(
     first, last = plan_days(project.site)
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
         warehouse.materialise("violations", "camera_hours", "area_hours")
-        found = plan_switchback(
+        experiment_plan = plan_switchback(
             warehouse, area_id, effect=effect, start=today + timedelta(days=1), power=power, weeks=weeks,
             weeks_max=weeks_max, seed=SEED if seed is None else seed,
         )  # fmt: skip
         inputs = warehouse.inputs_digest
-    made = stored_switchback(found, made=today)
-    is_new = made is not None and add_plan(project.site, made)
-    number = None if made is None else read_plans(project.site).index(made) + 1
-    days = found.known or (first, last)
-    stored = {"stored": None if made is None else plan_dict(made), "number": number, "is_new": is_new}
-    answers = Answers(switchback_plan_answers(found, project.site, days=days, inputs=inputs))
+    plan_record = stored_switchback(experiment_plan, made=today)
+    is_new = plan_record is not None and add_plan(project.site, plan_record)
+    number = None if plan_record is None else read_plans(project.site).index(plan_record) + 1
+    days = experiment_plan.known or (first, last)
+    stored = {"stored": None if plan_record is None else plan_dict(plan_record), "number": number, "is_new": is_new}
+    answers = Answers(switchback_plan_answers(experiment_plan, project.site, days=days, inputs=inputs))
     print_answers(answers, days=days, layouts=LAYOUTS, as_json=as_json, notes=(), beside=stored)
     if number is not None and not as_json:
         project.say(f"stored in plans.jsonl as plan {number}; when its days are over: vsd compare --in-turn {number}")
-    return 0 if found.state == "ok" else 1
+    return 0 if experiment_plan.state == "ok" else 1
 
 
 def _list(project: Project, *, as_json: bool) -> int:

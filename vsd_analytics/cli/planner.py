@@ -79,7 +79,7 @@ def planner(
         from vsd_analytics.cli.report_formats import write
         from vsd_analytics.planner.planner_data import planner_pages
 
-        made = planner_pages(
+        floors = planner_pages(
             project.site,
             monday,
             before=earlier,
@@ -91,7 +91,7 @@ def planner(
         )
     folder = project.pages(None if out == "-" else out)
     printed = []
-    for data in made:
+    for data in floors:
         page = render_planner(data)
         if out == "-":
             click.echo(page, nl=False)

@@ -96,11 +96,11 @@ def purge(
             on_plan=on_plan,
             on_hours=on_hours,
         )
-        found: dict[str, Purged] = {}
+        purges: dict[str, Purged] = {}
         source = ""
         before = None if age is None else _before(project, age)
         if before is not None:
-            found["older_than"] = purge.purge_older(project.site, before=before, terms=terms)
+            purges["older_than"] = purge.purge_older(project.site, before=before, terms=terms)
         elif span is not None:
             first_ms, after_ms = parse_span(span, project=project)
             if is_lifting:
@@ -116,22 +116,22 @@ def purge(
                 else:
                     click.echo(f"the erasure {'would be' if dry_run else 'is'} lifted: bring its records again")
                 return
-            found["range"] = purge.purge_range(
+            purges["range"] = purge.purge_range(
                 project.site, camera_id=camera_id_of(project, camera), first_ms=first_ms, after_ms=after_ms, terms=terms
             )
         elif import_id is not None:
-            listed, found["import"] = purge_import.purge_import(project.site, import_id, terms=terms)
+            listed, purges["import"] = purge_import.purge_import(project.site, import_id, terms=terms)
             source = "" if listed is None else listed.source
         if forget_keys:
-            found["keys"] = purge.forget_keys(project.site, purged=before, terms=terms)
+            purges["keys"] = purge.forget_keys(project.site, purged=before, terms=terms)
     if as_json:
-        emit_json({"dry_run": dry_run, **{name: _as_dict(purged) for name, purged in found.items()}})
+        emit_json({"dry_run": dry_run, **{name: _as_dict(purged) for name, purged in purges.items()}})
         return
     if before is not None:
         click.echo(f"before {before} (UTC days):")
     if source:
         click.echo(plain(f"import of {source}:"))
-    for purged in found.values():
+    for purged in purges.values():
         for line in _lines(purged, is_dry_run=dry_run):
             click.echo(line)
     if span is not None:

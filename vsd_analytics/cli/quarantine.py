@@ -58,15 +58,15 @@ def list_(project: Project, /, reason: str | None, source: str | None, limit: in
     """
     from vsd_analytics.ingest.intake.quarantine_writer import summarise
 
-    found = summarise(project.site.root / "quarantine", reason=reason, source=source, n_examples=limit)
+    summaries = summarise(project.site.root / "quarantine", reason=reason, source=source, n_examples=limit)
     if as_json:
-        emit_json({"reasons": [_summary_dict(s, _fix(project, s)) for s in found]})
+        emit_json({"reasons": [_summary_dict(s, _fix(project, s)) for s in summaries]})
     else:
-        for summary in found:
+        for summary in summaries:
             _print_summary(summary, _fix(project, summary))
-        if not found:
+        if not summaries:
             click.echo("nothing is in quarantine" + (" that fits" if reason or source else ""))
-    return 1 if found else 0
+    return 1 if summaries else 0
 
 
 @quarantine.command()

@@ -172,10 +172,10 @@ def parse_span(text: str, *, project: Project) -> tuple[int, int]:
 
 def _end(text: str, *, is_last: bool, zone: str) -> int:
     """Return one end of a range; of a day its start, or its end where it comes last."""
-    found = instant(text, zone=zone, what="--range")
+    end = instant(text, zone=zone, what="--range")
     if "T" not in text and is_last:
-        found = instant(f"{found.date() + timedelta(days=1)}", zone=zone, what="--range")
-    return round(found.timestamp() * 1000)
+        end = instant(f"{end.date() + timedelta(days=1)}", zone=zone, what="--range")
+    return round(end.timestamp() * 1000)
 
 
 def camera_id_of(project: Project, camera: str | None) -> str | None:

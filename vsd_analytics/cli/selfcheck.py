@@ -46,8 +46,8 @@ def selfcheck(project: Project, floor_id: str | None, as_json: bool) -> int:
     first, last = days_needed(project.site)
     with warehouse_of(project, week=None, days=f"{first}..{last}") as warehouse:
         warehouse.materialise("violations", "camera_hours")
-        found = self_check(FloorHours(warehouse, floor=floor), until=last)
-        answer = self_check_answer(found, project.site, until=last, inputs=warehouse.inputs_digest)
+        check = self_check(FloorHours(warehouse, floor=floor), until=last)
+        answer = self_check_answer(check, project.site, until=last, inputs=warehouse.inputs_digest)
     dates = (answer.holds_for.first, answer.holds_for.last)
     print_answers(Answers([answer]), days=dates, layouts=LAYOUTS, as_json=as_json, notes=())
     return 0 if answer.rows else 1

@@ -80,8 +80,8 @@ def build(
                 make_missing(inner)
     target = out if out is not None else sources[0].reports
     collected = gather(sources, target)
-    found = catalogue(collected.entries)
-    problems = (*collected.problems, *found.problems)
+    index = catalogue(collected.entries)
+    problems = (*collected.problems, *index.problems)
     if not collected.entries:
         for problem in problems:
             project.say(render_error(problem, word="warning"))
@@ -91,16 +91,16 @@ def build(
             why=f"no report with its JSON file was found in {', '.join(str(s.reports) for s in sources)}",
             fix="vsd site build --make, or vsd report --week last --format html,json",
         )
-    path = write_index(target, render_index(found))
-    n_weeks = len(found.earlier) + (found.latest is not None)
+    path = write_index(target, render_index(index))
+    n_weeks = len(index.earlier) + (index.latest is not None)
     if as_json:
         printed = [{k: v for k, v in p.as_dict().items() if k != "ok"} for p in problems]
-        compared = compare_sites(found.floors, found.latest) if found.latest is not None else None
+        compared = compare_sites(index.floors, index.latest) if index.latest is not None else None
         emit_json(
             {
                 "ok": True,
                 "path": str(path),
-                "floors": len(found.floors),
+                "floors": len(index.floors),
                 "weeks": n_weeks,
                 "comparison": None if compared is None else compared.as_dict(),
                 "problems": printed,
@@ -108,7 +108,7 @@ def build(
         )
     else:
         counted = (
-            f"{count(len(found.floors), 'floor')}, {count(n_weeks, 'week')}, {count(len(collected.entries), 'report')}"
+            f"{count(len(index.floors), 'floor')}, {count(n_weeks, 'week')}, {count(len(collected.entries), 'report')}"
         )
         click.echo(f"{path}   {path.stat().st_size / 1000:.0f} KB   {counted}")
         for problem in problems:
@@ -136,9 +136,9 @@ def write_missing_json(project: Project) -> list[Path]:
     lacking = [n.removesuffix(".html") for n in names if kind_of(n) == "report" and n.endswith(".html")]
     written = []
     for stem in (s for s in lacking if f"{s}.json" not in names):
-        found = STEM.fullmatch(stem)
+        match = STEM.fullmatch(stem)
         try:
-            json_file = _json_of(project, stem, floor_id=found["floor"] if found else None)
+            json_file = _json_of(project, stem, floor_id=match["floor"] if match else None)
         except VsdError:
             continue  # its records are gone, or its floor: named with the other pages without figures
         if json_file is not None:

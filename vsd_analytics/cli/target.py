@@ -43,8 +43,8 @@ def target(
         if as_json:
             emit_json({"floor": floor.floor_id, "target_per_open_h": value, "is_new": changed is not None})
         else:
-            said = "no target" if value is None else f"{value:g} violations per open hour"
-            click.echo(f"{plain(floor.floor_id)}  {said}{'' if changed else '  (as before)'}")
+            text = "no target" if value is None else f"{value:g} violations per open hour"
+            click.echo(f"{plain(floor.floor_id)}  {text}{'' if changed else '  (as before)'}")
         return
     rows = [
         {"at": c.at.isoformat(), "floor": c.floor_id, "before": c.before, "after": c.after, "by": c.by}

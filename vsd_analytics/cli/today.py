@@ -78,16 +78,16 @@ def today(
         raise UsageError("--to, --from and --again go with a mail", fix="--mail, or --mail --send")
     options = report_mail.MailOptions(sender=sender, to=to, is_sent=is_sent, is_again=is_again)
     mail = report_mail.checked(project, options) if is_mailed else None
-    found, inputs = _today(project, floor_id)
+    cards, inputs = _today(project, floor_id)
     if is_published:
-        _publish(project, found)
+        _publish(project, cards)
     if as_json:
-        emit_json(rounded({"today": [_card_json(project, card, inputs) for card in found]}))
+        emit_json(rounded({"today": [_card_json(project, card, inputs) for card in cards]}))
     else:
-        paths = [path for card in found for path in _write(project, card, out, mail)]
+        paths = [path for card in cards for path in _write(project, card, out, mail)]
         if is_opened:
             click.launch(str(paths[0]))
-    return 1 if any(card.silent for card in found) else 0
+    return 1 if any(card.silent for card in cards) else 0
 
 
 def _check_topic(project: Project) -> None:
@@ -100,7 +100,7 @@ def _check_topic(project: Project) -> None:
         )
 
 
-def _publish(project: Project, found: list[Today]) -> None:
+def _publish(project: Project, cards: list[Today]) -> None:
     """Publish the figures of each floor, and announce them to Home Assistant if it is asked for."""
     import json
     import os
@@ -116,7 +116,7 @@ def _publish(project: Project, found: list[Today]) -> None:
     assert broker is not None
     floors = {f.floor_id: f for f in site.floors}
     messages: dict[str, dict[str, Any]] = {}
-    for card in found:
+    for card in cards:
         floor = floors[card.floor_id or site.floors[0].floor_id]
         messages |= discovery_messages(site, broker, floor) if broker.is_home_assistant else {}
         messages[day_topic(broker, floor)] = day_figures(closed_days(card, site), site, floor)

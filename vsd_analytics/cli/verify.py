@@ -44,12 +44,14 @@ def verify(project: Project, /, days: str | None, with_facts: bool, as_json: boo
     first, last = _hours(project, days) if days is not None else (None, None)
     is_quiet = project.quiet or as_json
     with progress(None, total=None, label="verifying", unit="B", quiet=is_quiet) as bar:
-        found = verify_store(project.site, first_hour=first, last_hour=last, with_facts=with_facts, on_bytes=bar.update)
+        verification = verify_store(
+            project.site, first_hour=first, last_hour=last, with_facts=with_facts, on_bytes=bar.update
+        )
     if as_json:
-        emit_json(_as_dict(project, found))
+        emit_json(_as_dict(project, verification))
     else:
-        _print(project, found)
-    return 0 if found.is_whole else 1
+        _print(project, verification)
+    return 0 if verification.is_whole else 1
 
 
 def _hours(project: Project, days: str) -> tuple[int, int]:
@@ -63,27 +65,31 @@ def _hours(project: Project, days: str) -> tuple[int, int]:
     return int(start // 3600), int((end - 1) // 3600)
 
 
-def _print(project: Project, found: Verification) -> None:
-    for check in found.checks:
+def _print(project: Project, verification: Verification) -> None:
+    for check in verification.checks:
         word = "wrong" if check.name == CONFIG else "damaged"
         state = f"{len(check.damages):,} {word}" if check.damages else "ok"
         click.echo(f"{state:12} {check.name:10} {check.n:>12,} {check.things}: {check.promise}")
-    if found.n_fresh is not None:
+    if verification.n_fresh is not None:
         stale = (
-            f", {found.n_stale:,} stale, {found.n_missing:,} not computed" if found.n_stale or found.n_missing else ""
+            f", {verification.n_stale:,} stale, {verification.n_missing:,} not computed"
+            if verification.n_stale or verification.n_missing
+            else ""
         )
-        click.echo(f"{'note' if stale else 'ok':12} {'build':10} {found.n_fresh:>12,} hours have fresh facts{stale}")
+        click.echo(
+            f"{'note' if stale else 'ok':12} {'build':10} {verification.n_fresh:>12,} hours have fresh facts{stale}"
+        )
     alike: dict[tuple[str, str], list[StoreFault]] = {}
-    for finding in found.notes:
+    for finding in verification.notes:
         alike.setdefault((finding.code, finding.what), []).append(finding)
     for first, *others in alike.values():
         click.echo(render_error(_error(project, first), word="note"), err=True)
         if others:
             click.echo(f"  and {len(others):,} more files like it: vsd verify --json names each", err=True)
-    for finding in found.damages:
+    for finding in verification.damages:
         word = "damaged" if finding.path.name != CONFIG else "error"  # the store is whole, and vsd.toml does not fit
         click.echo(render_error(_error(project, finding), word=word), err=True)
-    n = len(found.damages)
+    n = len(verification.damages)
     click.echo("the store is whole" if not n else f"{n:,} {'thing needs' if n == 1 else 'things need'} you")
 
 
@@ -92,12 +98,12 @@ def _error(project: Project, finding: StoreFault) -> VsdError:
     return VsdError(finding.what, code=finding.code, where=Where(str(place)), why=finding.why, fix=finding.fix)
 
 
-def _as_dict(project: Project, found: Verification) -> dict[str, Any]:
+def _as_dict(project: Project, verification: Verification) -> dict[str, Any]:
     return {
-        "ok": found.is_whole,
+        "ok": verification.is_whole,
         "checks": [
             {"name": c.name, "n": c.n, "things": c.things, "promise": c.promise, "damaged": len(c.damages)}
-            for c in found.checks
+            for c in verification.checks
         ],
         "findings": [
             {
@@ -110,8 +116,8 @@ def _as_dict(project: Project, found: Verification) -> dict[str, Any]:
                 "fix": f.fix,
                 "mend": f.fix,
             }
-            for c in found.checks
+            for c in verification.checks
             for f in c.findings
         ],
-        "facts": {"fresh": found.n_fresh, "stale": found.n_stale, "missing": found.n_missing},
+        "facts": {"fresh": verification.n_fresh, "stale": verification.n_stale, "missing": verification.n_missing},
     }

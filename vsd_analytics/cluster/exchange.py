@@ -112,8 +112,8 @@ class FolderExchange:
     def names(self, prefix: str) -> list[str]:
         """Return the names below a folder, without temporary files."""
         self._refuse_absent()
-        found = (p for p in (self.root / prefix).rglob("*") if not p.name.startswith(".") and p.is_file())
-        return sorted(str(p.relative_to(self.root)) for p in found)
+        paths = (p for p in (self.root / prefix).rglob("*") if not p.name.startswith(".") and p.is_file())
+        return sorted(str(p.relative_to(self.root)) for p in paths)
 
     def read(self, name: str, *, most: int) -> bytes | None:
         """Return the bytes of a file, at most one more than `most`; None where there is none."""
@@ -161,8 +161,8 @@ class BucketExchange:
     def names(self, prefix: str) -> list[str]:
         """Return the names that begin with a prefix."""
         with self._refusals():
-            found = bucket.keys(self._s3, self._bucket, self._key(prefix))
-        return sorted(key.removeprefix(f"{self._prefix}/") for key in found)
+            keys = bucket.keys(self._s3, self._bucket, self._key(prefix))
+        return sorted(key.removeprefix(f"{self._prefix}/") for key in keys)
 
     def read(self, name: str, *, most: int) -> bytes | None:
         """Return the bytes of an object, at most one more than `most`; None where there is none."""

@@ -89,11 +89,11 @@ class Signer:
         return is_same(self.signed(notice).signature, notice.signature)
 
     def _signature(self, purpose: bytes, *parts: bytes) -> str:
-        made = hashlib.blake2b(key=self._key, person=purpose, digest_size=_BYTES)
+        digest = hashlib.blake2b(key=self._key, person=purpose, digest_size=_BYTES)
         for part in parts:  # each with its length: no two lists of parts are one text
-            made.update(len(part).to_bytes(8, "big"))
-            made.update(part)
-        return made.hexdigest()
+            digest.update(len(part).to_bytes(8, "big"))
+            digest.update(part)
+        return digest.hexdigest()
 
 
 def is_same(one: str | bytes, other: str | bytes) -> bool:

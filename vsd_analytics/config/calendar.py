@@ -59,8 +59,8 @@ def _regions(country: str) -> list[str]:
     """Return the codes and other names of the regions of a country."""
     import holidays
 
-    made = holidays.country_holidays(country)
-    return sorted({*made.subdivisions, *getattr(made, "subdivisions_aliases", {})})
+    calendar = holidays.country_holidays(country)
+    return sorted({*calendar.subdivisions, *getattr(calendar, "subdivisions_aliases", {})})
 
 
 def _event(entry: TableReader) -> Event | None:

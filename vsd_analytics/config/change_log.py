@@ -256,14 +256,14 @@ def remove_entry(site: Site, which: str, *, at: str | datetime, by: str | None =
 
 def _answers(records: tuple[LogRecord, ...]) -> list[QuestionAnswer]:
     """Return the answers in force, in the order in which they were given."""
-    current, found = set(_entries(records)), list[QuestionAnswer]()
+    current, answers = set(_entries(records)), list[QuestionAnswer]()
     for record in records:
         if (gone := record.supersedes) is not None and record.entry is None and gone.question is not None:
             named = (gone.question, gone.at, gone.text, gone.area_id)
-            found = [a for a in found if (a.question, a.at, a.text, a.area_id) != named]
+            answers = [a for a in answers if (a.question, a.at, a.text, a.area_id) != named]
         if record.answer is not None and (record.entry is None or record.entry in current):
-            found.append(record.answer)
-    return found
+            answers.append(record.answer)
+    return answers
 
 
 def _last_answer(records: tuple[LogRecord, ...], question_id: str) -> QuestionAnswer | None:
@@ -318,9 +318,9 @@ class _Ids:
                 self.gone[before] = record.supersedes
 
     def _new(self, entry: LogEntry) -> str:
-        said = [entry.at.astimezone(UTC).isoformat(), entry.text, entry.area_id]
+        content = [entry.at.astimezone(UTC).isoformat(), entry.text, entry.area_id]
         for n_same in count():
-            name = "e" + digest(json.dumps([*said, *([n_same] if n_same else [])]).encode())[:8]
+            name = "e" + digest(json.dumps([*content, *([n_same] if n_same else [])]).encode())[:8]
             if name not in self.gone and name not in self.current.values():
                 return name
         raise AssertionError("count never ends")

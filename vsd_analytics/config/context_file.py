@@ -148,11 +148,11 @@ def _place(header: list[str], column: str, name: str, *, is_end: bool = False) -
 
 def _length(every: str) -> timedelta:
     """Return the length that `every` says; whole days are local days, of 23 to 25 hours."""
-    found = _EVERY.fullmatch(every)
-    if found is None:
+    match = _EVERY.fullmatch(every)
+    if match is None:
         raise UsageError(f"--every: {every!r} is no length of time", fix="--every 1h, 15min or 1d")
-    n = int(found[1])
-    return {"min": timedelta(minutes=n), "h": timedelta(hours=n), "d": timedelta(days=n)}[found[2]]
+    n = int(match[1])
+    return {"min": timedelta(minutes=n), "h": timedelta(hours=n), "d": timedelta(days=n)}[match[2]]
 
 
 def _interval(time_text: str, end_text: str, length: timedelta | None, zone: ZoneInfo) -> tuple[int, int]:

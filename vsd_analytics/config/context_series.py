@@ -113,8 +113,8 @@ def context_series(site: Site) -> dict[str, ContextSeries]:
 def _series(head: ContextRecord, values: dict[tuple[int, int], float]) -> ContextSeries:
     ends = sorted(values)
     times = np.array(ends, np.int64).reshape(-1, 2)
-    found = np.array([values[pair] for pair in ends], np.float64)
-    return ContextSeries(head.name, head.unit, head.place, head.adds, times[:, 0], times[:, 1], found)
+    series_values = np.array([values[pair] for pair in ends], np.float64)
+    return ContextSeries(head.name, head.unit, head.place, head.adds, times[:, 0], times[:, 1], series_values)
 
 
 def add_context(

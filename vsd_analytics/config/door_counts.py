@@ -221,8 +221,8 @@ def _read(
         read, bad = read_context_file(path, ContextColumns(times.time, column, times.end, times.every, times.zone))
         for row in bad:
             refused.setdefault(row.line, row)
-        for found in read:
-            by_line.setdefault(found.line, {})[way] = found
+        for interval in read:
+            by_line.setdefault(interval.line, {})[way] = interval
     rows = []
     for line, ways in sorted(by_line.items()):
         one = next(iter(ways.values()))

@@ -155,7 +155,7 @@ def read_drawing(path: Path, *, unit: str | None = None, where: Sequence[RowCond
     return drawing
 
 
-def _no_unit(path: Path, extent: float, stated: str | None, said: str | None) -> InputError:
+def _no_unit(path: Path, extent: float, stated: str | None, unit: str | None) -> InputError:
     """Return the error of a drawing whose unit nobody says, or is wrong; `extent` is its longer side in that unit."""
     usual = [u for u in ("m", "mm", "cm", "ft", "in") if _ROOM_M[0] <= extent * METRES[u] <= _ROOM_M[1]] or ["mm"]
     more = f" (or {', '.join(usual[1:])})" if usual[1:] else ""
@@ -168,7 +168,7 @@ def _no_unit(path: Path, extent: float, stated: str | None, said: str | None) ->
             fix="set the unit of the drawing in the CAD program (UNITS), and export what belongs to the floor alone",
         )
     return InputError(
-        f"{path.name} does not say its unit" if said is None else f"{path.name} would be too long in {said}",
+        f"{path.name} does not say its unit" if unit is None else f"{path.name} would be too long in {unit}",
         code="E204",
         where=Where(str(path)),
         why=f"$INSUNITS is missing or 0, and its longer side is {extent:,.6g}",
@@ -276,8 +276,8 @@ def _corners(entity: Any, metres: float) -> Iterator[Line]:
     from ezdxf import path as paths
 
     try:
-        found = paths.from_hatch(entity) if entity.dxftype() == "HATCH" else [paths.make_path(entity)]
-        for part in found:
+        outlines = paths.from_hatch(entity) if entity.dxftype() == "HATCH" else [paths.make_path(entity)]
+        for part in outlines:
             for piece in part.sub_paths() if part.has_sub_paths else (part,):
                 if not all(abs(v) * metres < _FARTHEST_M for p in piece.control_vertices() for v in (p.x, p.y)):
                     continue  # nowhere, or a curve that would be cut into endless pieces

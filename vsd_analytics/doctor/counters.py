@@ -40,16 +40,16 @@ def examine_counters(site: Site, *, now: datetime) -> Iterator[Finding]:
             continue
         begins, ends = (counts[name].cast("int64").to_numpy() for name in ("from_ts", "to_ts"))
         last = datetime.fromtimestamp(int(ends[-1] - 1) / 1000, tz=site.zone).date()
-        said = f"{line_id}: {len(counts):,} intervals until {last}"
+        summary = f"{line_id}: {len(counts):,} intervals until {last}"
         if (begins[1:] < ends[:-1]).any():
-            detail = f"{said}, some of which overlap or are not in order of time"
+            detail = f"{summary}, some of which overlap or are not in order of time"
             yield Finding("counter", "needs you", detail, f"vsd counts remove {line_id}, and add its files again")
         elif line.is_there(today, today) and (today - last).days > SILENT_DAYS:
-            detail = f"{said}: silent for {(today - last).days} days"
+            detail = f"{summary}: silent for {(today - last).days} days"
             gone = last + timedelta(days=1)
             fix = (
                 f"vsd counts add its last files, with the columns as before; to = {gone} in its [[line]] if it is gone"
             )
             yield Finding("counter", "needs you", detail, fix)
         else:
-            yield Finding("counter", "ok", said)
+            yield Finding("counter", "ok", summary)

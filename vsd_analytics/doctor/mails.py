@@ -23,13 +23,13 @@ def examine_mails(site: Site) -> Iterator[Finding]:
     steps = last_steps(site.root / FOLDER / FILE)
     mailed = max((week for _, week, _ in steps if _WEEK.fullmatch(week)), default="")
     pages = (_WEEK.match(path.name) for path in (site.root / "reports").glob("*-W*.html"))
-    made = max((page[0] for page in pages if page is not None), default="")
+    newest = max((page[0] for page in pages if page is not None), default="")
     left = {to for (_, week, to), step in steps.items() if week == mailed and step != "sent" and to in meant}
     if left:
         fix = f"vsd report --week {mailed} --mail --send; it says why not"
         yield Finding("mail", NEEDS_YOU, f"{mailed} is not known to have reached {', '.join(sorted(left))}", fix)
-    elif made > mailed:
-        fix = f"vsd report --week {made} --mail --send; a timer mails with VSD_REPORT in /etc/vsd (docs/timers.md)"
-        yield Finding("mail", "note", f"the page of {made} was made and not mailed", fix)
+    elif newest > mailed:
+        fix = f"vsd report --week {newest} --mail --send; a timer mails with VSD_REPORT in /etc/vsd (docs/timers.md)"
+        yield Finding("mail", "note", f"the page of {newest} was made and not mailed", fix)
     elif mailed:
         yield Finding("mail", "ok", f"{mailed} was sent to everybody")

@@ -132,9 +132,9 @@ def view_map(homography: Array, cameras: Array, *, picture_px: tuple[int, int]) 
     with np.errstate(invalid="ignore"):
         is_inside = ((uv >= 0) & (uv <= np.array(picture_px))).all(axis=1)
     is_near = np.hypot(cells[:, 0], cells[:, 1]) < REACH_M
-    found = _map_of(cells[is_inside & is_near], homography, cameras, picture_px)
-    sd = np.minimum(np.nan_to_num(found[:, 2:], nan=FARTHEST_SD_M), FARTHEST_SD_M)
-    return np.column_stack([found[:, :2], sd])
+    error_rows = _map_of(cells[is_inside & is_near], homography, cameras, picture_px)
+    sd = np.minimum(np.nan_to_num(error_rows[:, 2:], nan=FARTHEST_SD_M), FARTHEST_SD_M)
+    return np.column_stack([error_rows[:, :2], sd])
 
 
 def _map_of(cells: Array, homography: Array, cameras: Array, picture_px: tuple[int, int]) -> Array:

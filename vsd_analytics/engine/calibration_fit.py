@@ -135,30 +135,30 @@ def fit_camera(seen: Sightings, *, size_px: tuple[int, int]) -> Fitted | None:
     tries = sorted((posture.fit(start, most=_FIRST_STEPS) for start in starts), key=lambda result: result.cost)
     if not tries:
         return None
-    found = min((posture.fit(tried.x, most=_STEPS) for tried in tries[:_FINISHED]), key=lambda result: result.cost)
+    solution = min((posture.fit(tried.x, most=_STEPS) for tried in tries[:_FINISHED]), key=lambda result: result.cost)
     n_walkers = 0
     # links between frames lose those who walk fast across the picture, so without track ids speeds would mislead
-    walks = _stretches(seen, camera_of(found.x, size_px), found.x[DEPTH]) if seen.has_tracks else None
+    walks = _stretches(seen, camera_of(solution.x, size_px), solution.x[DEPTH]) if seen.has_tracks else None
     for _ in range(_ROUNDS if walks is not None else 0):
         assert walks is not None
-        speed = _Speed(seen, walks, found.x, size_px)
+        speed = _Speed(seen, walks, solution.x, size_px)
         if speed.n_walkers < MIN_WALKERS:
             break
         n_walkers = speed.n_walkers
-        found = least_squares(
+        solution = least_squares(
             lambda p, speed=speed: np.concatenate([posture.residuals(p), speed.residuals(p)]),  # type: ignore[misc]
-            np.append(found.x[:_SPEED], speed.usual),
+            np.append(solution.x[:_SPEED], speed.usual),
             x_scale=(*_SCALE, 0.1),
             bounds=([*_BOUNDS[0], -np.inf], [*_BOUNDS[1], np.inf]),
             max_nfev=_STEPS,
         )
-    camera = camera_of(found.x, size_px)
-    heights = heights_m(camera, some, found.x[DEPTH])[0]
+    camera = camera_of(solution.x, size_px)
+    heights = heights_m(camera, some, solution.x[DEPTH])[0]
     off = np.log(np.where(heights > 0, heights, np.nan) / seen.body.high_m)
     scatter = float(np.nanmedian(np.abs(off - np.nanmedian(off))) * 1.4826)
-    curvature = found.jac.T @ found.jac
+    curvature = solution.jac.T @ solution.jac
     covariance = np.linalg.pinv(curvature, hermitian=True)[:_SPEED, :_SPEED]
-    return Fitted(camera, found.x[:_SPEED], covariance, size_px, seen, scatter, n_walkers)
+    return Fitted(camera, solution.x[:_SPEED], covariance, size_px, seen, scatter, n_walkers)
 
 
 class _Posture:
@@ -240,8 +240,8 @@ class _Speed:
         walking = (length > 0.4 * typical) & (length < 2.5 * typical)
         self._walks = Steps(walks.begin[walking], walks.end[walking], walks.who[walking])
         self.usual = float(np.log(np.median(length[walking]))) if walking.any() else 0.0
-        _, of, size = np.unique(self._walks.who, return_inverse=True, return_counts=True)
-        self._sd = SPEED_SD * np.sqrt(size[of])  # a person counts once, however long the walk
+        _, person_of_walk, size = np.unique(self._walks.who, return_inverse=True, return_counts=True)
+        self._sd = SPEED_SD * np.sqrt(size[person_of_walk])  # a person counts once, however long the walk
         self.n_walkers = len(size)
 
     def residuals(self, vector: Array) -> Array:

@@ -83,10 +83,10 @@ def camera_of_homography(homography: ArrayLike, size_px: tuple[int, int]) -> Cam
     Returns:
         None where no focal length fits.
     """
-    found = camera_pose(homography, picture_px=size_px)
-    if found is None:
+    focal_and_pose = camera_pose(homography, picture_px=size_px)
+    if focal_and_pose is None:
         return None
-    focal_px, pose = found
+    focal_px, pose = focal_and_pose
     down = -pose[:, 2]
     tilt, roll = np.arcsin(np.clip(down[2], -1, 1)), np.arctan2(down[0], down[1])
     centre = (size_px[0] / 2, size_px[1] / 2)

@@ -209,17 +209,17 @@ def _turn(log_height: Array, slope: Array, sd: Array, who: NDArray[np.intp]) -> 
     A person's mean height is compared with that of others, and each sighting with the person's mean. Weights are those
     of Tukey's biweight after Cauchy's: children and sitting people do not count, their walks do.
     """
-    person, of, size = np.unique(who, return_inverse=True, return_counts=True)
+    person, person_of_row, size = np.unique(who, return_inverse=True, return_counts=True)
     design = np.column_stack([np.ones(len(sd)), -slope])
 
     def mean(values: Array) -> Array:
-        return np.asarray(np.bincount(of, values) / size)
+        return np.asarray(np.bincount(person_of_row, values) / size)
 
     middle = np.column_stack([mean(column) for column in design.T])
     mean_height = mean(log_height)
-    x = np.concatenate([middle, design - middle[of]])
-    y = np.concatenate([mean_height, log_height - mean_height[of]])
-    of_all = np.concatenate([np.arange(len(person)), of])
+    x = np.concatenate([middle, design - middle[person_of_row]])
+    y = np.concatenate([mean_height, log_height - mean_height[person_of_row]])
+    of_all = np.concatenate([np.arange(len(person)), person_of_row])
     own = np.concatenate([np.sqrt(BODY_SD**2 + mean(sd**2) / size), sd])
     prior = np.diag([1 / CROWD_SD**2, 0.0, 1 / np.radians(5.0) ** 2])
     weight = 1 / own**2
@@ -254,7 +254,7 @@ def _covariances(slots: _Slots) -> tuple[Array, Array]:
     differences do not see a step, which is in one of them.
     """
     hours = [np.flatnonzero(slots.start_ms // HOUR_MS % 24 == hour) for hour in range(24)]
-    found = []
+    covariances = []
     for turn, variance in zip(slots.turn.T, slots.variance.T, strict=True):
         own = variance * max(1.0, _excess(turn, variance))
         for rows in hours:
@@ -267,8 +267,8 @@ def _covariances(slots: _Slots) -> tuple[Array, Array]:
             chance = np.mean([np.mean(own[rows]) / len(rows) for rows in known])
             for rows in known:
                 covariance[np.ix_(rows, rows)] += max(0.0, float(np.var(means) - chance))
-        found.append(covariance)
-    return found[0], found[1]
+        covariances.append(covariance)
+    return covariances[0], covariances[1]
 
 
 def _excess(turn: Array, variance: Array) -> float:
@@ -301,8 +301,8 @@ def _steps(turn: Array, covariances: tuple[Array, Array], first: int, end: int) 
     if chi_square[best] < CHI_SQUARE or np.degrees(np.linalg.norm(step[best])) < LEAST_DEG:
         return []
     k = int(at[best])
-    found = _Step(k, step[best], float(chi_square[best]))
-    return [found, *_steps(turn, covariances, first, k), *_steps(turn, covariances, k, end)]
+    clearest = _Step(k, step[best], float(chi_square[best]))
+    return [clearest, *_steps(turn, covariances, first, k), *_steps(turn, covariances, k, end)]
 
 
 def _step_since(usual: Turn, slots: _Slots, covariances: tuple[Array, Array], end: int) -> list[_Step]:
@@ -333,11 +333,11 @@ def _moves(
     levels = [_level(seen.rows(np.flatnonzero(spans == i)), camera, depth_m) for i in range(len(inner) + 1)]
     if usual is not None and len(inner) < len(steps):
         levels.insert(0, np.array([usual.tilt_rad, usual.roll_rad]))
-    found = []
+    moves = []
     for step, start, (was, now) in zip(steps, starts, pairwise(levels), strict=True):
         tilt, roll = now - was
         turned = replace(camera, tilt_rad=camera.tilt_rad + tilt, roll_rad=camera.roll_rad + roll)
-        found.append(
+        moves.append(
             CameraMove(
                 after_ms=int(slots.end_ms[step.at - 1]) if step.at else None,
                 before_ms=start,
@@ -347,7 +347,7 @@ def _moves(
                 chi_square=step.chi_square,
             )
         )
-    return tuple(found)
+    return tuple(moves)
 
 
 def _level(seen: Sightings, camera: CameraModel, depth_m: float) -> Array:

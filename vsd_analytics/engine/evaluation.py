@@ -55,7 +55,7 @@ class Evaluation:
     n_unnamed: int
 
 
-def evaluate(found: FoundPairs, truth: Positions, *, distance_m: float) -> Evaluation:
+def evaluate(detections: FoundPairs, truth: Positions, *, distance_m: float) -> Evaluation:
     """Compare persons and pairs by track id, in the frames that both files have.
 
     A true pair that is not found counts as missed, also when one of its persons was not detected. A found pair counts
@@ -64,19 +64,19 @@ def evaluate(found: FoundPairs, truth: Positions, *, distance_m: float) -> Evalu
     Raises:
         InputError: The files have no frame, or no track id, in common (E412).
     """
-    frames = np.intersect1d(found.positions.instants, truth.instants)
+    frames = np.intersect1d(detections.positions.instants, truth.instants)
     if not len(frames):
-        raise _nothing("frame", f"messages {_span(found.positions.instants)}, truth {_span(truth.instants)}")
-    index = _Persons(frames, truth, found)
+        raise _nothing("frame", f"messages {_span(detections.positions.instants)}, truth {_span(truth.instants)}")
+    index = _Persons(frames, truth, detections)
     if not index.n_common:
-        unnamed = f"; {found.n_unnamed:,} persons have no id" if found.n_unnamed else ""
+        unnamed = f"; {detections.n_unnamed:,} persons have no id" if detections.n_unnamed else ""
         example = f"the truth has such as {truth.track[0]!r}" if len(truth.track) else "the truth has nobody"
         raise _nothing("track id", f"{example}{unnamed}", more="; or compare by place: --by place")
     true = index.true_pairs(truth)
-    said = index.found_pairs(found, beyond_m=distance_m)
+    detected = index.found_pairs(detections, beyond_m=distance_m)
     n = index.size
-    is_true, is_found = true.distance_m < distance_m, said.distance_m < distance_m
-    there, got = np.unique(true.code[is_true]), np.unique(said.code[is_found])
+    is_true, is_found = true.distance_m < distance_m, detected.distance_m < distance_m
+    there, got = np.unique(true.code[is_true]), np.unique(detected.code[is_found])
     hit = np.intersect1d(there, got, assume_unique=True)
     pair_hits = _hits(*(index.frame_of[part // n] for part in (hit, got, there)), n_frames=len(frames))
     in_true, in_found = (np.unique(np.concatenate([part // n, part % n])) for part in (there, got))
@@ -85,14 +85,14 @@ def evaluate(found: FoundPairs, truth: Positions, *, distance_m: float) -> Evalu
     seen, known = index.seen, np.arange(index.n_true)
     common = np.intersect1d(seen, known, assume_unique=True)
     all_hits = _hits(*(index.frame_of[part] for part in (common, seen, known)), n_frames=len(frames))
-    _, i, j = np.intersect1d(true.code, said.code, return_indices=True)
+    _, i, j = np.intersect1d(true.code, detected.code, return_indices=True)
     measured = (true.distance_m[i] >= ERROR_FROM_M) & (true.distance_m[i] < ERROR_WITHIN_M)
-    off = said.distance_m[j][measured] / true.distance_m[i][measured] - 1
+    off = detected.distance_m[j][measured] / true.distance_m[i][measured] - 1
     off = off[np.isfinite(off)]
     return Evaluation(
         distance_m=distance_m,
         n_frames=len(frames),
-        n_unlabelled=len(found.positions.instants) - len(frames),
+        n_unlabelled=len(detections.positions.instants) - len(frames),
         n_unprocessed=len(truth.instants) - len(frames),
         n_true_pairs=len(there),
         n_found_pairs=len(got),
@@ -102,7 +102,7 @@ def evaluate(found: FoundPairs, truth: Positions, *, distance_m: float) -> Evalu
         distance_error=float(np.median(np.abs(off))) if len(off) else np.nan,
         distance_bias=float(np.median(off)) if len(off) else np.nan,
         n_distances=len(off),
-        n_unnamed=found.n_unnamed,
+        n_unnamed=detections.n_unnamed,
     )
 
 
@@ -117,12 +117,16 @@ class _Measured:
 class _Persons:
     """Gives every (frame, track id) of truth and messages one number."""
 
-    def __init__(self, frames: NDArray[np.int64], truth: Positions, found: FoundPairs) -> None:
+    def __init__(self, frames: NDArray[np.int64], truth: Positions, detections: FoundPairs) -> None:
         self._frames = frames
         self._number: dict[tuple[int, object], int] = {}
         self._add(truth.instant, truth.track)
         self.n_true = len(self._number)
-        sides = [(found.positions.instant, found.positions.track), (found.instant, found.a), (found.instant, found.b)]
+        sides = [
+            (detections.positions.instant, detections.positions.track),
+            (detections.instant, detections.a),
+            (detections.instant, detections.b),
+        ]
         for instant, track in sides:
             self._add(instant, track)
         seen = {self._number[key] for instant, track in sides for key in self._keys(instant, track)}
@@ -152,13 +156,13 @@ class _Persons:
         who = self._of(instant, track)
         return self._coded(who[a], who[b], np.linalg.norm(xy[a] - xy[b], axis=1))
 
-    def found_pairs(self, found: FoundPairs, *, beyond_m: float) -> _Measured:
+    def found_pairs(self, detections: FoundPairs, *, beyond_m: float) -> _Measured:
         """Return the pairs that were sent, and those derived from metres: in frames without sent pairs, and farther."""
-        used = np.isin(found.instant, self._frames)
-        a, b = (self._of(found.instant[used], side[used]) for side in (found.a, found.b))
-        sent = self._coded(a, b, found.distance_m[used])
-        derived = self.true_pairs(found.positions)
-        is_sent_frame = np.isin(self._frames[self.frame_of[derived.code // self.size]], found.has_pairs)
+        used = np.isin(detections.instant, self._frames)
+        a, b = (self._of(detections.instant[used], side[used]) for side in (detections.a, detections.b))
+        sent = self._coded(a, b, detections.distance_m[used])
+        derived = self.true_pairs(detections.positions)
+        is_sent_frame = np.isin(self._frames[self.frame_of[derived.code // self.size]], detections.has_pairs)
         # a sender of pairs leaves out the far ones: they are needed for the distance error and are never violations
         reach = sent.distance_m.max(initial=beyond_m)
         free = ~np.isin(derived.code, sent.code) & (~is_sent_frame | (derived.distance_m > reach))
@@ -173,8 +177,8 @@ class _Persons:
         return _Measured(code, distance_m[first])
 
 
-def _hits(hit: NDArray[np.int64], found: NDArray[np.int64], there: NDArray[np.int64], *, n_frames: int) -> Hits:
-    n_hit, n_found, n_there = (np.bincount(part, minlength=n_frames) for part in (hit, found, there))
+def _hits(hit: NDArray[np.int64], detected: NDArray[np.int64], there: NDArray[np.int64], *, n_frames: int) -> Hits:
+    n_hit, n_found, n_there = (np.bincount(part, minlength=n_frames) for part in (hit, detected, there))
     return Hits(n_hit, n_found - n_hit, n_there - n_hit)
 
 

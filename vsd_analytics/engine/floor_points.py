@@ -43,8 +43,8 @@ def floor_points(people: People, *, homography: ArrayLike, picture_px: tuple[int
         return marks
     with np.errstate(invalid="ignore", divide="ignore"):
         has_joints = np.isfinite(people.joints).any(axis=(1, 2)).reshape(-1, 1)
-        found = np.where(has_joints, below_joints(people, camera), below_boxes(people.outline, camera))
-    return np.where(has_joints | np.isfinite(found).all(axis=1, keepdims=True), found, marks)
+        points = np.where(has_joints, below_joints(people, camera), below_boxes(people.outline, camera))
+    return np.where(has_joints | np.isfinite(points).all(axis=1, keepdims=True), points, marks)
 
 
 def photographer(homography: ArrayLike, picture_px: tuple[int, int]) -> CameraModel | None:

@@ -114,16 +114,16 @@ class FloorSightings:
             return self
         a = before[b]
         step_s = self.time_s[self.frame[b]] - self.time_s[self.frame[a]]
-        found = joined_velocity(pasts[a].after(step_s), futures[b])
+        velocities = joined_velocity(pasts[a].after(step_s), futures[b])
         velocity, error = np.zeros((len(before), 2)), np.zeros((len(before), 2, 2))
         for rows in (a, b):  # the first of a track has the velocity of its second
-            velocity[rows], error[rows] = found.mean, found.covariance
+            velocity[rows], error[rows] = velocities.mean, velocities.covariance
         is_known = np.zeros(len(before), dtype=bool)
         is_known[a] = is_known[b] = True
         cells = np.floor(self.xy / CELL_M).astype(np.int64)
         cells_of_track = np.column_stack([track_numbers(before), cells])
-        _, of, times = np.unique(cells_of_track, axis=0, return_inverse=True, return_counts=True)
-        weight = is_known / times[of.reshape(-1)]
+        _, cell_of_row, times = np.unique(cells_of_track, axis=0, return_inverse=True, return_counts=True)
+        weight = is_known / times[cell_of_row.reshape(-1)]
         everybody, own = _Counts(cells), _Counts(cells_of_track)
 
         def others(value: Array) -> Array:

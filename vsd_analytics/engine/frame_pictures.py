@@ -57,8 +57,8 @@ class PictureFolder:
         frame_of = _frames_by_number(people)
         self._files: dict[int, Path] = {}
         for index, path in enumerate(files):
-            found = re.findall(r"\d+", path.stem)
-            frame = frame_of.get(int(found[-1]) if found else index)
+            digits = re.findall(r"\d+", path.stem)
+            frame = frame_of.get(int(digits[-1]) if digits else index)
             if frame is None:
                 continue
             if frame in self._files:

@@ -60,11 +60,11 @@ def frame_numbers(folder: Path) -> dict[str, int]:
         InputError: Two files have one number (E202).
     """
     paths = _json_files(folder)
-    found = [_last_number(path.stem.removesuffix("_keypoints")) for path in paths]
-    if all(number is None for number in found):
+    numbers = [_last_number(path.stem.removesuffix("_keypoints")) for path in paths]
+    if all(number is None for number in numbers):
         return {path.name: index for index, path in enumerate(paths)}
     names: dict[int, str] = {}
-    for path, number in zip(paths, found, strict=True):
+    for path, number in zip(paths, numbers, strict=True):
         if number is None:
             continue
         if number in names:
@@ -171,15 +171,15 @@ def _number(item: Mapping[str, Any]) -> int | None:
         value = _whole(item.get(key))
         if isinstance(value, int) and abs(value) < LARGEST_FRAME:
             return value
-        if isinstance(value, str) and (found := _last_number(Path(value).stem)) is not None:
-            return found
+        if isinstance(value, str) and (number := _last_number(Path(value).stem)) is not None:
+            return number
     return None
 
 
 def _last_number(name: str) -> int | None:
     """Return the last run of digits in a name, None where there is none or it is too long for a frame number."""
-    found = re.findall(r"[0-9]+", name)
-    number = int(found[-1]) if found and len(found[-1]) < 100 else None
+    digits = re.findall(r"[0-9]+", name)
+    number = int(digits[-1]) if digits and len(digits[-1]) < 100 else None
     return number if number is not None and number < LARGEST_FRAME else None
 
 

@@ -58,12 +58,12 @@ def below_joints(people: People, camera: CameraModel) -> Array:
     heights = [_body(people, camera, place, z) for place, z in zip(places, (0.0, KNEE_M, HIP_M), strict=True)]
     with np.errstate(invalid="ignore"):
         usual = np.nanmedian(heights[0]) if np.isfinite(heights[0]).any() else 1.0
-        found = np.full((len(people), 3), np.nan)
+        chosen = np.full((len(people), 3), np.nan)
         for place, height in zip(places, heights, strict=True):
             slack = STRIDE_M * camera.height_m / _level_m(place, camera) / NECK_ALONE.high_m
             is_body = (height > USUAL[0] * usual - slack) & (height < USUAL[1] * usual + slack)
-            found = np.where(np.isfinite(found) | ~is_body[:, None], found, place)
-    return _in_picture(_below_trunk(people, camera, found), camera)
+            chosen = np.where(np.isfinite(chosen) | ~is_body[:, None], chosen, place)
+    return _in_picture(_below_trunk(people, camera, chosen), camera)
 
 
 def has_feet(people: People) -> NDArray[np.bool_]:
@@ -102,15 +102,15 @@ def _level_m(place: Array, camera: CameraModel) -> Array:
 
 def _body(people: People, camera: CameraModel, place: Array, from_m: float) -> Array:
     """Return how far the body reaches above a height over its place, against what is usual, shape (n,); NaN without."""
-    down, found = camera.down(), np.full(len(place), np.nan)
+    down, relative_height = camera.down(), np.full(len(place), np.nan)
     for joints, height_m in _ABOVE:
         row = _mean(np.stack([people.joints[:, i, 1] for i in joints]))
         slope = (row - camera.centre_px[1]) / camera.focal_px
         # the point place - k down has the row of the joint: (y - k down_y) / (z - k down_z) = slope
         reach_m = (place[:, 1] - slope * place[:, 2]) / (down[1] - slope * down[2]) - from_m
         if height_m > from_m:
-            found = np.where(np.isfinite(found), found, reach_m / (height_m - from_m))
-    return found
+            relative_height = np.where(np.isfinite(relative_height), relative_height, reach_m / (height_m - from_m))
+    return relative_height
 
 
 def _below_trunk(people: People, camera: CameraModel, place: Array) -> Array:

@@ -99,8 +99,8 @@ def _numbered(folder: Path) -> list[tuple[int, Path]]:
     files = []
     for index, path in enumerate(sorted(folder.glob(f"*{SUFFIX}")) if folder.is_dir() else ()):
         picture = Path(path.name.removesuffix(SUFFIX))
-        found = re.findall(r"\d+", picture.stem if picture.suffix.lower() in _PICTURES else picture.name)
-        files.append((int(found[-1]) if found else index, path))
+        digits = re.findall(r"\d+", picture.stem if picture.suffix.lower() in _PICTURES else picture.name)
+        files.append((int(digits[-1]) if digits else index, path))
     return sorted(files)
 
 

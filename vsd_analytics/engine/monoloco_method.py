@@ -62,21 +62,21 @@ def floor_of_calibration(homography: ArrayLike, *, picture_px: tuple[int, int], 
     Raises:
         CalibrationError: No camera makes this homography (E411).
     """
-    found = camera_pose(homography, picture_px=picture_px)
-    if found is None:
+    focal_and_pose = camera_pose(homography, picture_px=picture_px)
+    if focal_and_pose is None:
         raise CalibrationError(
             "the tilt of the camera is not known from its calibration",
             code="E411",
             why="no lens with square pixels makes this homography, as where a camera looks straight down",
             fix="vsd calibrate CAMERA --from-people PEOPLE --size WxH",
         )
-    pose = found[1]
+    pose = focal_and_pose[1]
     axes, _, crossed = np.linalg.svd(pose[:, :3])
     rotation = axes @ crossed  # the nearest one
     return LevelFloor(rotation.T[:2], -(rotation.T @ pose[:, 3])[:2], as_matrix(homography), name)
 
 
-def floor_of_people(found: MonolocoPeople) -> LevelFloor:
+def floor_of_people(monoloco_people: MonolocoPeople) -> LevelFloor:
     """Return the floor below a camera from the plane on which the middles of its people lie.
 
     Places are off along the view by a share of the distance, so the plane m fulfils x . m = 1 up to a relative error;
@@ -85,8 +85,8 @@ def floor_of_people(found: MonolocoPeople) -> LevelFloor:
     Raises:
         CalibrationError: Too few people, or people in too little of the view (E411).
     """
-    known = np.isfinite(found.xyz).all(axis=1) & (found.xyz[:, 2] > 0)
-    places, frame = found.xyz[known], found.people.frame[known]
+    known = np.isfinite(monoloco_people.xyz).all(axis=1) & (monoloco_people.xyz[:, 2] > 0)
+    places, frame = monoloco_people.xyz[known], monoloco_people.people.frame[known]
     if len(places) < MIN_PLACES:
         raise _no_floor(f"{len(places)} places are too few")
     whole = _plane(places)
@@ -104,7 +104,7 @@ def floor_of_people(found: MonolocoPeople) -> LevelFloor:
 
 
 def locate_monoloco(
-    found: MonolocoPeople,
+    monoloco_people: MonolocoPeople,
     floor: LevelFloor,
     *,
     within_m: float,
@@ -114,15 +114,20 @@ def locate_monoloco(
     """Return where people are on the floor by Monoloco, and the pairs nearer than a distance.
 
     Args:
-        found: What Monoloco wrote.
+        monoloco_people: What Monoloco wrote.
         floor: What turns its places level.
         within_m: Pairs from this distance on are left out.
         distance_m: Two persons nearer than this are too close.
         ts_ms: UTC milliseconds of the frames: gives people track ids by following them. None = no ids.
     """
-    people = found.people
-    xy = found.xyz @ floor.turn.T + floor.shift
-    along = found.xyz @ floor.turn.T / np.linalg.norm(found.xyz, axis=1)[:, None] * found.sd_m[:, None]
+    people = monoloco_people.people
+    xy = monoloco_people.xyz @ floor.turn.T + floor.shift
+    along = (
+        monoloco_people.xyz
+        @ floor.turn.T
+        / np.linalg.norm(monoloco_people.xyz, axis=1)[:, None]
+        * monoloco_people.sd_m[:, None]
+    )
     covariance = along[:, :, None] * along[:, None, :] + BODY_M**2 * np.eye(2)
     if ts_ms is not None:
         numbers = follow(xy, covariance, np.searchsorted(people.frames, people.frame), ts_ms / 1000)

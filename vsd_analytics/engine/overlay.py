@@ -244,10 +244,10 @@ def _caption(
     scale = max(0.6, look.size_px[1] / 1080)
     people = "1 person" if n_people == 1 else f"{n_people} persons"
     pairs = "nobody" if n_pairs == 0 else "1 pair" if n_pairs == 1 else f"{n_pairs} pairs"
-    found = f"{people}, {pairs} closer than {look.distance(look.distance_m)}"
+    summary = f"{people}, {pairs} closer than {look.distance(look.distance_m)}"
     first = f"frame {number}" if seen.people.ts_ms is None else when
     size = round(20 * scale)
-    for line, text in enumerate((f"{first}   {found}", seen.engine)):
+    for line, text in enumerate((f"{first}   {summary}", seen.engine)):
         _plate(canvas, text, (size * 0.7, size * (1.2 + 1.9 * line)), _INK, size=size - 2 * line, is_left=True)
 
 

@@ -155,7 +155,7 @@ def is_body_25b(joints: Array) -> bool:
 def from_body_25b(joints: Array) -> Array:
     """Return skeletons of BODY_25B in the order of BODY_25, shape (n, 25, 2)."""
     everywhere = np.ones(N_JOINTS)
-    turned = [found for one in joints if (found := joints_of(one, everywhere, order=BODY_25B)) is not None]
+    turned = [skeleton for one in joints if (skeleton := joints_of(one, everywhere, order=BODY_25B)) is not None]
     return np.array(turned).reshape(joints.shape)
 
 
@@ -226,5 +226,7 @@ class PeopleRows:
         ids: dict[int, list[str | None]] = {}
         for frame, track in zip(self.frame, self.track, strict=True):
             ids.setdefault(frame, []).append(track)
-        lengths = {len(found) for found in ids.values()}
-        return len(lengths) > 2 and all(found == [str(i) for i in range(len(found))] for found in ids.values())
+        lengths = {len(frame_ids) for frame_ids in ids.values()}
+        return len(lengths) > 2 and all(
+            frame_ids == [str(i) for i in range(len(frame_ids))] for frame_ids in ids.values()
+        )

@@ -31,29 +31,29 @@ class StatedCamera:
     usual_turn: Turn | None
 
 
-def write_stated_error(path: Path, found: FromPeople, *, calibration_id: str) -> None:
+def write_stated_error(path: Path, calibration: FromPeople, *, calibration_id: str) -> None:
     """Write camera, error map and likely cameras.
 
     Args:
         path: See `stated_errors.beside`.
-        found: The calibration.
+        calibration: The calibration.
         calibration_id: Of the matrix in force, so that the file is not used with another one.
     """
-    camera = found.camera
+    camera = calibration.camera
     content = {
         "calibration_id": calibration_id,
-        "size_px": found.size_px,
+        "size_px": calibration.size_px,
         "focal_px": camera.focal_px,
         "tilt_deg": float(np.degrees(camera.tilt_rad)),
         "roll_deg": float(np.degrees(camera.roll_rad)),
         "height_m": camera.height_m,
         "centre_px": camera.centre_px,
-        "depth_m": found.depth_m,
-        "usual_turn_rad": list(astuple(found.usual_turn)),
-        "homography": found.homography.tolist(),
+        "depth_m": calibration.depth_m,
+        "usual_turn_rad": list(astuple(calibration.usual_turn)),
+        "homography": calibration.homography.tolist(),
         "map_columns": ["x_m", "y_m", "sd_of_2_m", "camera_part"],
-        "map": found.view_map.round(3).tolist(),
-        "likely": found.likely.tolist(),
+        "map": calibration.view_map.round(3).tolist(),
+        "likely": calibration.likely.tolist(),
     }
     publish(path, json.dumps(content).encode() + b"\n")
 

@@ -20,15 +20,15 @@ WITHIN_M: Final = 1.0
 """Two people are rarely nearer, and places of detectors are rarely farther off."""
 
 
-def matched_by_place(found: FoundPairs, truth: Positions, *, within_m: float = WITHIN_M) -> FoundPairs:
+def matched_by_place(detections: FoundPairs, truth: Positions, *, within_m: float = WITHIN_M) -> FoundPairs:
     """Return what was found with the ids of the true persons at the same place.
 
     Args:
-        found: What messages say; persons without metres match nobody.
+        detections: What messages say; persons without metres match nobody.
         truth: True positions.
         within_m: Persons farther apart are not the same.
     """
-    old, true = found.positions, truth
+    old, true = detections.positions, truth
     track = np.array([f"unmatched {row}" for row in range(len(old.instant))], dtype=object)
     for instant in np.intersect1d(old.instant, true.instant):
         rows, others = (_rows(part.instant, instant) for part in (old, true))
@@ -37,10 +37,12 @@ def matched_by_place(found: FoundPairs, truth: Positions, *, within_m: float = W
             track[rows.start + row] = true.track[others.start + other]
     name = dict(zip(zip(old.instant.tolist(), old.track, strict=True), track, strict=True))
     sides = [
-        np.array([name.get(key, f"absent {key[1]}") for key in zip(found.instant.tolist(), side, strict=True)], object)
-        for side in (found.a, found.b)
+        np.array(
+            [name.get(key, f"absent {key[1]}") for key in zip(detections.instant.tolist(), side, strict=True)], object
+        )
+        for side in (detections.a, detections.b)
     ]
-    return replace(found, positions=replace(old, track=track), a=sides[0], b=sides[1])
+    return replace(detections, positions=replace(old, track=track), a=sides[0], b=sides[1])
 
 
 def assigned(cost: Array, *, within: float) -> list[tuple[int, int]]:
@@ -55,7 +57,7 @@ def assigned(cost: Array, *, within: float) -> list[tuple[int, int]]:
 
 
 def without_uncounted(
-    found: FoundPairs, truth: Positions, areas: Sequence[Array]
+    detections: FoundPairs, truth: Positions, areas: Sequence[Array]
 ) -> tuple[FoundPairs, Positions, int, int]:
     """Leave out the persons of areas that do not count, and their pairs.
 
@@ -63,7 +65,7 @@ def without_uncounted(
     place where there is none.
 
     Args:
-        found: With ids of the truth.
+        detections: With ids of the truth.
         truth: True positions.
         areas: Corners of each area in floor metres, shape (k, 2).
 
@@ -73,7 +75,7 @@ def without_uncounted(
     counts = ~_inside(truth.xy, areas)
     kept = replace(truth, instant=truth.instant[counts], track=truth.track[counts], xy=truth.xy[counts])
     is_counted = dict(zip(zip(truth.instant.tolist(), truth.track, strict=True), counts.tolist(), strict=True))
-    old = found.positions
+    old = detections.positions
     keys = list(zip(old.instant.tolist(), old.track, strict=True))
     by_place = ~_inside(old.xy, areas)
     stays = np.array([is_counted.get(key, bool(alone)) for key, alone in zip(keys, by_place, strict=True)], dtype=bool)
@@ -81,18 +83,18 @@ def without_uncounted(
     pairs = np.array(
         [
             (instant, a) not in gone and (instant, b) not in gone
-            for instant, a, b in zip(found.instant.tolist(), found.a, found.b, strict=True)
+            for instant, a, b in zip(detections.instant.tolist(), detections.a, detections.b, strict=True)
         ],
         dtype=bool,
     )
     positions = replace(old, instant=old.instant[stays], track=old.track[stays], xy=old.xy[stays])
     left = replace(
-        found,
+        detections,
         positions=positions,
-        instant=found.instant[pairs],
-        a=found.a[pairs],
-        b=found.b[pairs],
-        distance_m=found.distance_m[pairs],
+        instant=detections.instant[pairs],
+        a=detections.a[pairs],
+        b=detections.b[pairs],
+        distance_m=detections.distance_m[pairs],
     )
     return left, kept, int((~stays).sum()), int((~counts).sum())
 

@@ -65,17 +65,17 @@ def read_sequences(folder: Path, *, size_px: tuple[int, int] | None = None) -> l
         InputError: There is none (E202), an annotation cannot be used (E205), or none of its frames has joints (E202).
         UsageError: The size is not given and there are no images (E101).
     """
-    found = [
+    sequences = [
         _sequence(data_set, joints, size_px)
         for data_set in _data_sets(folder, DEEPEST)
         for joints in sorted((data_set / "HumanJoints").iterdir())
         if joints.is_dir()
     ]
-    if not found:
+    if not sequences:
         raise unusable(
             folder, f"{folder.name} has no sequence", fix="give a folder with Images, HumanJoints and Annotations"
         )
-    return found
+    return sequences
 
 
 def _data_sets(folder: Path, depth: int) -> Iterator[Path]:

@@ -116,11 +116,11 @@ def search(
     given = list(scenes)
     best: Searched | None = None
     for ratios in grid:
-        found = [
+        hits = [
             s.hits(paper_distances(s, ratios=ratios, part=part, distance_m=distance_m), distance_m=distance_m)
             for s in given
         ]
-        pairs, persons = joined(p for p, _ in found), joined(p for _, p in found)
+        pairs, persons = joined(p for p, _ in hits), joined(p for _, p in hits)
         f1 = f1_of(pairs) if by == "pairs" else f1_of_frames(persons)
         if best is None or f1 > best.f1 or np.isnan(best.f1):
             best = Searched(part, ratios, f1, pairs, persons)

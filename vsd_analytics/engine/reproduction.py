@@ -63,21 +63,21 @@ def reproduce(sequences: list[LabelledSequence], *, distance_m: float) -> list[M
     gathered: dict[tuple[str, str], list[_Found]] = {}
     for sequence in sequences:
         by_method = {**_by_parts(sequence.labelled, distance_m), "people": _by_people(sequence, distance_m)}
-        for method, found in by_method.items():
-            rows.append(_row(sequence.name, method, found))
-            gathered.setdefault((sequence.name.split("/")[0], method), []).append(found)
-    return rows + [_row(f"{data_set}/all", method, _together(found)) for (data_set, method), found in gathered.items()]
+        for method, hits in by_method.items():
+            rows.append(_row(sequence.name, method, hits))
+            gathered.setdefault((sequence.name.split("/")[0], method), []).append(hits)
+    return rows + [_row(f"{data_set}/all", method, _together(hits)) for (data_set, method), hits in gathered.items()]
 
 
 def _by_parts(labelled: Labelled, distance_m: float) -> dict[str, _Found]:
     """Return what each part of the body finds with its best ratios."""
     best = {part: search([labelled], part=part, distance_m=distance_m, by="persons") for part in PARTS}
-    found: dict[str, _Found] = {}
+    hits_by_part: dict[str, _Found] = {}
     for part, its in best.items():
         apart = paper_distances(labelled, ratios=best["torso"].ratios, part=part, distance_m=distance_m)
         by_torso = labelled.hits(apart, distance_m=distance_m)[1]
-        found[part] = _Found(str(its.ratios), its.pairs, its.persons, by_torso)
-    return found
+        hits_by_part[part] = _Found(str(its.ratios), its.pairs, its.persons, by_torso)
+    return hits_by_part
 
 
 def _by_people(sequence: LabelledSequence, distance_m: float) -> _Found:
@@ -85,32 +85,32 @@ def _by_people(sequence: LabelledSequence, distance_m: float) -> _Found:
     labelled = sequence.labelled
     apart = np.full(len(labelled.a), np.nan)
     try:
-        found = calibrate_from_people(sequence.people, size_px=labelled.size_px)
+        calibration = calibrate_from_people(sequence.people, size_px=labelled.size_px)
     except CalibrationError as error:
         return _Found(f"refused: {error.why}", *labelled.hits(apart, distance_m=distance_m), None)
-    uv = floor_points(labelled.people, homography=found.homography, picture_px=labelled.size_px)
-    xy = to_floor(found.homography, uv, picture_px=labelled.size_px)
+    uv = floor_points(labelled.people, homography=calibration.homography, picture_px=labelled.size_px)
+    xy = to_floor(calibration.homography, uv, picture_px=labelled.size_px)
     apart = np.linalg.norm(xy[labelled.a] - xy[labelled.b], axis=1)
-    return _Found(f"error {found.error:.0%}", *labelled.hits(apart, distance_m=distance_m), None)
+    return _Found(f"error {calibration.error:.0%}", *labelled.hits(apart, distance_m=distance_m), None)
 
 
-def _together(found: list[_Found]) -> _Found:
-    by_torso = [one.by_torso for one in found if one.by_torso is not None]
+def _together(all_hits: list[_Found]) -> _Found:
+    by_torso = [one.by_torso for one in all_hits if one.by_torso is not None]
     return _Found(
         "",
-        joined(one.pairs for one in found),
-        joined(one.persons for one in found),
+        joined(one.pairs for one in all_hits),
+        joined(one.persons for one in all_hits),
         joined(by_torso) if by_torso else None,
     )
 
 
-def _row(sequence: str, method: str, found: _Found) -> MethodScores:
+def _row(sequence: str, method: str, hits: _Found) -> MethodScores:
     return MethodScores(
         sequence=sequence,
         method=method,
-        setting=found.setting,
-        persons=frame_mean(found.persons),
-        f1_published=f1_of_frames(found.persons, counts_empty=True),
-        f1_torso_ratios=np.nan if found.by_torso is None else f1_of_frames(found.by_torso),
-        pairs=pooled(found.pairs),
+        setting=hits.setting,
+        persons=frame_mean(hits.persons),
+        f1_published=f1_of_frames(hits.persons, counts_empty=True),
+        f1_torso_ratios=np.nan if hits.by_torso is None else f1_of_frames(hits.by_torso),
+        pairs=pooled(hits.pairs),
     )

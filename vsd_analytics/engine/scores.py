@@ -84,8 +84,8 @@ def f1_of_frames(hits: Hits, *, counts_empty: bool = False) -> float:
 
 def _fractions(hits: Hits) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
     """Return numerator and denominator of precision, recall and F1, per frame."""
-    found, there = hits.hit + hits.false, hits.hit + hits.missed
-    return [(hits.hit, found), (hits.hit, there), (2 * hits.hit, found + there)]
+    detected, there = hits.hit + hits.false, hits.hit + hits.missed
+    return [(hits.hit, detected), (hits.hit, there), (2 * hits.hit, detected + there)]
 
 
 def _ratio(above: NDArray[Any], below: NDArray[Any]) -> Score:

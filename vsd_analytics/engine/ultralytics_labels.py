@@ -35,8 +35,8 @@ def read_labels(folder: Path, *, size_px: tuple[int, int] | None) -> People:
         )
     rows = PeopleRows()
     for path in sorted(folder.glob("*.txt")):
-        found = re.findall(r"\d+", path.stem)
-        if not found:
+        digits = re.findall(r"\d+", path.stem)
+        if not digits:
             rows.bad["file without a number in its name"] += 1
             continue
         for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
@@ -47,7 +47,7 @@ def read_labels(folder: Path, *, size_px: tuple[int, int] | None) -> People:
             if len(values) < N_BOX:
                 rows.bad["line that is no label"] += 1
             elif values[0] == PERSON_CLASS:
-                _add(rows, int(found[-1]), values, np.array(size_px, dtype=np.float64))
+                _add(rows, int(digits[-1]), values, np.array(size_px, dtype=np.float64))
     if not rows.frame:
         raise unusable(folder, f"{folder.name} has no person", fix="give a folder of save_txt")
     numbers = rows.frame

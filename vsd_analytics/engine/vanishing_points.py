@@ -82,8 +82,8 @@ def camera_from_lines(picture: Path, *, height_m: float) -> FromLines:
 
 def line_segments(grey: NDArray[np.uint8]) -> Array:
     """Return the longest straight edges of a grey picture as u, v of both ends, shape (n, 4)."""
-    found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
-    segments = np.empty((0, 4)) if found is None else np.asarray(found, dtype=np.float64).reshape(-1, 4)
+    detected = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
+    segments = np.empty((0, 4)) if detected is None else np.asarray(detected, dtype=np.float64).reshape(-1, 4)
     length = _lengths(segments)
     order = np.argsort(-length, kind="stable")[:MOST_SEGMENTS]
     return np.asarray(segments[order[length[order] >= SHORTEST_SHARE * grey.shape[1]]])
@@ -195,8 +195,8 @@ def _refined(start: Array, ends: Array, length: Array) -> Any:
         robust = misses * weight / np.sqrt(1 + (misses / WITHIN_RAD) ** 2)
         return np.asarray(np.r_[robust, (vector[0] - np.log(USUAL_FOCAL)) / FOCAL_SD])
 
-    found: Any = least_squares(off, start, loss="soft_l1")
-    return found
+    solution: Any = least_squares(off, start, loss="soft_l1")
+    return solution
 
 
 def _unit(vector: Array) -> Array:

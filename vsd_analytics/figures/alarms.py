@@ -161,7 +161,7 @@ def local_hour_ms(ms: int, site: Site) -> int:
     return ms - (local.minute * 60 + local.second) * 1000 - ms % 1000
 
 
-def alarm_answers(found: AlarmDays, site: Site) -> Answers:
+def alarm_answers(alarm_days: AlarmDays, site: Site) -> Answers:
     """Return the alarms of some days, and what they add up to.
 
     `alarms`: each alarm, in order of its start. `alarm_rules`: each rule; `n_days` are the days on which its cameras
@@ -173,36 +173,36 @@ def alarm_answers(found: AlarmDays, site: Site) -> Answers:
     the shortest run of hours of the day that has at least half of them; `end_hour` is when it ends, 1 to 24.
 
     Args:
-        found: Rules, alarms and recorded hours.
+        alarm_days: Rules, alarms and recorded hours.
         site: The site.
     """
-    first, last = found.days[0], found.days[-1]
-    is_running = found.now.astimezone(site.zone).date() <= last
-    until = found.now if is_running else None
+    first, last = alarm_days.days[0], alarm_days.days[-1]
+    is_running = alarm_days.now.astimezone(site.zone).date() <= last
+    until = alarm_days.now if is_running else None
     holds = HoldsFor(site.site_id, None, first, last, until, site.settings.settings_id())
-    hours = [hour for day in found.days for hour in _hours(found, day, site)]
+    hours = [hour for day in alarm_days.days for hour in _hours(alarm_days, day, site)]
     end = datetime.fromtimestamp(day_start_ms(last + timedelta(days=1), site.zone) / 1000, tz=UTC)
-    rules = tuple(_rule(rule, found, hours, site) for rule in found.rules)
-    nothing = None if found.rules else Reason("alarms.no_rules")
+    rules = tuple(_rule(rule, alarm_days, hours, site) for rule in alarm_days.rules)
+    nothing = None if alarm_days.rules else Reason("alarms.no_rules")
     return Answers(
         (
-            Answer("alarms", ALARMS, tuple(_alarm(a, end) for a in found.alarms), holds, nothing=nothing),
+            Answer("alarms", ALARMS, tuple(_alarm(a, end) for a in alarm_days.alarms), holds, nothing=nothing),
             Answer("alarm_rules", RULES, rules, holds, nothing=nothing),
-            Answer("alarm_hours", HOURS, tuple(_hour(hour, found, site) for hour in hours), holds),
-            Answer("alarm_waits", WAITS, tuple(_waits(rules, found)), holds, nothing=nothing),
-            Answer("alarm_peak", PEAK, _peak(found.alarms), holds, nothing=nothing),
+            Answer("alarm_hours", HOURS, tuple(_hour(hour, alarm_days, site) for hour in hours), holds),
+            Answer("alarm_waits", WAITS, tuple(_waits(rules, alarm_days)), holds, nothing=nothing),
+            Answer("alarm_peak", PEAK, _peak(alarm_days.alarms), holds, nothing=nothing),
         )
     )
 
 
-def _hours(found: AlarmDays, day: date, site: Site) -> Iterator[_Hour]:
+def _hours(alarm_days: AlarmDays, day: date, site: Site) -> Iterator[_Hour]:
     start_ms, end_ms = day_start_ms(day, site.zone), day_start_ms(day + timedelta(days=1), site.zone)
     cameras = [c.camera_id for c in site.cameras]
     for ms in range(start_ms, end_ms, HOUR_MS):
         start = datetime.fromtimestamp(ms / 1000, tz=site.zone)
         quarters = (datetime.fromtimestamp(q / 1000, tz=site.zone) for q in range(ms, ms + HOUR_MS, QUARTER_MS))
         has_open = any(is_open(site, q.date(), q.hour * 60 + q.minute) for q in quarters)
-        yield _Hour(start, ms, has_open, frozenset(c for c in cameras if (c, ms) in found.recorded))
+        yield _Hour(start, ms, has_open, frozenset(c for c in cameras if (c, ms) in alarm_days.recorded))
 
 
 def _watches(rule: AlarmRule, hour: _Hour) -> bool:
@@ -234,11 +234,11 @@ def _alarm(alarm: Alarm, end: datetime) -> Row:
     }
 
 
-def _rule(rule: AlarmRule, found: AlarmDays, hours: Sequence[_Hour], site: Site) -> Row:
+def _rule(rule: AlarmRule, alarm_days: AlarmDays, hours: Sequence[_Hour], site: Site) -> Row:
     cameras = {c.camera_id for c in _cameras(rule, site)}
-    watched = [h for h in hours if _watches(rule, h) and h.start < found.now]
+    watched = [h for h in hours if _watches(rule, h) and h.start < alarm_days.now]
     n_days = len({h.start.date() for h in watched if rule.kind == "silence" or cameras & h.cameras})
-    alarms = [a for a in found.alarms if a.rule_id == rule.alarm_id]
+    alarms = [a for a in alarm_days.alarms if a.rule_id == rule.alarm_id]
     lasted = [a.lasted_s for a in alarms]
     people = [a.n_people_max for a in alarms if a.n_people_max is not None]
     none = Value.missing(Reason("alarms.none") if n_days else _NOTHING)
@@ -263,21 +263,21 @@ def _per_day(n: int, n_days: int) -> Value:
     return Value(n / n_days) if n_days else Value.missing(_NOTHING)
 
 
-def _hour(hour: _Hour, found: AlarmDays, site: Site) -> Row:
-    rules = [r for r in found.rules if _watches(r, hour)]
+def _hour(hour: _Hour, alarm_days: AlarmDays, site: Site) -> Row:
+    rules = [r for r in alarm_days.rules if _watches(r, hour)]
     there = {
         c.camera_id
         for r in rules
         for c in _cameras(r, site)
         if camera_life(site, c)[0] < hour.start_ms + HOUR_MS and camera_life(site, c)[1] > hour.start_ms
     }
-    n = sum(hour.start_ms <= a.started.timestamp() * 1000 < hour.start_ms + HOUR_MS for a in found.alarms)
+    n = sum(hour.start_ms <= a.started.timestamp() * 1000 < hour.start_ms + HOUR_MS for a in alarm_days.alarms)
     if there & hour.cameras:
         state = "ok" if there <= hour.cameras else "partial"
     elif not there:
         state = "closed"
     else:
-        state = "not_over" if hour.start + timedelta(hours=1) > found.now else "no_data"
+        state = "not_over" if hour.start + timedelta(hours=1) > alarm_days.now else "no_data"
     unknown = {"closed": Reason("today.closed"), "not_over": Reason("today.not_over"), "no_data": _NOTHING}
     return {
         "local_date": hour.start.date(),
@@ -288,7 +288,7 @@ def _hour(hour: _Hour, found: AlarmDays, site: Site) -> Row:
     }
 
 
-def _waits(rules: Sequence[Row], found: AlarmDays) -> Iterator[Row]:
+def _waits(rules: Sequence[Row], alarm_days: AlarmDays) -> Iterator[Row]:
     """Yield each rule with each longer `for_s`; a rule that is not known to ring too often gets no suggestion."""
     for row in rules:
         rule_id, n_days, now = row["rule_id"], row["n_days"], row["alarms_per_day"]
@@ -296,8 +296,8 @@ def _waits(rules: Sequence[Row], found: AlarmDays) -> Iterator[Row]:
         assert isinstance(n_days, int)
         assert isinstance(now, Value)
         needs_one = now.value is not None and now.value > OFTEN_PER_DAY
-        for rule, for_s in longer_waits([r for r in found.rules if r.alarm_id == rule_id]):
-            n = found.n_waited[rule.alarm_id, for_s]
+        for rule, for_s in longer_waits([r for r in alarm_days.rules if r.alarm_id == rule_id]):
+            n = alarm_days.n_waited[rule.alarm_id, for_s]
             per_day = _per_day(n, n_days)
             is_suggested = needs_one and per_day.value is not None and per_day.value <= OFTEN_PER_DAY
             needs_one = needs_one and not is_suggested

@@ -49,20 +49,20 @@ def area_changes(pair: TwoPeriods) -> Mapping[str | None, AreaChanges]:
     areas: list[Area | None] = [*pair.data.areas, None]
     floor = _changes(pair, pair.now.whole, pair.data.floor)
     keys = [None if area is None else area.area_id for area in areas]
-    found = [_changes(pair, pair.now.area(key), area) for key, area in zip(keys, areas, strict=True)]
+    changes = [_changes(pair, pair.now.area(key), area) for key, area in zip(keys, areas, strict=True)]
     settings = pair.data.site.settings
     for names in FAMILIES:
         judged = judge_family(
-            [(getattr(floor, name), [getattr(area, name) for area in found]) for name in names],
+            [(getattr(floor, name), [getattr(area, name) for area in changes]) for name in names],
             confidence=settings.confidence,
             about_same_share=settings.about_same_share,
         )
         for name, verdicts in zip(names, judged, strict=True):
-            found = [
+            changes = [
                 replace(area, **{name: replace(getattr(area, name), verdict=own.verdict)})
-                for area, own in zip(found, verdicts, strict=True)
+                for area, own in zip(changes, verdicts, strict=True)
             ]
-    return dict(zip(keys, found, strict=True))
+    return dict(zip(keys, changes, strict=True))
 
 
 def _changes(pair: TwoPeriods, place: Place, where: Floor | Area | None) -> AreaChanges:

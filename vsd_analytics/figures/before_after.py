@@ -201,25 +201,25 @@ def before_after(
         )
     area = known_area(site, area_id or str(entry.area_id))
     data = FloorHours(warehouse, floor=known_floor(site, None, [area]))
-    found = _compared(data, entry, area, number=number, weeks=weeks)
-    is_open = found.outcome in UNDECIDED and found.state != "not_measurable"
-    return replace(found, foreseen=foreseen(data, area, entry)) if is_open else found
+    figure = _compared(data, entry, area, number=number, weeks=weeks)
+    is_open = figure.outcome in UNDECIDED and figure.state != "not_measurable"
+    return replace(figure, foreseen=foreseen(data, area, entry)) if is_open else figure
 
 
 def _compared(data: FloorHours, entry: LogEntry, area: Area, *, number: int, weeks: int) -> BeforeAfterFigure:
     """Return what a change did, by the weeks stored so far."""
     site = data.site
     windows, why = windows_of(data.warehouse, entry, area_id=area.area_id, weeks=weeks)
-    made = BeforeAfterFigure(
+    base = BeforeAfterFigure(
         number, entry.at, entry.text, area.area_id, area.name, "not_enough_data", why, "beside", is_credible=False
     )
     if windows is None:
-        return made
-    made = replace(made, windows=windows)
+        return base
+    base = replace(base, windows=windows)
     pair = TwoPeriods(Period(data, *windows.before), Period(data, *windows.after))
     state, why = _guard(pair, area)
     if state != "ok":
-        return replace(made, state=state, reason=why)
+        return replace(base, state=state, reason=why)
     since_trend = windows.trend[0], windows.after[1]
     chosen, left_out = comparison_areas(data, area, since_trend, why_not=partial(_why_no_comparison, pair))
     doubts, elsewhere = doubts_and_cautions(data, entry, area, windows, cameras=_cameras(pair, area))
@@ -229,9 +229,9 @@ def _compared(data: FloorHours, entry: LogEntry, area: Area, *, number: int, wee
     notes = (few,) if windows.n_weeks < weeks else ()
     if not chosen:
         if (why := _too_few(alone, site.settings)) is not None:
-            return replace(made, reason=why)
+            return replace(base, reason=why)
         return replace(
-            made, state="ok", reason=None, design="alone", outcome="alone", alone=alone, people=people,
+            base, state="ok", reason=None, design="alone", outcome="alone", alone=alone, people=people,
             doubts=(Reason("logged_change.weak"), *doubts), floor=floor_effect(data, area, windows),
             cautions=tuple(elsewhere),
             neighbours=_neighbours(pair, area, []),
@@ -247,7 +247,7 @@ def _compared(data: FloorHours, entry: LogEntry, area: Area, *, number: int, wee
         close = _effect(pair, place, others, windows=windows, times=times)
     whole, so_far = floor_effect(data, area, windows), running(data, area, chosen, windows)
     if effect.value is None and violation_rate.value is None:
-        return replace(made, reason=effect.reason, areas_left_out=tuple(left_out.items()))
+        return replace(base, reason=effect.reason, areas_left_out=tuple(left_out.items()))
     trend = effect.trend or violation_rate.trend
     if trend is not None and not trend.is_flat:
         doubts = [Reason("logged_change.trend", per_week=trend.value, lo=trend.lo, hi=trend.hi), *doubts]
@@ -257,8 +257,8 @@ def _compared(data: FloorHours, entry: LogEntry, area: Area, *, number: int, wee
     doubts = [*doubts, doubt] if doubt is not None else doubts
     if so_far is not None and so_far.is_counted:
         doubts = [*doubts, *cut_doubts(data, windows, cameras=_cameras(pair, area))]
-    found = replace(
-        made, state="ok", reason=None, is_credible=not doubts, doubts=tuple(doubts),
+    figure = replace(
+        base, state="ok", reason=None, is_credible=not doubts, doubts=tuple(doubts),
         cautions=_cautions(burden or effect, whole, windows, [*unsteady, *elsewhere]),
         burden=burden, close=close, routes=_routes(burden, close), running=so_far,
         floor=whole, effect=effect, violation_rate=violation_rate, alone=alone,
@@ -268,8 +268,8 @@ def _compared(data: FloorHours, entry: LogEntry, area: Area, *, number: int, wee
         taken_up=moved(data, area, chosen, windows), risers=receivers(data, area, chosen, windows, of=timed),
         receivers=receivers(data, area, chosen, windows, of=peopled),
     )  # fmt: skip
-    said, not_yet = outcome(found)
-    return replace(found, outcome=said, not_yet=not_yet)
+    area_outcome, not_yet = outcome(figure)
+    return replace(figure, outcome=area_outcome, not_yet=not_yet)
 
 
 def _guard(pair: TwoPeriods, area: Area) -> tuple[State, Reason | None]:
@@ -360,18 +360,18 @@ def _cautions(
     effect: test.BeforeAfter, floor: FloorEffect | None, windows: Windows, elsewhere: Sequence[Reason]
 ) -> tuple[Reason, ...]:
     """Return what the data could not rule out."""
-    found = list(elsewhere)
+    cautions = list(elsewhere)
     trend = effect.trend
     if trend is not None and trend.detectable_per_week is not None and effect.value:
         apart_weeks = (windows.after[0] - windows.before[0]).days / 7
         if abs(np.log(effect.value)) < apart_weeks * np.log1p(trend.detectable_per_week):
             slope = trend.detectable_per_week
-            found.append(Reason("logged_change.unseen_trend", per_week=slope, n=trend.n_weeks))
+            cautions.append(Reason("logged_change.unseen_trend", per_week=slope, n=trend.n_weeks))
     if effect.value is not None and 1 < effect.n_areas < test.MIN_PLACEBO_AREAS:
-        found.append(Reason("logged_change.few_areas", n=effect.n_areas, least=test.MIN_PLACEBO_AREAS))
+        cautions.append(Reason("logged_change.few_areas", n=effect.n_areas, least=test.MIN_PLACEBO_AREAS))
     if floor is not None and effect.verdict == "clear_fall" and (floor.moved_elsewhere or 0.0) >= MOSTLY_MOVED:
-        found.append(Reason("logged_change.moved_elsewhere", share=min(1.0, floor.moved_elsewhere or 0.0)))
-    return tuple(found)
+        cautions.append(Reason("logged_change.moved_elsewhere", share=min(1.0, floor.moved_elsewhere or 0.0)))
+    return tuple(cautions)
 
 
 def _neighbours(pair: TwoPeriods, area: Area, others: Sequence[Place]) -> Neighbours | None:

@@ -55,11 +55,11 @@ def area_borders(site: Site, *, at_ms: int) -> tuple[AreaBorder, ...]:
     middles = (np.column_stack((cx, cy)) + 0.5) * FLOOR_CELL_M
     views = {floor.floor_id: _views(site, floor.floor_id, at_ms=at_ms) for floor in site.floors}
     bounds = {floor.floor_id: camera_views.plan_bounds(floor) for floor in site.floors}
-    found = []
+    borders = []
     for area in site.areas:
         seen, own = views[area.floor_id], middles[ids == area.area_id]
         if seen is None or not len(own):
-            found.append(AreaBorder(area.area_id, None, None, UNKNOWN if seen is None else None))
+            borders.append(AreaBorder(area.area_id, None, None, UNKNOWN if seen is None else None))
             continue
         around = camera_views.seen_share(
             own, views=seen, radius_m=site.settings.distance_m, bounds=bounds[area.floor_id]
@@ -67,13 +67,13 @@ def area_borders(site: Site, *, at_ms: int) -> tuple[AreaBorder, ...]:
         share = float(np.mean(around < SEEN_SHARE))
         is_border = share > BORDER_SHARE
         note = Reason("border.risk_low", share=share)
-        found.append(AreaBorder(area.area_id, share, is_border, note if is_border else None))
-    return tuple(found)
+        borders.append(AreaBorder(area.area_id, share, is_border, note if is_border else None))
+    return tuple(borders)
 
 
 def _views(site: Site, floor_id: str, *, at_ms: int) -> list[Polygon] | None:
     """Return what the cameras of a floor see, or None when that is unknown of one."""
-    found = []
+    views = []
     for camera in site.cameras:
         first_ms, end_ms = camera_life(site, camera)
         if camera.floor_id == floor_id and first_ms <= at_ms < end_ms:
@@ -81,5 +81,5 @@ def _views(site: Site, floor_id: str, *, at_ms: int) -> list[Polygon] | None:
             view = camera_views.view_polygon(camera, calibration=calibrations[0] if calibrations else None)
             if view is None:
                 return None
-            found.append(view)
-    return found
+            views.append(view)
+    return views

@@ -81,19 +81,19 @@ def watch(data: FloorHours, reference: Days, watched: Days) -> tuple[CameraWatch
     share = shares(people, is_counted, n_reference=n_reference)
     known = is_watched(share, n_reference=n_reference)
     few = Reason("watch.weeks", least=MIN_REFERENCE)
-    found = []
+    watches = []
     for k, drift in enumerate(drifts(share, n_reference=n_reference)):
         camera = data.cameras[k]
         if not known[k]:
-            found.append(CameraWatch(camera.camera_id, camera.name, None, reason=few))
+            watches.append(CameraWatch(camera.camera_id, camera.name, None, reason=few))
         elif drift is None:
-            found.append(CameraWatch(camera.camera_id, camera.name, "steady"))
+            watches.append(CameraWatch(camera.camera_id, camera.name, "steady"))
         else:
             verdict: Literal["loses", "gains"] = "loses" if drift.change < 0 else "gains"
             since = watched[0] + drift.since * WEEK
             why = Reason(f"watch.{verdict}", camera=camera.name, beside=_beside(data, k), day=str(since))
-            found.append(CameraWatch(camera.camera_id, camera.name, verdict, since, drift.change, why))
-    return tuple(found)
+            watches.append(CameraWatch(camera.camera_id, camera.name, verdict, since, drift.change, why))
+    return tuple(watches)
 
 
 def watch_days(site: Site, until: date) -> tuple[Days, Days] | None:
@@ -125,7 +125,7 @@ def floor_watch(site: Site, floor: Floor, until: date) -> tuple[CameraWatch, ...
         return watch(FloorHours(warehouse, floor=floor), *spans)
 
 
-def watch_rows(found: Sequence[CameraWatch]) -> list[Row]:
+def watch_rows(watches: Sequence[CameraWatch]) -> list[Row]:
     """Return the rows of `camera_watch`: by camera its verdict, since when, and the change of its people."""
     return [
         {
@@ -135,13 +135,13 @@ def watch_rows(found: Sequence[CameraWatch]) -> list[Row]:
             "since": c.since,
             "people_change": Value(c.change) if c.change is not None else Value.missing(c.reason or STEADY),
         }
-        for c in found
+        for c in watches
     ]
 
 
-def watch_notes(found: Sequence[CameraWatch]) -> tuple[tuple[int | None, Reason], ...]:
+def watch_notes(watches: Sequence[CameraWatch]) -> tuple[tuple[int | None, Reason], ...]:
     """Return the sentences on the cameras by row."""
-    return tuple((k, c.reason) for k, c in enumerate(found) if c.reason is not None)
+    return tuple((k, c.reason) for k, c in enumerate(watches) if c.reason is not None)
 
 
 def _beside(data: FloorHours, camera: int) -> Reason:

@@ -71,9 +71,9 @@ class CellHours:
     def summed(self, values: Floats, by: Ints | None = None, n: int = 1) -> Floats:
         """Return sums by cell, shape of the grid; with `by`, below n, one map of each: shape (n, ...)."""
         assert self.grid is not None
-        made = np.zeros((n, *self.grid.shape))
-        np.add.at(made.reshape(-1), self.cell if by is None else by * made[0].size + self.cell, values)
-        return made if by is not None else made[0]
+        sums = np.zeros((n, *self.grid.shape))
+        np.add.at(sums.reshape(-1), self.cell if by is None else by * sums[0].size + self.cell, values)
+        return sums if by is not None else sums[0]
 
     def where(self, kept: Flags) -> CellHours:
         """Return some of the rows, of the same camera-hours and grid."""
@@ -137,8 +137,8 @@ def cell_hours(
     grid = grid_over(rows["cx"].to_numpy(), rows["cy"].to_numpy(), floor=floor, cell_m=cell_m)
     if isinstance(grid, Reason):
         return without("not_measurable", grid)
-    found = on_grid(grid, chosen, rows, is_everything=is_everything)
-    return found if len(found.hour) else without("not_enough_data", Reason("nobody.on_plan"))
+    hours = on_grid(grid, chosen, rows, is_everything=is_everything)
+    return hours if len(hours.hour) else without("not_enough_data", Reason("nobody.on_plan"))
 
 
 def on_grid(grid: Grid, used: pa.Table, rows: pa.Table, *, is_everything: bool) -> CellHours:
@@ -226,8 +226,8 @@ def _keyed(used: pa.Table, *names: str) -> tuple[Ints, int]:
     number, n = np.zeros(used.num_rows, dtype=np.int64), 1
     for name in names:
         values, place = np.unique(used[name].to_numpy(), return_inverse=True)
-        found, number = np.unique(number * len(values) + place, return_inverse=True)
-        n = len(found)
+        keys, number = np.unique(number * len(values) + place, return_inverse=True)
+        n = len(keys)
     return number, n
 
 

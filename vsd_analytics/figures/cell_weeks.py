@@ -72,9 +72,9 @@ class CellWeeks:
         ends = self._asked(_ENDS, self._used).to_pylist()[0] if self._used.num_rows else {"x0": None}
         if ends["x0"] is None:
             return None
-        x, y = (np.array([ends[f"{of}0"], ends[f"{of}1"]], dtype=np.int64) for of in "xy")
-        found = grid_over(x, y, floor=self._floor, cell_m=SIDE_M)
-        return None if isinstance(found, Reason) else found
+        x, y = (np.array([ends[f"{axis}0"], ends[f"{axis}1"]], dtype=np.int64) for axis in "xy")
+        grid = grid_over(x, y, floor=self._floor, cell_m=SIDE_M)
+        return None if isinstance(grid, Reason) else grid
 
     def _asked(self, query: str, used: pa.Table) -> pa.Table:
         """Return the rows of a query of camera-hours, and read no files of other days."""
@@ -85,13 +85,13 @@ class CellWeeks:
     def _pieces(self) -> list[tuple[int, int]]:
         """Return runs of whole days as first camera-hour and the one after the last."""
         _, starts = np.unique(self._days(), return_index=True)
-        found: list[tuple[int, int]] = []
+        pieces: list[tuple[int, int]] = []
         for start, end in zip(starts.tolist(), [*starts[1:].tolist(), self._used.num_rows], strict=True):
-            if found and end - found[-1][0] <= PIECE_HOURS:
-                found[-1] = (found[-1][0], end)
+            if pieces and end - pieces[-1][0] <= PIECE_HOURS:
+                pieces[-1] = (pieces[-1][0], end)
             else:
-                found.append((start, end))
-        return found
+                pieces.append((start, end))
+        return pieces
 
     def _days(self) -> NDArray[np.datetime64]:
         return np.asarray(self._used["local_date"].to_numpy(), dtype="datetime64[D]")

@@ -108,7 +108,7 @@ PLANNED: Final = (
 
 
 def change_answers(
-    found: BeforeAfterFigure, scored: PlanScore | None, site: Site, *, inputs: str
+    figure: BeforeAfterFigure, scored: PlanScore | None, site: Site, *, inputs: str
 ) -> tuple[Answer, ...]:
     """Return what a logged change did as tables (M27), exact: for the operator.
 
@@ -122,83 +122,83 @@ def change_answers(
     `plan_score`: how a plan came out.
 
     Args:
-        found: The change.
+        figure: The change.
         scored: Its plan; None without one.
         site: The site.
         inputs: Hash of the facts.
     """
-    day = found.at.astimezone(site.zone).date()
-    windows = found.windows
+    day = figure.at.astimezone(site.zone).date()
+    windows = figure.windows
     first, last = (day, day) if windows is None else (min(day, windows.trend[0]), max(day, windows.watched[1]))
-    floor_id = next((a.floor_id for a in site.areas if a.area_id == found.area_id), None)
+    floor_id = next((a.floor_id for a in site.areas if a.area_id == figure.area_id), None)
     holds = HoldsFor(site.site_id, floor_id, first, last, settings=site.settings.settings_id(), inputs=inputs)
-    why = None if found.state == "ok" else lack(found.state, found.reason)
+    why = None if figure.state == "ok" else lack(figure.state, figure.reason)
     answers = [
-        Answer("logged_change", CHANGE, (_entry(found, site),), holds, notes=tuple((None, n) for n in _notes(found))),
-        _answer("change_effects", EFFECTS, _effects(found), holds, why or _why_alone(found)),
-        _answer("change_so_far", SO_FAR, _so_far(found), holds, why or _why_alone(found)),
-        _answer("change_parts", PARTS, _parts(found), holds, why),
-        _answer("change_receivers", RECEIVERS, _receivers(found), holds, why or Value.missing(NO_RECEIVER)),
-        _answer("change_places", PLACES, _places(found), holds, why),
+        Answer("logged_change", CHANGE, (_entry(figure, site),), holds, notes=tuple((None, n) for n in _notes(figure))),
+        _answer("change_effects", EFFECTS, _effects(figure), holds, why or _why_alone(figure)),
+        _answer("change_so_far", SO_FAR, _so_far(figure), holds, why or _why_alone(figure)),
+        _answer("change_parts", PARTS, _parts(figure), holds, why),
+        _answer("change_receivers", RECEIVERS, _receivers(figure), holds, why or Value.missing(NO_RECEIVER)),
+        _answer("change_places", PLACES, _places(figure), holds, why),
     ]
-    if found.foreseen is not None:
-        answers.append(_foreseen(found, found.foreseen, site, holds))
+    if figure.foreseen is not None:
+        answers.append(_foreseen(figure, figure.foreseen, site, holds))
     if scored is not None:
         answers.append(Answer("plan_score", PLANNED, (_score(scored),), holds))
     return tuple(answers)
 
 
 def _answer(name: str, columns: Sequence[Column], rows: Iterable[Row], holds: HoldsFor, why: Value | None) -> Answer:
-    made = tuple(rows)
-    if made or why is None:
-        return Answer(name, tuple(columns), made, holds)
+    all_rows = tuple(rows)
+    if all_rows or why is None:
+        return Answer(name, tuple(columns), all_rows, holds)
     return Answer(name, tuple(columns), (), holds, nothing=why.reason, state=why.state)
 
 
-def _why_alone(found: BeforeAfterFigure) -> Value | None:
-    return Value.missing(Reason("logged_change.alone")) if found.design == "alone" else None
+def _why_alone(figure: BeforeAfterFigure) -> Value | None:
+    return Value.missing(Reason("logged_change.alone")) if figure.design == "alone" else None
 
 
-def _entry(found: BeforeAfterFigure, site: Site) -> Row:
-    windows, names = found.windows, {a.area_id: a.name for a in site.areas}
+def _entry(figure: BeforeAfterFigure, site: Site) -> Row:
+    windows, names = figure.windows, {a.area_id: a.name for a in site.areas}
     spans: dict[str, tuple[date, date] | None] = {"before": None, "after": None, "left_out": None}
     if windows is not None:
         spans = {"before": windows.before, "after": windows.after, "left_out": windows.left_out}
     return {
-        "entry": found.number,
-        "at": found.at.astimezone(site.zone),
-        "text": found.text,
-        "area_id": found.area_id,
-        "name": found.area_name,
-        "design": found.design,
-        "outcome": found.outcome,
-        "is_credible": found.is_credible if found.state == "ok" else None,
+        "entry": figure.number,
+        "at": figure.at.astimezone(site.zone),
+        "text": figure.text,
+        "area_id": figure.area_id,
+        "name": figure.area_name,
+        "design": figure.design,
+        "outcome": figure.outcome,
+        "is_credible": figure.is_credible if figure.state == "ok" else None,
         **{f"{when}_first": None if days is None else days[0] for when, days in spans.items()},
         **{f"{when}_last": None if days is None else days[1] for when, days in spans.items()},
         "n_weeks_each_side": None if windows is None else windows.n_weeks,
-        "comparison_area_ids": found.comparison_areas,
-        "comparison_names": tuple(names[area_id] for area_id in found.comparison_areas),
+        "comparison_area_ids": figure.comparison_areas,
+        "comparison_names": tuple(names[area_id] for area_id in figure.comparison_areas),
     }
 
 
-def _notes(found: BeforeAfterFigure) -> list[Reason]:
+def _notes(figure: BeforeAfterFigure) -> list[Reason]:
     """Return what a reader must know: why there is no effect, doubts, cautions, areas left out, what must hold."""
-    notes = [] if found.state == "ok" or found.reason is None else [found.reason]
-    notes += [] if found.not_yet is None else [Reason("logged_change.not_yet", why=found.not_yet)]
-    notes += [Reason("logged_change.doubt", why=doubt) for doubt in found.doubts]
-    notes += [Reason("logged_change.caution", why=caution) for caution in found.cautions]
-    if found.effect is not None:
+    notes = [] if figure.state == "ok" or figure.reason is None else [figure.reason]
+    notes += [] if figure.not_yet is None else [Reason("logged_change.not_yet", why=figure.not_yet)]
+    notes += [Reason("logged_change.doubt", why=doubt) for doubt in figure.doubts]
+    notes += [Reason("logged_change.caution", why=caution) for caution in figure.cautions]
+    if figure.effect is not None:
         notes.append(Reason("logged_change.rises"))
-    notes += [Reason("logged_change.left_out", area=area_id, why=why) for area_id, why in found.areas_left_out]
-    return [*notes, *found.notes, *(Reason("logged_change.holds_if", what=what) for what in found.assumptions)]
+    notes += [Reason("logged_change.left_out", area=area_id, why=why) for area_id, why in figure.areas_left_out]
+    return [*notes, *figure.notes, *(Reason("logged_change.holds_if", what=what) for what in figure.assumptions)]
 
 
-def _effects(found: BeforeAfterFigure) -> Iterable[Row]:
+def _effects(figure: BeforeAfterFigure) -> Iterable[Row]:
     effects = (
-        ("close_min_per_open_h", found.burden),
-        ("close_time_share", found.close),
-        ("violations_per_open_h", found.violation_rate),
-        ("violations_per_person_h", found.effect),
+        ("close_min_per_open_h", figure.burden),
+        ("close_time_share", figure.close),
+        ("violations_per_open_h", figure.violation_rate),
+        ("violations_per_person_h", figure.effect),
     )
     for name, effect in effects:
         if effect is None:
@@ -228,8 +228,8 @@ def _range(change: Value, effect: BeforeAfter, part: str) -> Value:
     return Value(change.value, lo - 1, hi - 1)
 
 
-def _so_far(found: BeforeAfterFigure) -> Iterable[Row]:
-    so_far: RunningVerdict | None = found.running
+def _so_far(figure: BeforeAfterFigure) -> Iterable[Row]:
+    so_far: RunningVerdict | None = figure.running
     if so_far is None:
         return
     reason = so_far.reason or Reason("logged_change.any_effect")
@@ -250,38 +250,38 @@ def _so_far(found: BeforeAfterFigure) -> Iterable[Row]:
         "without_most": known(max(without, default=None), reason),
         "n_weeks_after": so_far.n_weeks,
         "n_reference_weeks": so_far.n_reference,
-        "taken_up_share": known(None if found.taken_up is None else found.taken_up.share, so_far.reason or _NO_FALL),
+        "taken_up_share": known(None if figure.taken_up is None else figure.taken_up.share, so_far.reason or _NO_FALL),
     }
 
 
-def _parts(found: BeforeAfterFigure) -> Iterable[Row]:
+def _parts(figure: BeforeAfterFigure) -> Iterable[Row]:
     def row(whole: str, part: str, change: Value) -> Row:
         return {"whole": whole, "part": part, "part_change": change}
 
-    if found.routes is not None and found.burden is not None and found.burden.value is not None:
-        yield row("area", "people", Value(found.routes.people))
-        yield row("area", "closeness", Value(found.routes.closeness))
-    if found.floor is not None:
-        net = found.floor.net
+    if figure.routes is not None and figure.burden is not None and figure.burden.value is not None:
+        yield row("area", "people", Value(figure.routes.people))
+        yield row("area", "closeness", Value(figure.routes.closeness))
+    if figure.floor is not None:
+        net = figure.floor.net
         yield row("floor", "floor", relative(net, reason=_FEW))
-        own = net.contributions[found.floor.places.index(found.area_id)] if net.value is not None else None
+        own = net.contributions[figure.floor.places.index(figure.area_id)] if net.value is not None else None
         yield row("floor", "area", known(own, net.reason or _FEW, net.state))
         rest = None if own is None or net.value is None else net.value - 1 - own
         yield row("floor", "rest", known(rest, net.reason or _FEW, net.state))
 
 
-def _places(found: BeforeAfterFigure) -> Iterable[Row]:
-    near = found.neighbours
+def _places(figure: BeforeAfterFigure) -> Iterable[Row]:
+    near = figure.neighbours
     places: tuple[tuple[str, ChangeEstimate | None, ChangeEstimate | None], ...] = (
-        ("area", found.alone, found.people),
-        ("comparison", found.comparison, None),
+        ("area", figure.alone, figure.people),
+        ("comparison", figure.comparison, None),
         ("around", None if near is None else near.encounter_rate, None if near is None else near.people),
     )
     itself = Reason("logged_change.itself")
     for place, rate, people in places:
         if rate is None:
             continue
-        beside = found.effect if place == "area" else near.effect if near and place == "around" else None
+        beside = figure.effect if place == "area" else near.effect if near and place == "around" else None
         why_none = itself if place == "comparison" else Reason("logged_change.alone")
         yield {
             "place": place,
@@ -291,13 +291,13 @@ def _places(found: BeforeAfterFigure) -> Iterable[Row]:
         }
 
 
-def _receivers(found: BeforeAfterFigure) -> Iterable[Row]:
-    for area in found.receivers:
+def _receivers(figure: BeforeAfterFigure) -> Iterable[Row]:
+    for area in figure.receivers:
         more = Value(area.more, area.lo, area.hi)
         yield {"area_id": area.area_id, "name": area.name, "received_people_change": more}
 
 
-def _foreseen(found: BeforeAfterFigure, plan: ExperimentPlan, site: Site, holds: HoldsFor) -> Answer:
+def _foreseen(figure: BeforeAfterFigure, plan: ExperimentPlan, site: Site, holds: HoldsFor) -> Answer:
     """Return by which day a change will be clear; its notes say why areas do not serve, where none does."""
     why = None if plan.state == "ok" else lack(plan.state, plan.reason)
     rows: list[Row] = [
@@ -306,7 +306,7 @@ def _foreseen(found: BeforeAfterFigure, plan: ExperimentPlan, site: Site, holds:
             "power_asked": Value(plan.power),
             "weeks_after": known(way.weeks_after, Reason("logged_change.more_weeks", most=plan.weeks_max)),
             "power_then": Value(way.power),
-            "clear_by": clear_by(found, site),
+            "clear_by": clear_by(figure, site),
         }
         for way in plan.choices[:1]
     ]

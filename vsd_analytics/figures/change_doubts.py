@@ -46,8 +46,8 @@ def doubts_and_cautions(
 def cut_doubts(data: FloorHours, windows: Windows, *, cameras: Collection[str]) -> list[Reason]:
     """Return the doubt of a verdict that rests on counts: its cameras' tracker cuts another share of ids."""
     sides = [cut_ids(data, days, cameras) for days in (windows.trend, windows.watched)]
-    found = changed_cut_share(sides[0], sides[1])
-    return [] if found is None else [Reason("compare.cut_ids", before=found.before, now=found.now)]
+    cut_shares = changed_cut_share(sides[0], sides[1])
+    return [] if cut_shares is None else [Reason("compare.cut_ids", before=cut_shares.before, now=cut_shares.now)]
 
 
 def _frame_rates(data: FloorHours, cameras: Collection[str], windows: Windows) -> Iterator[Reason]:

@@ -19,7 +19,7 @@ MOSTLY_MOVED: Final = 0.5
 """A fall of which the rest of the floor took up this part has moved rather than gone."""
 
 
-def outcome(found: BeforeAfterFigure) -> tuple[Outcome, Reason | None]:
+def outcome(figure: BeforeAfterFigure) -> tuple[Outcome, Reason | None]:
     """Return what may be said of a logged change of an area, and why a fall is not said to work.
 
     All of it follows from the running verdict beside areas that were left alone. A clear fall "works" after at least
@@ -28,14 +28,14 @@ def outcome(found: BeforeAfterFigure) -> tuple[Outcome, Reason | None]:
     area's fall, nor the two places that have most more beside the areas left alone have half of it. It "moved" where
     they have and one of them clearly rose. Else it "fell", or is "doubtful" where something speaks against it.
     """
-    running = found.running
-    if found.state == "ok" and found.design == "alone":
+    running = figure.running
+    if figure.state == "ok" and figure.design == "alone":
         return "alone", None
-    if found.state != "ok" or running is None or running.value is None:
+    if figure.state != "ok" or running is None or running.value is None:
         return "too_early", None
     match running.verdict:
         case "clear_fall":
-            return _of_a_fall(found, running)
+            return _of_a_fall(figure, running)
         case "clear_rise":
             return "rose", None
         case "about_same":
@@ -44,14 +44,14 @@ def outcome(found: BeforeAfterFigure) -> tuple[Outcome, Reason | None]:
             return "cannot_tell", None
 
 
-def _of_a_fall(found: BeforeAfterFigure, running: RunningVerdict) -> tuple[Outcome, Reason | None]:
-    floor = found.floor
-    is_shown = found.is_credible and not found.doubts and (running.e_value or 0.0) >= WORKS_E
+def _of_a_fall(figure: BeforeAfterFigure, running: RunningVerdict) -> tuple[Outcome, Reason | None]:
+    floor = figure.floor
+    is_shown = figure.is_credible and not figure.doubts and (running.e_value or 0.0) >= WORKS_E
     if not is_shown or floor is None or floor.net.verdict == "clear_rise":
         return "doubtful", None
-    taken = found.taken_up
+    taken = figure.taken_up
     share = None if taken is None else taken.share
-    if share is not None and share >= MOSTLY_MOVED and found.risers:
+    if share is not None and share >= MOSTLY_MOVED and figure.risers:
         return "moved", None
     if share is None or share >= MOSTLY_MOVED or (floor.moved_elsewhere or 0.0) >= MOSTLY_MOVED:
         return "fell", Reason("logged_change.not_yet_gone")

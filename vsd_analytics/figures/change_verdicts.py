@@ -137,7 +137,7 @@ def receivers(
     changed = changed_areas(data.site, windows.trend[0], windows.watched[1])
     rest = [a for a in data.areas if a.area_id != area.area_id]
     confidence = 1 - (1 - data.site.settings.confidence) / max(1, len(rest))
-    found = []
+    risen_areas = []
     for place in rest:
         beside = [a for a in left if a is not place]
         if not beside or place.area_id in changed:
@@ -146,8 +146,10 @@ def receivers(
         before, after = (area_weeks(data, ids, span, of=of) for span in (windows.trend, windows.watched))
         more = verdict_of_weeks(before, after, confidence=confidence)
         if more.verdict == "clear_rise" and more.value is not None:
-            found.append(Receiver(place.area_id, place.name, more.value - 1, _less_one(more.lo), _less_one(more.hi)))
-    return tuple(sorted(found, key=lambda r: -r.more))
+            risen_areas.append(
+                Receiver(place.area_id, place.name, more.value - 1, _less_one(more.lo), _less_one(more.hi))
+            )
+    return tuple(sorted(risen_areas, key=lambda r: -r.more))
 
 
 def _less_one(ratio: float | None) -> float | None:
@@ -160,22 +162,22 @@ def left_alone(data: FloorHours, others: Sequence[Area], windows: Windows) -> li
     return [a for a in others if a.area_id not in changed]
 
 
-def rests_on(found: RunningVerdict | None, left: Sequence[Area]) -> tuple[Reason | None, list[Reason]]:
+def rests_on(so_far: RunningVerdict | None, left: Sequence[Area]) -> tuple[Reason | None, list[Reason]]:
     """Return how far a running verdict rests on a single comparison area: as a doubt, and as cautions.
 
     It is a doubt where the area would not have changed, or the other way, beside the others.
     """
     if len(left) == 1:
         return None, [Reason("logged_change.one_area", area=left[0].name)]
-    if found is None or found.all_value is None:
+    if so_far is None or so_far.all_value is None:
         return None, []
-    if (k := found.rests_on) is not None and (theta := found.without[k]) is not None:
-        is_turned = found.unclear_without is not None and (theta < 1) != (found.all_value < 1)
+    if (k := so_far.rests_on) is not None and (theta := so_far.without[k]) is not None:
+        is_turned = so_far.unclear_without is not None and (theta < 1) != (so_far.all_value < 1)
         code = "logged_change.rests_wholly" if is_turned else "logged_change.rests_on"
-        why = Reason(code, area=left[k].name, without=theta - 1, beside=found.all_value - 1)
+        why = Reason(code, area=left[k].name, without=theta - 1, beside=so_far.all_value - 1)
         return (why, []) if is_turned else (None, [why])
-    if found.unclear_without is not None:
-        return None, [Reason("logged_change.unclear_without", area=left[found.unclear_without].name)]
+    if so_far.unclear_without is not None:
+        return None, [Reason("logged_change.unclear_without", area=left[so_far.unclear_without].name)]
     return None, []
 
 
@@ -203,12 +205,12 @@ def area_weeks(data: FloorHours, places: Sequence[str | None], span: Days, *, of
         of: What is summed: violation time, or people, whose minutes are then what is counted.
     """
     days, summed = days_of(span), of or timed
-    made = [summed(data, place) for place in places]
-    panels = [data.panel(place, days) for place in made]
+    place_sums = [summed(data, place) for place in places]
+    panels = [data.panel(place, days) for place in place_sums]
     time_h, x_h = (by_week(np.array([getattr(p, name).sum(axis=0) for p in panels])) for name in ("n", "x_h"))
     n = 60 * time_h
     if summed is timed:
-        counted = [replace(m, n=data.counted_in(place)[0]) for m, place in zip(made, places, strict=True)]
+        counted = [replace(m, n=data.counted_in(place)[0]) for m, place in zip(place_sums, places, strict=True)]
         n = by_week(np.array([data.panel(place, days).n.sum(axis=0) for place in counted]))
     is_enough = (x_h > 0) & (x_h >= data.site.settings.min_coverage * x_h.max(axis=1, keepdims=True, initial=0.0))
     return AreaWeeks(*(np.where(is_enough, values, 0.0) for values in (time_h, x_h, n)))

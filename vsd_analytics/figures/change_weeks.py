@@ -129,12 +129,12 @@ def left_out_around(site: Site, entry: LogEntry) -> Days:
 
 def changed_areas(site: Site, first: date, last: date) -> dict[str, date]:
     """Return the areas that entries of the log name from one day to another, and when."""
-    found: dict[str, date] = {}
+    changed: dict[str, date] = {}
     for entry in read_log(site):
         day = local_day(site, entry)
         if entry.area_id is not None and first <= day <= last:
-            found.setdefault(entry.area_id, day)
-    return found
+            changed.setdefault(entry.area_id, day)
+    return changed
 
 
 def other_changes(site: Site, entry: LogEntry, area: Area, windows: Windows) -> list[Reason]:
@@ -168,16 +168,16 @@ def events_beside(site: Site, windows: Windows) -> list[Reason]:
 def changes_elsewhere(site: Site, entry: LogEntry, area: Area, windows: Windows) -> list[Reason]:
     """Return what the log says of the whole site and of other areas in the weeks compared, as cautions."""
     names = {a.area_id: a.name for a in site.areas}
-    found = []
+    cautions = []
     for other in _others(site, entry, windows):
         day = str(local_day(site, other))
         if other.area_id is None:
-            found.append(Reason("logged_change.site_wide", day=day))
+            cautions.append(Reason("logged_change.site_wide", day=day))
         elif other.area_id != area.area_id:
-            found.append(
+            cautions.append(
                 Reason("logged_change.change_elsewhere", day=day, area=names.get(other.area_id, other.area_id))
             )
-    return found
+    return cautions
 
 
 def _others(site: Site, entry: LogEntry, windows: Windows) -> list[LogEntry]:

@@ -104,16 +104,18 @@ def counted_floor_m2(period: Period) -> Array:
     cells = next(s.cells for s in spans if s.from_ms <= end_ms - 1 < s.to_ms)
     middles = (np.array([(c.cx, c.cy) for c in cells], dtype=np.float64).reshape(-1, 2) + 0.5) * OWNER_CELL_M
     owner = np.array([c.camera_id for c in cells], dtype=np.str_)
-    found = []
+    counted_m2 = []
     for camera in data.cameras:
         view = view_of(period, camera)
         if view is None:
-            found.append(np.nan)
+            counted_m2.append(np.nan)
             continue
         free = view.difference(fixtures)
         others = middles[owner != camera.camera_id]
-        found.append(free.area - int(shapely.contains_xy(free, others[:, 0], others[:, 1]).sum()) * OWNER_CELL_M**2)
-    return np.array(found, dtype=np.float64)
+        counted_m2.append(
+            free.area - int(shapely.contains_xy(free, others[:, 0], others[:, 1]).sum()) * OWNER_CELL_M**2
+        )
+    return np.array(counted_m2, dtype=np.float64)
 
 
 def runs(positions: Ints, counts: Array, *, mask: Mask) -> list[Ints]:
@@ -141,9 +143,9 @@ def runs(positions: Ints, counts: Array, *, mask: Mask) -> list[Ints]:
 
 
 def _sums(shape: tuple[int, int], at: Sequence[Ints], values: Array) -> Array:
-    made = np.zeros(shape)
-    np.add.at(made, tuple(at), values)
-    return made
+    sums = np.zeros(shape)
+    np.add.at(sums, tuple(at), values)
+    return sums
 
 
 def _missing(state: State, why: Reason) -> CloseByCrowding:

@@ -58,20 +58,20 @@ def close_time_share(period: Period, place: Place, *, has_history: bool = True) 
     if not period.knows(place):
         return NOT_RECORDED
     now, past = (data.panel(place, days) for days in (period.days, period.history_days if has_history else []))
-    found = encounter_rate(
+    estimate = encounter_rate(
         now.n.sum(axis=0),
         now.exposure_h.sum(axis=0),
         min_exposure_h=0.0,
         **settings.for_intervals,
         **history(period, past.n.sum(axis=0), history_exposure_h=past.exposure_h.sum(axis=0)),
     )
-    if found.value is None:
-        return replace(found, reason=Reason("nobody.seen_open"))
-    found = in_units(found, SECONDS, Reason("nobody.close"))
-    if found.lo is not None and found.exposure_h < settings.min_exposure_h:
-        reason = Reason("level.interval_person_hours", least=settings.min_exposure_h, has=found.exposure_h)
-        found = replace(found, lo=None, hi=None, state="not_enough_data", reason=reason)
-    return at_most_one(found)
+    if estimate.value is None:
+        return replace(estimate, reason=Reason("nobody.seen_open"))
+    estimate = in_units(estimate, SECONDS, Reason("nobody.close"))
+    if estimate.lo is not None and estimate.exposure_h < settings.min_exposure_h:
+        reason = Reason("level.interval_person_hours", least=settings.min_exposure_h, has=estimate.exposure_h)
+        estimate = replace(estimate, lo=None, hi=None, state="not_enough_data", reason=reason)
+    return at_most_one(estimate)
 
 
 def close_time_share_by_hour(period: Period) -> Array:
@@ -96,8 +96,8 @@ def burden(period: Period, place: Place) -> RateEstimate:
         return NOT_RECORDED
     now, past = (data.panel(place, days) for days in (period.days, period.history_days))
     rules = data.site.settings.for_intervals
-    found = violation_rate(now.n, now.x_h, **rules, **history(period, past.n, history_x_h=past.x_h))
-    return in_units(found, MINUTES, Reason("nobody.close"))
+    estimate = violation_rate(now.n, now.x_h, **rules, **history(period, past.n, history_x_h=past.x_h))
+    return in_units(estimate, MINUTES, Reason("nobody.close"))
 
 
 def change_close_time_share(pair: TwoPeriods, place: Place) -> ChangeEstimate:
@@ -110,27 +110,27 @@ def change_burden(pair: TwoPeriods, place: Place) -> ChangeEstimate:
     return _change_in_units(change_per_open_hour(pair, _with_known_distances(pair, place)), MINUTES)
 
 
-def in_units(found: RateEstimate, per_unit: float, nothing: Reason) -> RateEstimate:
+def in_units(estimate: RateEstimate, per_unit: float, nothing: Reason) -> RateEstimate:
     """Return an estimate of person-seconds as one of so many seconds each; `nothing` is the reason of a rate of 0."""
-    if found.value is None:
-        return found
-    if found.n_events == 0:
-        return replace(found, lo=None, hi=None, state="ok", reason=nothing)
-    lo, hi = (None if v is None else v / per_unit for v in (found.lo, found.hi))
-    return replace(found, value=found.value / per_unit, lo=lo, hi=hi, n_events=None)
+    if estimate.value is None:
+        return estimate
+    if estimate.n_events == 0:
+        return replace(estimate, lo=None, hi=None, state="ok", reason=nothing)
+    lo, hi = (None if v is None else v / per_unit for v in (estimate.lo, estimate.hi))
+    return replace(estimate, value=estimate.value / per_unit, lo=lo, hi=hi, n_events=None)
 
 
-def at_most_one(found: RateEstimate) -> RateEstimate:
+def at_most_one(estimate: RateEstimate) -> RateEstimate:
     """Return a share that its interval puts at no more than 1."""
-    if found.value is None:
-        return found
-    return replace(found, value=min(1.0, found.value), hi=None if found.hi is None else min(1.0, found.hi))
+    if estimate.value is None:
+        return estimate
+    return replace(estimate, value=min(1.0, estimate.value), hi=None if estimate.hi is None else min(1.0, estimate.hi))
 
 
-def _change_in_units(found: ChangeEstimate, per_unit: float) -> ChangeEstimate:
+def _change_in_units(change: ChangeEstimate, per_unit: float) -> ChangeEstimate:
     """Return a change with its rates in so many person-seconds; what was counted is no number of violations."""
-    rate_a, rate_b = (None if v is None else v / per_unit for v in (found.rate_a, found.rate_b))
-    return replace(found, rate_a=rate_a, rate_b=rate_b, n_a=None, n_b=None)
+    rate_a, rate_b = (None if v is None else v / per_unit for v in (change.rate_a, change.rate_b))
+    return replace(change, rate_a=rate_a, rate_b=rate_b, n_a=None, n_b=None)
 
 
 def _with_known_distances(pair: TwoPeriods, place: Place) -> Place:

@@ -66,16 +66,16 @@ def recalibrations(
         "group by camera_id, calibration_id order by first_ms, calibration_id",
         {"first": first_ms, "end": end_ms},
     )
-    found = []
+    recalibrated = []
     for camera in cameras:
         used = [row for row in rows if row["camera_id"] == camera.camera_id]
         if len(used) > 1:
             old, new = used[-2:]
-            said = [ms for ms, _, c in calibration_spans(camera) if c.calibration_id == new["calibration_id"]]
-            inside = [ms for ms in said if first_ms < ms < end_ms]
+            starts_ms = [ms for ms, _, c in calibration_spans(camera) if c.calibration_id == new["calibration_id"]]
+            inside = [ms for ms in starts_ms if first_ms < ms < end_ms]
             at_ms = inside[-1] if inside else new["first_ms"]
-            found.append(Recalibration(camera.camera_id, old["calibration_id"], new["calibration_id"], at_ms))
-    return found
+            recalibrated.append(Recalibration(camera.camera_id, old["calibration_id"], new["calibration_id"], at_ms))
+    return recalibrated
 
 
 def has_other_owners(warehouse: Warehouse, floor: Floor, *, first_ms: int, end_ms: int) -> bool:
@@ -112,16 +112,16 @@ def other_intervals(
         "where utc_day between $first and $last order by utc_day",
         {"first": first_ms // DAY_MS, "last": (end_ms - 1) // DAY_MS},
     )
-    found = []
+    intervals = []
     for camera in cameras:
         days = [(r["utc_day"], r["interval_ms"]) for r in rows if r["camera_id"] == camera.camera_id]
         for i in range(1, len(days)):
             before = median(ms for _, ms in days[:i])
             if all(abs(ms - before) > INTERVAL_TOLERANCE * before for _, ms in days[i:]):
                 after = median(ms for _, ms in days[i:])
-                found.append(OtherInterval(camera.camera_id, round(before), round(after), days[i][0] * DAY_MS))
+                intervals.append(OtherInterval(camera.camera_id, round(before), round(after), days[i][0] * DAY_MS))
                 break
-    return found
+    return intervals
 
 
 def pair_days(before: Sequence[date], now: Sequence[date]) -> list[tuple[date, date]]:

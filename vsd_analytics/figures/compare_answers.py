@@ -66,7 +66,7 @@ CAUSES: Final = (
 """Columns of `change_causes`."""
 
 
-def compare_answers(found: Comparison, site: Site, *, rest: str, inputs: str) -> tuple[Answer, ...]:
+def compare_answers(comparison: Comparison, site: Site, *, rest: str, inputs: str) -> tuple[Answer, ...]:
     """Return two periods of a floor as tables, with every count exact: for the operator.
 
     `compared_periods`: days and recorded hours of each; pair-hours too close and in view together, and what layout and
@@ -76,25 +76,25 @@ def compare_answers(found: Comparison, site: Site, *, rest: str, inputs: str) ->
     add up to its change.
 
     Args:
-        found: The comparison.
+        comparison: The comparison.
         site: The site.
         rest: Name of the rest of the floor.
         inputs: Hash of the facts.
     """
-    first, last = min(found.a.first, found.b.first), max(found.a.last, found.b.last)
+    first, last = min(comparison.a.first, comparison.b.first), max(comparison.a.last, comparison.b.last)
     settings = site.settings.settings_id()
-    holds = HoldsFor(site.site_id, found.floor_id, first, last, settings=settings, inputs=inputs)
-    why = None if found.state == "ok" else lack(found.state, found.reason)
-    moved = found.mixing
+    holds = HoldsFor(site.site_id, comparison.floor_id, first, last, settings=settings, inputs=inputs)
+    why = None if comparison.state == "ok" else lack(comparison.state, comparison.reason)
+    moved = comparison.mixing
     sides = (
-        (found.a, "before", None if moved is None else moved.a),
-        (found.b, "after", None if moved is None else moved.b),
+        (comparison.a, "before", None if moved is None else moved.a),
+        (comparison.b, "after", None if moved is None else moved.b),
     )
     periods = tuple(_period(seen, name, mixing, why=why) for seen, name, mixing in sides)
-    notes = tuple((None, note) for note in _notes(found))
+    notes = tuple((None, note) for note in _notes(comparison))
     return (
         Answer("compared_periods", PERIODS, periods, holds, notes=notes),
-        _answer("compared_places", PLACES, [_place(p, rest) for p in found.places], holds, why=why),
+        _answer("compared_places", PLACES, [_place(p, rest) for p in comparison.places], holds, why=why),
         _causes(moved, holds, why=why),
     )
 
@@ -181,13 +181,13 @@ def _count(rate: RateEstimate) -> Value:
     return known(rate.n_events, rate.reason or Reason("change.few"), rate.state)
 
 
-def _causes(found: MixingChange | None, holds: HoldsFor, *, why: Value | None) -> Answer:
+def _causes(mixing: MixingChange | None, holds: HoldsFor, *, why: Value | None) -> Answer:
     """Return by how much each cause moved the time that pairs spend too close; the first row is that time itself."""
-    if why is None and (found is None or found.state != "ok" or found.close is None):
-        why = lack("ok" if found is None else found.state, None if found is None else found.reason)
-    if why is not None or found is None or found.close is None:
+    if why is None and (mixing is None or mixing.state != "ok" or mixing.close is None):
+        why = lack("ok" if mixing is None else mixing.state, None if mixing is None else mixing.reason)
+    if why is not None or mixing is None or mixing.close is None:
         return _answer("change_causes", CAUSES, (), holds, why=why)
-    reason, no_shares = found.reason or Reason("change.few"), Reason("change.no_shares")
+    reason, no_shares = mixing.reason or Reason("change.few"), Reason("change.no_shares")
 
     def row(cause: str, change: Value, part: float | None, share: float | None, verdict: str | None = None) -> Row:
         return {
@@ -201,29 +201,29 @@ def _causes(found: MixingChange | None, holds: HoldsFor, *, why: Value | None) -
     def ratio(value: float | None) -> Value:
         return known(None if value is None else value - 1, reason)
 
-    behaviour = found.behaviour
+    behaviour = mixing.behaviour
     rows = (
-        row("close_time", ratio(found.close), found.close - 1, 1.0),
-        row("crowding", ratio(found.crowding), found.crowding_part, found.crowding_share),
-        row("layout", ratio(found.layout), found.layout_part, found.layout_share),
+        row("close_time", ratio(mixing.close), mixing.close - 1, 1.0),
+        row("crowding", ratio(mixing.crowding), mixing.crowding_part, mixing.crowding_share),
+        row("layout", ratio(mixing.layout), mixing.layout_part, mixing.layout_share),
         row(
             "behaviour",
             relative(behaviour, reason=reason),
-            found.behaviour_part,
-            found.behaviour_share,
+            mixing.behaviour_part,
+            mixing.behaviour_share,
             None if behaviour is None else behaviour.verdict,
         ),
     )
     return _answer("change_causes", CAUSES, rows, holds, why=None)
 
 
-def _notes(found: Comparison) -> list[Reason]:
-    notes = list(found.notes)
-    if found.state == "ok":
-        notes.append(Reason("compare.compared", n=found.n_pairs, hours=found.hours_compared))
-        rates = (found.places[0].violation_rate_a, found.places[0].violation_rate_b)
-        if any(round(rate.exposure_h - found.hours_compared, 1) > 0 for rate in rates):
+def _notes(comparison: Comparison) -> list[Reason]:
+    notes = list(comparison.notes)
+    if comparison.state == "ok":
+        notes.append(Reason("compare.compared", n=comparison.n_pairs, hours=comparison.hours_compared))
+        rates = (comparison.places[0].violation_rate_a, comparison.places[0].violation_rate_b)
+        if any(round(rate.exposure_h - comparison.hours_compared, 1) > 0 for rate in rates):
             notes.append(Reason("compare.all_hours"))
-    if found.days_left_out:
-        notes.append(Reason("compare.days_left_out", days=", ".join(map(str, found.days_left_out))))
-    return notes + [Reason("compare.left_out", camera=c, why=why) for c, why in found.cameras_left_out.items()]
+    if comparison.days_left_out:
+        notes.append(Reason("compare.days_left_out", days=", ".join(map(str, comparison.days_left_out))))
+    return notes + [Reason("compare.left_out", camera=c, why=why) for c, why in comparison.cameras_left_out.items()]

@@ -251,17 +251,17 @@ def _value(inputs: FigureInputs, values: _KnownValues, area: Area | None) -> Row
     is_any = bool((data.week() & used).any())
     why = Reason("context.person_hours", least=least) if is_any else Reason("context.hours")
     rate = values.per(sums, person_h, used, least=least, why=why)
-    found = measured(rate)
+    value = measured(rate)
     left_out = data.week() & ~used & (person_h > 0)
     if (hidden := _why_untimed(inputs, area, left_out)) is not None:
-        found = hidden
+        value = hidden
     few = data.people_by_hour[left_out].max(initial=0) if data.mask.is_on else 0
     return {
         "series": values.series.name,
         "area_id": None if area is None else area.area_id,
         "name": data.floor.name if area is None else area.name,
         "value_unit": values.series.unit,
-        "value_per_person_h": found,
+        "value_per_person_h": value,
         "known_share": _known_share(data, used),
         "n_days": rate.n_days,
         "n_people_left_out": Value(float(few)),
@@ -332,13 +332,13 @@ def _change(inputs: FigureInputs, series: ContextSeries, area: Area | None) -> R
             for of_week, week in ((d, data.panel(place, d)) for d in past_week_days(pair) if d[0] >= first)
         ]
         settings = data.site.settings
-        found = change_at_equal_covariate(
+        change = change_at_equal_covariate(
             (before.n, before.x_h), (now.n, now.x_h), covariate.of(paired[0]), covariate.of(paired[1]), effect,
             history=history, about_same_share=settings.about_same_share, **settings.for_intervals,
         )  # fmt: skip
         if pair.cut_shares is not None:
-            found = widened(found, confidence=settings.confidence, about_same_share=settings.about_same_share)
-        equal, verdict = relative(found, reason=effect.reason or Reason("change.not_compared")), found.verdict
+            change = widened(change, confidence=settings.confidence, about_same_share=settings.about_same_share)
+        equal, verdict = relative(change, reason=effect.reason or Reason("change.not_compared")), change.verdict
         plain, plain_verdict = Value(estimate.change, estimate.change_lo, estimate.change_hi), estimate.verdict
         is_used = np.asarray(((before.x_h > 0) & (now.x_h > 0)).any(axis=0))
         series_change, difference = _series_moved(series, covariate, is_used, paired)
@@ -410,9 +410,9 @@ def _usual(
     data, confidence = inputs.data, float(inputs.data.site.settings.confidence)
     if open_holidays(data.site, data.monday):
         return None, None, Reason("context.holiday")
-    since = same_engine_since(data, inputs.found.trend.weeks) or date.min
+    since = same_engine_since(data, inputs.results.trend.weeks) or date.min
     rates, values = [], []
-    for week in inputs.found.trend.weeks[:-1]:
+    for week in inputs.results.trend.weeks[:-1]:
         rate = None if week.violation_rate is None else week.violation_rate.value
         is_hidden = data.hidden_in(week.monday).why_floor is not None
         if rate is None or week.missing or week.monday < since or is_hidden:
@@ -442,7 +442,7 @@ def _mean_z(data: WeekData, covariate: _Covariate, monday: date) -> float | None
 def _usual_cells(plain: UsualRange | None, at_value: UsualRange | None, why: Reason) -> Row:
     ranges = {"usual": plain, "equal_value_usual": at_value}
     return {
-        f"{name}_{end}": known(None if found is None else getattr(found, end), why)
-        for name, found in ranges.items()
+        f"{name}_{end}": known(None if usual is None else getattr(usual, end), why)
+        for name, usual in ranges.items()
         for end in ("lo", "hi")
     }

@@ -65,7 +65,7 @@ def coverage_answers(warehouse: Warehouse, *, until_ms: int | None = None) -> tu
         warehouse: The range.
         until_ms: Hours from this UTC instant on are not over: neither recorded nor missing.
     """
-    found = coverage(warehouse, until_ms=until_ms)
+    recording = coverage(warehouse, until_ms=until_ms)
     site = warehouse.site
     until = None if until_ms is None else datetime.fromtimestamp(until_ms / 1000, site.zone)
     holds = HoldsFor(
@@ -73,12 +73,12 @@ def coverage_answers(warehouse: Warehouse, *, until_ms: int | None = None) -> tu
         settings=site.settings.settings_id(),
         inputs=warehouse.inputs_digest,
     )
-    cameras = found["cameras"]
+    cameras = recording["cameras"]
     whole = {name: sum(c[name] for c in cameras) for name in ("recorded_h", "scheduled_h")}
     of_all: Row = {
         "camera_id": None,
         "name": site.name,
-        **_hours({**whole, "share": found["share"]}, None, warehouse.first, warehouse.last),
+        **_hours({**whole, "share": recording["share"]}, None, warehouse.first, warehouse.last),
     }
     days: list[Row] = [
         {"camera_id": c["camera_id"], "local_date": day, **_hours(d, site.camera(c["camera_id"]), day, day)}
@@ -86,7 +86,7 @@ def coverage_answers(warehouse: Warehouse, *, until_ms: int | None = None) -> tu
         for d in c["days"]
         for day in (date.fromisoformat(d["date"]),)
     ]
-    restarts = tuple(_stretch("restart", k, r) for k, r in enumerate(found["restarts"], 1))
+    restarts = tuple(_stretch("restart", k, r) for k, r in enumerate(recording["restarts"], 1))
     return (
         Answer("recorded", CAMERAS, (*(_camera(c, warehouse) for c in cameras), of_all), holds),
         Answer("recorded_days", DAYS, tuple(days), holds),
@@ -95,11 +95,11 @@ def coverage_answers(warehouse: Warehouse, *, until_ms: int | None = None) -> tu
             OUTAGES,
             tuple(
                 {**_stretch("outage", k, o), "open_h": Value(o["open_h"]), "is_inferred": o["is_inferred"]}
-                for k, o in enumerate(found["outages"], 1)
+                for k, o in enumerate(recording["outages"], 1)
             ),
             holds,
         ),
-        _gaps(found, holds, is_recorded=bool(warehouse.rows(_ANY_RECORDED))),
+        _gaps(recording, holds, is_recorded=bool(warehouse.rows(_ANY_RECORDED))),
         Answer("restarts", RESTARTS, restarts, holds),
         _watched(site, warehouse.last if until is None else min(warehouse.last, until.date() - DAY), holds),
     )
@@ -111,16 +111,16 @@ def _watched(site: Site, last: date, holds: HoldsFor) -> Answer:
     rows: list[Row] = []
     notes: list[tuple[int | None, Reason]] = []
     for floor in site.floors:
-        found = floor_watch(site, floor, sunday)
-        notes += [(len(rows) + k, why) for k, why in watch_notes(found) if k is not None]
-        rows += [{"floor_id": floor.floor_id, **row} for row in watch_rows(found)]
+        watches = floor_watch(site, floor, sunday)
+        notes += [(len(rows) + k, why) for k, why in watch_notes(watches) if k is not None]
+        rows += [{"floor_id": floor.floor_id, **row} for row in watch_rows(watches)]
     return Answer("camera_watch", (Column("floor_id", "key"), *WATCH), tuple(rows), holds, notes=tuple(notes))
 
 
-def _gaps(found: Mapping[str, Any], holds: HoldsFor, *, is_recorded: bool) -> Answer:
+def _gaps(recording: Mapping[str, Any], holds: HoldsFor, *, is_recorded: bool) -> Answer:
     if not is_recorded:
         return Answer("message_gaps", GAPS, (), holds, nothing=Reason("recorded.nothing"), state="not_enough_data")
-    if found["n_missing"] is None:
+    if recording["n_missing"] is None:
         why = Reason("engine.no_numbers")
         return Answer("message_gaps", GAPS, (), holds, nothing=why, state="not_measurable")
     rows = tuple(
@@ -130,7 +130,7 @@ def _gaps(found: Mapping[str, Any], holds: HoldsFor, *, is_recorded: bool) -> An
             "first_missing": gap["first_missing"],
             "last_missing": gap["last_missing"],
         }
-        for k, gap in enumerate(found["gaps"], 1)
+        for k, gap in enumerate(recording["gaps"], 1)
     )
     return Answer("message_gaps", GAPS, rows, holds)
 

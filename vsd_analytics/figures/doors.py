@@ -149,21 +149,21 @@ def inside_by_doors(
     inside: int | None = None
     day: date | None = None
     for _, of_quarter in groupby(rows, key=lambda row: row["quarter"]):
-        found = [row for row in of_quarter if row["line_id"] in doors]
-        if not found:
+        door_rows = [row for row in of_quarter if row["line_id"] in doors]
+        if not door_rows:
             continue
-        one = found[0]
+        one = door_rows[0]
         if one["local_hour"] * 60 + one["minute"] == empty_min:
             inside, day = 0, one["local_date"]
         if day is None:
             continue
         n_in, n_out = (
-            [row["n_to_left"] if (doors[row["line_id"]] == "left") is is_in else row["n_to_right"] for row in found]
+            [row["n_to_left"] if (doors[row["line_id"]] == "left") is is_in else row["n_to_right"] for row in door_rows]
             for is_in in (True, False)
         )
         before = inside
         known_in, known_out = (sum(n for n in ways if n is not None) for ways in (n_in, n_out))
-        is_known = inside is not None and all(row["is_whole"] for row in found) and None not in (*n_in, *n_out)
+        is_known = inside is not None and all(row["is_whole"] for row in door_rows) and None not in (*n_in, *n_out)
         inside = inside + known_in - known_out if is_known and inside is not None else None
         counts = _known_sum(n_in), _known_sum(n_out)
         yield DoorQuarter(day, one["is_open"], one["is_over"], *counts, before if is_known else None, inside)
@@ -203,12 +203,12 @@ def _before_empty(
     rows: Sequence[Mapping[str, Any]], doors: Mapping[str, str], empty_min: int
 ) -> tuple[dict[date, int], dict[date, int]]:
     """Return people in and out before the empty hour of each local date, which door counts give to the day before."""
-    found: tuple[dict[date, int], dict[date, int]] = ({}, {})
+    in_and_out: tuple[dict[date, int], dict[date, int]] = ({}, {})
     for row in rows:
         if row["local_hour"] * 60 + row["minute"] < empty_min:
-            for of_way, n in zip(found, _in_and_out(row, doors), strict=True):
+            for of_way, n in zip(in_and_out, _in_and_out(row, doors), strict=True):
                 of_way[row["local_date"]] = of_way.get(row["local_date"], 0) + (n or 0)
-    return found
+    return in_and_out
 
 
 def _least(counts: Sequence[int]) -> int | None:

@@ -201,12 +201,12 @@ def foreseen(data: FloorHours, area: Area, entry: LogEntry) -> ExperimentPlan:
     return _planned(data, area, unknown, (since, until), beside_until=last)
 
 
-def clear_by(found: BeforeAfterFigure, site: Site) -> date | None:
+def clear_by(figure: BeforeAfterFigure, site: Site) -> date | None:
     """Return the last day of the weeks after which a change will be clear; None where none will tell."""
-    weeks = found.foreseen.choices[0].weeks_after if found.foreseen is not None and found.foreseen.choices else None
+    weeks = figure.foreseen.choices[0].weeks_after if figure.foreseen is not None and figure.foreseen.choices else None
     if weeks is None:
         return None
-    return left_out_around(site, log_entry(site, found.number))[1] + weeks * WEEK - timedelta(days=1)
+    return left_out_around(site, log_entry(site, figure.number))[1] + weeks * WEEK - timedelta(days=1)
 
 
 def _planned(
@@ -255,31 +255,31 @@ def _planned(
     return replace(unknown, variation=variation, choices=ways, comparison=tuple(serve), state="ok")
 
 
-def stored_plan(found: ExperimentPlan, *, made: date) -> Plan | None:
+def stored_plan(plan: ExperimentPlan, *, made: date) -> Plan | None:
     """Return what of a plan is stored: that of the reference weeks known. None where there is no plan."""
-    if found.state != "ok" or found.known is None:
+    if plan.state != "ok" or plan.known is None:
         return None
-    way = found.choices[0]
+    way = plan.choices[0]
     return Plan(
-        made=made, area=found.area_id, effect=found.effect, power=found.power, first=found.known[0],
-        last=found.known[1], weeks_before=way.weeks_before, weeks_after=way.weeks_after,
+        made=made, area=plan.area_id, effect=plan.effect, power=plan.power, first=plan.known[0],
+        last=plan.known[1], weeks_before=way.weeks_before, weeks_after=way.weeks_after,
         power_then=round(way.power, 6), theta_lo=round(way.theta_lo, 6), theta_hi=round(way.theta_hi, 6),
-        compared_with=tuple(c.area_id for c in found.comparison),
+        compared_with=tuple(c.area_id for c in plan.comparison),
     )  # fmt: skip
 
 
-def score(found: BeforeAfterFigure, plans: tuple[Plan, ...], *, zone_day: date) -> PlanScore | None:
+def score(figure: BeforeAfterFigure, plans: tuple[Plan, ...], *, zone_day: date) -> PlanScore | None:
     """Return how the latest plan for the area came out; None without one made by the day of the change.
 
     Args:
-        found: The change.
+        figure: The change.
         plans: All plans of the site.
         zone_day: Local day of the change.
     """
-    made = [p for p in plans if p.area == found.area_id and p.made <= zone_day and p.in_turn is None]
-    if not made or found.running is None:
+    area_plans = [p for p in plans if p.area == figure.area_id and p.made <= zone_day and p.in_turn is None]
+    if not area_plans or figure.running is None:
         return None
-    plan, so_far = made[-1], found.running
+    plan, so_far = area_plans[-1], figure.running
     theta = so_far.value
     direction = "clear_fall" if plan.effect < 0 else "clear_rise"
     return PlanScore(

@@ -150,8 +150,8 @@ class FloorDays:
         at = (day[used] - days.start, row[used] - self.grid.cy, column[used] - self.grid.cx)
         inside = (at[1] >= 0) & (at[2] >= 0) & (at[1] < shape[1]) & (at[2] < shape[2])
         at = (at[0][inside], at[1][inside], at[2][inside])
-        made = [np.zeros(shape) for _ in values]
-        for total, value in zip(made, values, strict=True):
+        totals = [np.zeros(shape) for _ in values]
+        for total, value in zip(totals, values, strict=True):
             add_at(total, at, value[used][inside])
         recorded = np.repeat(self.is_used[:, days].any(axis=0), shape[1] * shape[2]).reshape(shape)
         by_camera = np.zeros((len(self.cameras), *self.grid.shape))
@@ -159,7 +159,7 @@ class FloorDays:
         counts = (by_camera > 0) & (by_camera >= OWNER_SHARE * by_camera.sum(axis=0))
         for k in range(len(self.cameras)):
             recorded[:, counts[k]] &= self.is_used[k, days][:, None]
-        return Cube(n=made[0], exposure_h=made[1], violation_h=made[2], is_recorded=recorded)
+        return Cube(n=totals[0], exposure_h=totals[1], violation_h=totals[2], is_recorded=recorded)
 
     def seen_share(self, days: slice, *, radius_m: float, cells: Flags) -> Floats | None:
         """Return how much of the disc around each cell the cameras used in some days see, shape of the grid.
@@ -220,17 +220,17 @@ class FloorDays:
 
     def _cells(self, n_side: int) -> tuple[Ints, Ints, Ints, Ints, Floats, Floats, Floats]:
         """Return camera and day index, row, column, violations, person-hours and those in violation."""
-        found = self._warehouse.table(
+        table = self._warehouse.table(
             "select camera_id, local_date, floor(cy / $side)::bigint as cy, floor(cx / $side)::bigint as cx, "
             "sum(n_violations)::double as n, sum(exposure_s)::double / 3600 as exposure_h, "
             "sum(violation_s)::double / 3600 as violation_h from cell_days where floor_id = $floor "
             "group by all order by all",
             {"floor": self.floor.floor_id, "side": n_side},
         )
-        camera = pc.index_in(found["camera_id"], value_set=self._ids).to_numpy().astype(np.int64)
-        day = found["local_date"].to_numpy().astype("datetime64[D]") - np.datetime64(self.first)
-        row, column = (found[name].to_numpy() for name in ("cy", "cx"))
-        n, exposure_h, violation_h = (found[name].to_numpy() for name in ("n", "exposure_h", "violation_h"))
+        camera = pc.index_in(table["camera_id"], value_set=self._ids).to_numpy().astype(np.int64)
+        day = table["local_date"].to_numpy().astype("datetime64[D]") - np.datetime64(self.first)
+        row, column = (table[name].to_numpy() for name in ("cy", "cx"))
+        n, exposure_h, violation_h = (table[name].to_numpy() for name in ("n", "exposure_h", "violation_h"))
         return camera, day.astype(np.int64), row, column, n, exposure_h, violation_h
 
     def _grid(self, cell_m: float) -> Grid | None:
@@ -239,11 +239,11 @@ class FloorDays:
         used = self.is_used[camera, day]
         if not used.any():
             return None
-        found = grid_over(column[used], row[used], floor=self.floor, cell_m=cell_m)
-        if isinstance(found, Reason):
-            self.why_no_grid = found
+        grid = grid_over(column[used], row[used], floor=self.floor, cell_m=cell_m)
+        if isinstance(grid, Reason):
+            self.why_no_grid = grid
             return None
-        return found if all(found.shape) else None
+        return grid if all(grid.shape) else None
 
 
 def add_at(total: Floats, at: tuple[Ints, ...], values: Floats) -> None:

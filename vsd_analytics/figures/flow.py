@@ -152,7 +152,7 @@ def flow(period: Period) -> Flow | None:
     open_s = float(data.hours.scheduled_s[:, period.is_inside].sum())
     unseen = links(period)
     return Flow(
-        tuple(_of_those_in_view(of, unseen) for of in _areas(period, moves, asked)),
+        tuple(_of_those_in_view(area_flow, unseen) for area_flow in _areas(period, moves, asked)),
         _routes(period, moves, asked),
         tuple(c for c, s in zip(data.ids, recorded, strict=True) if not s),
         float(recorded.sum()) / open_s if open_s else 0.0,
@@ -160,21 +160,21 @@ def flow(period: Period) -> Flow | None:
     )
 
 
-def _of_those_in_view(of: AreaFlow, unseen: Links) -> AreaFlow:
+def _of_those_in_view(area_flow: AreaFlow, unseen: Links) -> AreaFlow:
     """Return the flow from an area without intervals where links say that people go on where nobody follows them.
 
     They are lost because of where they go, so that the shares are those of people who stay in view.
     """
-    linked = sum(link.share.possible for link in unseen.found if link.origin == of.area)
-    share = min(linked, of.following.not_followed.value or 0.0)
-    if share <= MOST_LINKED or of.following.reason is not None:
-        return of
+    linked = sum(link.share.possible for link in unseen.links if link.origin == area_flow.area)
+    share = min(linked, area_flow.following.not_followed.value or 0.0)
+    if share <= MOST_LINKED or area_flow.following.reason is not None:
+        return area_flow
     why = Reason(LEFT_VIEW, share=share)
-    bare = [replace(to.share, lo=None, hi=None, state="not_enough_data", reason=why) for to in of.to]
+    bare = [replace(to.share, lo=None, hi=None, state="not_enough_data", reason=why) for to in area_flow.to]
     return replace(
-        of,
-        to=tuple(replace(to, share=s) for to, s in zip(of.to, bare, strict=True)),
-        following=replace(of.following, reason=why),
+        area_flow,
+        to=tuple(replace(to, share=s) for to, s in zip(area_flow.to, bare, strict=True)),
+        following=replace(area_flow.following, reason=why),
     )
 
 
@@ -257,7 +257,7 @@ def _areas(period: Period, moves: _Moves, asked: Sequence[Area]) -> tuple[AreaFl
     np.add.at(arrived, (moves.area[came], moves.day[came]), 1.0)
     checks = inflow_checks(leaving, arrived, confidence=confidence, min_days=min_days)
     able = sends_ids(period)
-    found = []
+    flows = []
     for k, area in enumerate(asked):
         place = period.area(area.area_id)
         at = moves.is_departure & (moves.area == k)
@@ -273,8 +273,8 @@ def _areas(period: Period, moves: _Moves, asked: Sequence[Area]) -> tuple[AreaFl
             )
             for members, share in zip(kinds, following.shares, strict=True)
         )
-        found.append(AreaFlow(area, _people_per_open_h(period, moves, at, place, able), to, following, checks[k]))
-    return tuple(found)
+        flows.append(AreaFlow(area, _people_per_open_h(period, moves, at, place, able), to, following, checks[k]))
+    return tuple(flows)
 
 
 def _leaving(moves: _Moves, area: int) -> Leaving:
@@ -306,15 +306,15 @@ def pooled_kinds(kind: Ints, *, n_kinds: int, mask: Mask, most: int | None = Non
     own = n_large if most is None else min(most, n_large)
     while own and mask.hides(int(n[order[own:]].sum())):
         own -= 1
-    found = np.full(n_kinds, -1, dtype=np.int64)
-    found[order] = np.minimum(np.arange(len(order)), own)
-    return found
+    numbers = np.full(n_kinds, -1, dtype=np.int64)
+    numbers[order] = np.minimum(np.arange(len(order)), own)
+    return numbers
 
 
 def _renamed(kind: Ints, pooled: Ints) -> Ints:
-    found = np.full_like(kind, -1)
-    found[kind >= 0] = pooled[kind[kind >= 0]]
-    return found
+    renamed = np.full_like(kind, -1)
+    renamed[kind >= 0] = pooled[kind[kind >= 0]]
+    return renamed
 
 
 def _routes(period: Period, moves: _Moves, asked: Sequence[Area]) -> DoorRoutes:

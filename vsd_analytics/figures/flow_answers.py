@@ -255,7 +255,7 @@ def _links(of_floor: Flow, place: Row, period: Period) -> Answer:
             "to_name": link.to.name,
             "linked_share": Value.of(link.share),
         }
-        for link in of_floor.links.found
+        for link in of_floor.links.links
     )
     nothing = None if rows else Reason("flow.no_links") if of_floor.links.recorded_share else NOTHING_OPEN
     notes = ((None, Reason("note.links", share=of_floor.links.recorded_share)),) if rows else ()

@@ -219,13 +219,23 @@ def series_forecast(
     n, x_h, share = weeks.n, weeks.x_h, site.settings.forecast_share
     days = special_days(site, monday, n_weeks=len(n))
     ordinary_h = days.ordinary_h(x_h)
-    made = forecast_week(n[1:], ordinary_h[1:], is_count=is_count, open_h=open_h[1], share=share, days=days.next)
+    week_forecast = forecast_week(
+        n[1:], ordinary_h[1:], is_count=is_count, open_h=open_h[1], share=share, days=days.next
+    )
     before = forecast_week(n[:-1], ordinary_h[:-1], is_count=is_count, open_h=open_h[0], share=share, days=days.last)
     score = score_forecast(before, n[-1], x_h[-1] if scored_h is None else scored_h)
-    rows = _rows(monday, open_h[1], made) if made.state == "ok" else ()
-    level = made.level if made.state == "ok" else None
+    rows = _rows(monday, open_h[1], week_forecast) if week_forecast.state == "ok" else ()
+    level = week_forecast.level if week_forecast.state == "ok" else None
     return SeriesForecast(
-        unit, denominator, rows, made.share, level, made.n_recorded_weeks, score, made.state, made.reason
+        unit,
+        denominator,
+        rows,
+        week_forecast.share,
+        level,
+        week_forecast.n_recorded_weeks,
+        score,
+        week_forecast.state,
+        week_forecast.reason,
     )
 
 
@@ -237,18 +247,28 @@ def _gatherings(
         return SeriesForecast(unit, denominator, (), None, None, 0, None, "not_measurable", NO_GATHERINGS)
     n, x_h = (np.asarray(a, dtype=np.float64)[1:] for a in counted)
     days = special_days(site, slots.monday, n_weeks=len(n))
-    made = chances(n, days.ordinary_h(x_h), open_h=open_h, days=days.next)
-    rows = _rows(slots.monday, open_h, made) if made.state == "ok" else ()
-    return SeriesForecast(unit, denominator, rows, None, None, made.n_recorded_weeks, None, made.state, made.reason)
+    week_chances = chances(n, days.ordinary_h(x_h), open_h=open_h, days=days.next)
+    rows = _rows(slots.monday, open_h, week_chances) if week_chances.state == "ok" else ()
+    return SeriesForecast(
+        unit,
+        denominator,
+        rows,
+        None,
+        None,
+        week_chances.n_recorded_weeks,
+        None,
+        week_chances.state,
+        week_chances.reason,
+    )
 
 
-def _rows(monday: date, open_h: Floats, made: WeekForecast | Chances) -> tuple[HourForecast, ...]:
+def _rows(monday: date, open_h: Floats, week_forecast: WeekForecast | Chances) -> tuple[HourForecast, ...]:
     """Return a row for each open hour of the week after the one from `monday`."""
     nothing = np.full(len(open_h), np.nan)
-    if isinstance(made, WeekForecast):
-        value, lo, hi, n_weeks = made.mean, made.lo, made.hi, made.n_weeks
+    if isinstance(week_forecast, WeekForecast):
+        value, lo, hi, n_weeks = week_forecast.mean, week_forecast.lo, week_forecast.hi, week_forecast.n_weeks
     else:
-        value, lo, hi, n_weeks = made.chance, nothing, nothing, made.n_weeks
+        value, lo, hi, n_weeks = week_forecast.chance, nothing, nothing, week_forecast.n_weeks
     return tuple(
         HourForecast(
             day=monday + timedelta(days=7 + int(s) // 24),

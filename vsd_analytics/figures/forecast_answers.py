@@ -66,7 +66,7 @@ def holds_in_week(site: Site, floor_id: str | None, monday: date, *, inputs: str
     return HoldsFor(site.site_id, floor_id, monday, sunday, settings=site.settings.settings_id(), inputs=inputs)
 
 
-def forecast_answers(found: FloorForecast, holds: HoldsFor) -> tuple[Answer, Answer]:
+def forecast_answers(floor_forecast: FloorForecast, holds: HoldsFor) -> tuple[Answer, Answer]:
     """Return a forecast by hour, and its score.
 
     Columns of `forecast`: mean number of people in view, violations per open hour and the probability of at least one
@@ -76,29 +76,40 @@ def forecast_answers(found: FloorForecast, holds: HoldsFor) -> tuple[Answer, Ans
     `late_level`: how far late weeks are above the usual.
 
     Args:
-        found: The forecast.
+        floor_forecast: The forecast.
         holds: What it is about: the next week.
     """
-    series = {"people": found.people, "violation": found.violations, "gathering": found.gatherings}
+    series = {
+        "people": floor_forecast.people,
+        "violation": floor_forecast.violations,
+        "gathering": floor_forecast.gatherings,
+    }
     by_hour = {name: {(row.day, row.hour): row for row in one.rows} for name, one in series.items()}
     hours = sorted({at for rows in by_hour.values() for at in rows})
-    holidays = {note.values["day"] for note in found.special if note.code == HOLIDAY}
+    holidays = {note.values["day"] for note in floor_forecast.special if note.code == HOLIDAY}
     rows = tuple(
-        _hour(found.floor_id, at, series, {name: of.get(at) for name, of in by_hour.items()}, holidays) for at in hours
+        _hour(
+            floor_forecast.floor_id,
+            at,
+            series,
+            {name: hour_rows.get(at) for name, hour_rows in by_hour.items()},
+            holidays,
+        )
+        for at in hours
     )
     notes: list[tuple[int | None, Reason]] = []
-    if (note := _score_note(found.people)) is not None:
+    if (note := _score_note(floor_forecast.people)) is not None:
         notes.append((None, note))
-    notes += [(None, note) for note in found.special]
-    if found.left_out:
-        notes.append((None, Reason("forecast.left_out", cameras=", ".join(found.left_out))))
-    if not found.has_forecast:
-        worst = found.people if found.people.state != "not_measurable" else found.violations
+    notes += [(None, note) for note in floor_forecast.special]
+    if floor_forecast.left_out:
+        notes.append((None, Reason("forecast.left_out", cameras=", ".join(floor_forecast.left_out))))
+    if not floor_forecast.has_forecast:
+        worst = floor_forecast.people if floor_forecast.people.state != "not_measurable" else floor_forecast.violations
         none = lack(worst.state, worst.reason)
         forecast = Answer("forecast", FORECAST, (), holds, nothing=none.reason, state=none.state)
     else:
         forecast = Answer("forecast", FORECAST, rows, holds, notes=tuple(notes))
-    scores = tuple(_score(found, name, one) for name, one in series.items() if name != "gathering")
+    scores = tuple(_score(floor_forecast, name, one) for name, one in series.items() if name != "gathering")
     return forecast, Answer("forecast_score", SCORE, scores, week_before(holds))
 
 
@@ -136,7 +147,7 @@ def _hour(
     }
 
 
-def _score(found: FloorForecast, name: str, one: SeriesForecast) -> Row:
+def _score(floor_forecast: FloorForecast, name: str, one: SeriesForecast) -> Row:
     score = one.score
     why = one.reason if score is None else score.reason
 
@@ -144,9 +155,9 @@ def _score(found: FloorForecast, name: str, one: SeriesForecast) -> Row:
         return known(None if score is None else getattr(score, field), why)
 
     return {
-        "floor_id": found.floor_id,
+        "floor_id": floor_forecast.floor_id,
         "series": {"people": "people", "violation": "violations"}[name],
-        "scored_week": found.last_week,
+        "scored_week": floor_forecast.last_week,
         "off_share": part("wape"),
         "off_share_naive": part("wape_naive"),
         "scaled_error": part("mase"),
@@ -169,27 +180,27 @@ def _score_note(one: SeriesForecast) -> Reason | None:
     return Reason("note.score_naive", **parts, naive=score.wape_naive)
 
 
-def unusual_answer(found: UnusualWeek | UnusualSlots, holds: HoldsFor, *, hidden: Collection[Hour] = ()) -> Answer:
+def unusual_answer(unusual: UnusualWeek | UnusualSlots, holds: HoldsFor, *, hidden: Collection[Hour] = ()) -> Answer:
     """Return the hours with far more or fewer violations than usual (M24), least likely first.
 
     Columns: violations; the usual number with the range of four of five such hours; violations over the usual; the
     chance value; how many hours were judged.
 
     Args:
-        found: The unusual hours.
+        unusual: The unusual hours.
         holds: What it is about.
         hidden: Hours whose counts another output of the week holds back.
     """
-    if found.state != "ok":
-        none = lack(found.state, found.reason)
+    if unusual.state != "ok":
+        none = lack(unusual.state, unusual.reason)
         return Answer("unusual_hours", UNUSUAL, (), holds, nothing=none.reason, state=none.state)
-    rows = tuple(_unusual_rows(found, holds.floor_id, frozenset(hidden)))
-    tested = Reason("unusual.tested", n_tested=found.n_tested, n_unusual=found.n_unusual)
+    rows = tuple(_unusual_rows(unusual, holds.floor_id, frozenset(hidden)))
+    tested = Reason("unusual.tested", n_tested=unusual.n_tested, n_unusual=unusual.n_unusual)
     return Answer("unusual_hours", UNUSUAL, rows, holds, notes=((None, tested),))
 
 
-def _unusual_rows(found: UnusualWeek | UnusualSlots, floor_id: str | None, hidden: frozenset[Hour]) -> Iterable[Row]:
-    for hour in found.rows:
+def _unusual_rows(unusual: UnusualWeek | UnusualSlots, floor_id: str | None, hidden: frozenset[Hour]) -> Iterable[Row]:
+    for hour in unusual.rows:
         cells = {
             "n_violations": Value(hour.violations),
             "times_usual": known(hour.ratio, Reason("unusual.usually_none")),
@@ -205,5 +216,5 @@ def _unusual_rows(found: UnusualWeek | UnusualSlots, floor_id: str | None, hidde
             **cells,
             "recorded_h": hour.recorded_h,
             "n_weeks": hour.n_weeks,
-            "n_tested": found.n_tested,
+            "n_tested": unusual.n_tested,
         }

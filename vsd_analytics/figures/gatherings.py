@@ -166,7 +166,7 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
     day = rows["local_date"].to_numpy()
     inside = rows.filter(pa.array((day >= np.datetime64(period.first)) & (day <= np.datetime64(period.last))))
     zone = warehouse.site.zone
-    found = [_gathering(zone, row) for row in inside.to_pylist()]
+    all_gatherings = [_gathering(zone, row) for row in inside.to_pylist()]
     sizes = warehouse.table(_SIZES, {"floor": floor.floor_id, "first": period.first, "last": period.last})
     has_history = _is_whole(data, warehouse.first, period.first)
     rate = violation_rate_level(
@@ -175,13 +175,13 @@ def _of_floor(period: Period, floor: Floor) -> FloorGatherings:
         since=None if has_history else period.span_ms[0],  # hours without the facts have no gatherings: no history
     )
     is_known = period.why_no_violations is None
-    counted = [g for g in found if g.is_open]
+    counted = [g for g in all_gatherings if g.is_open]
     return FloorGatherings(
         floor_id=floor.floor_id,
         sizes=stats.size_distribution(sizes["n_people"].to_numpy(), sizes["cluster_s"].to_numpy()),
         per_100_h=_per_100_h(rate),
         n=len(counted) if is_known else None,
-        gatherings=tuple(found) if is_known else (),
+        gatherings=tuple(all_gatherings) if is_known else (),
         ranked=tuple(sorted(counted, key=lambda g: (-g.person_s, g.start))) if is_known else (),
     )
 

@@ -50,7 +50,7 @@ LIVES: Final = (
 """Columns of `track_lives`."""
 
 
-def group_answers(found: Groups, site: Site, *, inputs: str) -> tuple[Answer, ...]:
+def group_answers(site_groups: Groups, site: Site, *, inputs: str) -> tuple[Answer, ...]:
     """Return who is together, with every count exact: for the operator.
 
     `together`: of the whole site, groups, shares of person-time in groups and of the time in violation within them, and
@@ -59,21 +59,23 @@ def group_answers(found: Groups, site: Site, *, inputs: str) -> tuple[Answer, ..
     track ids of each camera allow.
 
     Args:
-        found: The groups.
+        site_groups: The groups.
         site: The site.
         inputs: Hash of the facts.
     """
-    holds = HoldsFor(site.site_id, None, found.first, found.last, settings=site.settings.settings_id(), inputs=inputs)
-    rows = tuple(
-        {"floor_id": floor.floor_id, **row} for floor in found.readings for row in reading_rows(floor, why=None)
+    holds = HoldsFor(
+        site.site_id, None, site_groups.first, site_groups.last, settings=site.settings.settings_id(), inputs=inputs
     )
-    nothing = None if rows else lack(found.state, found.reason)
+    rows = tuple(
+        {"floor_id": floor.floor_id, **row} for floor in site_groups.readings for row in reading_rows(floor, why=None)
+    )
+    nothing = None if rows else lack(site_groups.state, site_groups.reason)
     return (
-        Answer("together", TOGETHER, (_together(found),), holds, notes=_notes(found)),
+        Answer("together", TOGETHER, (_together(site_groups),), holds, notes=_notes(site_groups)),
         Answer(
             "groups_by_size",
             SIZES,
-            tuple({"n_people": size, "n_groups": Value(n)} for size, n in found.n_by_size.items()),
+            tuple({"n_people": size, "n_groups": Value(n)} for size, n in site_groups.n_by_size.items()),
             holds,
         ),
         Answer(
@@ -84,32 +86,32 @@ def group_answers(found: Groups, site: Site, *, inputs: str) -> tuple[Answer, ..
             nothing=None if nothing is None else nothing.reason,
             state="ok" if nothing is None else nothing.state,
         ),
-        Answer("track_lives", LIVES, tuple(_lives(c) for c in found.cameras), holds),
+        Answer("track_lives", LIVES, tuple(_lives(c) for c in site_groups.cameras), holds),
     )
 
 
-def _together(found: Groups) -> Row:
-    why = None if found.state == "ok" else lack(found.state, found.reason)
+def _together(site_groups: Groups) -> Row:
+    why = None if site_groups.state == "ok" else lack(site_groups.state, site_groups.reason)
     nobody = Reason("nobody.in_violation")
     return {
         "floor_id": None,
-        "n_groups": why or Value(sum(found.n_by_size.values())),
-        "people_share": why or known(found.people_share, found.reason),
-        "within_time_share": why or known(found.time_share, nobody),
-        "between_share": why or measured(found.between),
-        "n_violations": why or Value(found.between.of),
-        "n_unknown": why or Value(found.n_unknown),
+        "n_groups": why or Value(sum(site_groups.n_by_size.values())),
+        "people_share": why or known(site_groups.people_share, site_groups.reason),
+        "within_time_share": why or known(site_groups.time_share, nobody),
+        "between_share": why or measured(site_groups.between),
+        "n_violations": why or Value(site_groups.between.of),
+        "n_unknown": why or Value(site_groups.n_unknown),
     }
 
 
-def _notes(found: Groups) -> tuple[tuple[int | None, Reason], ...]:
-    accuracy = found.accuracy
+def _notes(site_groups: Groups) -> tuple[tuple[int | None, Reason], ...]:
+    accuracy = site_groups.accuracy
     lo, hi = accuracy.time_recall
     notes = [Reason("note.groups", scenes=accuracy.scenes, lo=lo, hi=hi, weakness=accuracy.weakness)]
     (f1_lo, f1_hi), (precision_lo, precision_hi) = accuracy.f1, accuracy.time_precision
     parts = {"f1_lo": f1_lo, "f1_hi": f1_hi, "precision_lo": precision_lo, "precision_hi": precision_hi}
     notes.append(Reason("groups.accuracy", **parts))
-    short = [c.camera_id for c in found.cameras if c.lives.state == "ok" and (c.lives.long_share or 0) < MANY]
+    short = [c.camera_id for c in site_groups.cameras if c.lives.state == "ok" and (c.lives.long_share or 0) < MANY]
     if short:
         notes.append(Reason("groups.short_lives", cameras=", ".join(short)))
     return tuple((None, note) for note in notes)
@@ -128,15 +130,15 @@ def _lives(camera: CameraLives) -> Row:
     }
 
 
-def between_groups(found: Groups, floor: GroupReadings | None, *, why: Value | None) -> tuple[Row, Reason]:
+def between_groups(site_groups: Groups, floor: GroupReadings | None, *, why: Value | None) -> tuple[Row, Reason]:
     """Return the share of a floor's violations that are between groups (M9) as cells, and how groups are found.
 
     Args:
-        found: The groups of the site.
+        site_groups: The groups of the site.
         floor: The readings of the floor.
         why: Why nothing is given; None where it is.
     """
-    accuracy = found.accuracy
+    accuracy = site_groups.accuracy
     lo, hi = accuracy.time_recall
     note = Reason("note.groups", scenes=accuracy.scenes, lo=lo, hi=hi, weakness=accuracy.weakness)
     if why is not None or floor is None:

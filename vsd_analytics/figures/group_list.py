@@ -79,8 +79,8 @@ def groups_of(warehouse: Warehouse, ids: Sequence[str], first: date, last: date)
 
     def is_new(row: Mapping[str, Any]) -> bool:
         """Return whether a company is not all of one walking group, which is listed already."""
-        of = {together.get((row["camera_id"], row["site_day"], track)) for track in row["tracks"]}
-        return len(of) > 1 or None in of
+        group_numbers = {together.get((row["camera_id"], row["site_day"], track)) for track in row["tracks"]}
+        return len(group_numbers) > 1 or None in group_numbers
 
     rows, zone = [*walking, *filter(is_new, standing)], warehouse.site.zone
     return tuple(

@@ -153,7 +153,7 @@ def groups(
     days = _Days(first or warehouse.first, last or warehouse.last)
     lives = camera_lives(warehouse, cameras, first=days.first, last=days.last)
     able = {c.camera_id for c in lives if c.lives.state == "ok"}
-    found = groups_of(warehouse, [c.camera_id for c in cameras], days.first, days.last)
+    listed_groups = groups_of(warehouse, [c.camera_id for c in cameras], days.first, days.last)
     periods = _periods(warehouse, able, days)
     between, n_unknown = _between(periods, able, warehouse.site.settings.for_intervals)
     exposure_h, together_h, violation_h, within_h = (
@@ -166,8 +166,8 @@ def groups(
     return Groups(
         first=days.first,
         last=days.last,
-        groups=found,
-        n_by_size=dict(sorted(Counter(len(g.tracks) for g in found if g.camera_id in able).items())),
+        groups=listed_groups,
+        n_by_size=dict(sorted(Counter(len(g.tracks) for g in listed_groups if g.camera_id in able).items())),
         cameras=lives,
         left_out={c.camera_id: c.lives.reason for c in lives if c.camera_id not in able},
         people_share=together_h / exposure_h if able else None,
@@ -218,7 +218,7 @@ def camera_lives(
             days,
         )
     }
-    made = []
+    all_lives = []
     for camera in (c.camera_id for c in cameras):
         own, row = of_camera == camera, sums.get(camera, {})
         lives = track_lives(
@@ -232,8 +232,8 @@ def camera_lives(
             state: State = "not_enough_data" if why == NOTHING else "not_measurable"
             lives = replace(lives, state=state, reason=why)
         hours = (row.get(k, 0.0) / 3600 for k in ("exposure_s", "together_s", "violation_s", "within_s"))
-        made.append(CameraLives(camera, lives, *hours))
-    return tuple(made)
+        all_lives.append(CameraLives(camera, lives, *hours))
+    return tuple(all_lives)
 
 
 def between_groups(period: Period, able: set[str] | None = None) -> Place:
@@ -275,12 +275,12 @@ def _between(periods: Sequence[Period], able: Collection[str], rules: IntervalRu
         whole = _of_cameras(period, able)
         counts = (whole.n, *together(period, able))
         sums += [period.data.panel(replace(whole, n=n), period.days).n.sum(axis=0) for n in counts]
-    of, within, unknown = sums
-    n, n_unknown = round(float(of.sum())), round(float(unknown.sum()))
+    total, within, unknown = sums
+    n, n_unknown = round(float(total.sum())), round(float(unknown.sum()))
     if 2 * n_unknown > n:
         reason = Reason("groups.unknown", share=n_unknown / n)
         return ShareEstimate(None, None, None, 0, n - n_unknown, 0, "not_measurable", reason), n_unknown
-    return share_by_days(of - unknown - within, of - unknown, **rules), n_unknown
+    return share_by_days(total - unknown - within, total - unknown, **rules), n_unknown
 
 
 def together(period: Period, able: Collection[str]) -> tuple[Array, Array]:
@@ -305,11 +305,11 @@ def _periods(warehouse: Warehouse, able: Collection[str], days: _Days) -> list[P
 
 
 def _readings(periods: Sequence[Period], able: set[str]) -> tuple[GroupReadings, ...]:
-    made = []
+    readings = []
     for period in periods:
         whole, between = _of_cameras(period, able), between_groups(period, able)
         share, n_unknown = _between([period], able, period.data.site.settings.for_intervals)
-        made.append(
+        readings.append(
             GroupReadings(
                 floor_id=period.data.floor.floor_id,
                 between=share,
@@ -320,7 +320,7 @@ def _readings(periods: Sequence[Period], able: set[str]) -> tuple[GroupReadings,
                 encounter_rate_between=encounter_rate_level(period, between),
             )
         )
-    return tuple(made)
+    return tuple(readings)
 
 
 def _state(lives: Sequence[CameraLives]) -> tuple[State, Reason | None]:
@@ -368,7 +368,7 @@ def between_groups_by_area(period: Period, able: Collection[str]) -> Mapping[str
         "where is_open and is_together and floor_id = $floor group by all order by all",
         {"floor": data.floor.floor_id},
     )
-    found: dict[str | None, Place] = {}
+    places: dict[str | None, Place] = {}
     for area_id in (*(a.area_id for a in data.areas), None):
         place = period.area(area_id)
         if not (place.cameras & takes_part).any() or (place.cameras & ~takes_part).any():
@@ -378,5 +378,5 @@ def between_groups_by_area(period: Period, able: Collection[str]) -> Mapping[str
             if row["area_id"] == area_id and row["camera_id"] in able:
                 hour = int(np.searchsorted(data.hours.start_ms, row["hour_start_ms"]))
                 n[data.ids.index(row["camera_id"]), hour] -= row["n"]
-        found[area_id] = Place(np.maximum(n, 0.0), place.exposure_h, place.cameras, place.is_there)
-    return found
+        places[area_id] = Place(np.maximum(n, 0.0), place.exposure_h, place.cameras, place.is_there)
+    return places

@@ -72,7 +72,7 @@ HOTSPOT_WINDOW: Final = (
 """Columns of `hotspot_window`."""
 
 
-def hotspot_answers(found: FloorHotspots, holds: HoldsFor) -> tuple[Answer, Answer, Answer]:
+def hotspot_answers(floor_hotspots: FloorHotspots, holds: HoldsFor) -> tuple[Answer, Answer, Answer]:
     """Return the hotspots of a floor as `hotspots`, `past_hotspots` and `hotspot_window`.
 
     `hotspots`: by excess, greatest first; `change` is "new", "persisting", or None in the first window; time in
@@ -83,24 +83,24 @@ def hotspot_answers(found: FloorHotspots, holds: HoldsFor) -> tuple[Answer, Answ
     new from persisting.
 
     Args:
-        found: The hotspots.
+        floor_hotspots: The hotspots.
         holds: Site, settings and inputs; the days are those of the window.
     """
-    holds = replace(holds, floor_id=found.floor_id, first=found.first, last=found.last)
-    none = None if found.state == "ok" else lack(found.state, found.reason)
-    notes = [*found.notes]
-    if none is None and not found.spots:
+    holds = replace(holds, floor_id=floor_hotspots.floor_id, first=floor_hotspots.first, last=floor_hotspots.last)
+    none = None if floor_hotspots.state == "ok" else lack(floor_hotspots.state, floor_hotspots.reason)
+    notes = [*floor_hotspots.notes]
+    if none is None and not floor_hotspots.spots:
         notes.append(Reason("hotspots.none"))
-    now = tuple(_spot(found, spot) for spot in found.spots)
-    past = [_past(found, spot, "watching") for spot in found.watching]
-    past += [_past(found, spot, "resolved") for spot in found.resolved]
+    now = tuple(_spot(floor_hotspots, spot) for spot in floor_hotspots.spots)
+    past = [_past(floor_hotspots, spot, "watching") for spot in floor_hotspots.watching]
+    past += [_past(floor_hotspots, spot, "resolved") for spot in floor_hotspots.resolved]
     nothing: dict[str, Any] = {} if none is None else {"nothing": none.reason, "state": none.state}
     window: Row = {
-        "floor_id": found.floor_id,
-        "n_days": found.n_days,
-        "n_violations": none or known(found.n, Reason("hidden.gives_away")),
-        "exposure_h": none or known(found.exposure_h, None),
-        "compared_with": found.compared_with,
+        "floor_id": floor_hotspots.floor_id,
+        "n_days": floor_hotspots.n_days,
+        "n_violations": none or known(floor_hotspots.n, Reason("hidden.gives_away")),
+        "exposure_h": none or known(floor_hotspots.exposure_h, None),
+        "compared_with": floor_hotspots.compared_with,
     }
     return (
         Answer("hotspots", HOTSPOTS, now, holds, notes=tuple((None, note) for note in notes), **nothing),
@@ -109,30 +109,41 @@ def hotspot_answers(found: FloorHotspots, holds: HoldsFor) -> tuple[Answer, Answ
     )
 
 
-def window_holds(site: Site, found: FloorHotspots, *, inputs: str) -> HoldsFor:
+def window_holds(site: Site, floor_hotspots: FloorHotspots, *, inputs: str) -> HoldsFor:
     """Return what answers on the hotspots of a window are about."""
     settings = site.settings.settings_id()
-    return HoldsFor(site.site_id, found.floor_id, found.first, found.last, settings=settings, inputs=inputs)
+    return HoldsFor(
+        site.site_id,
+        floor_hotspots.floor_id,
+        floor_hotspots.first,
+        floor_hotspots.last,
+        settings=settings,
+        inputs=inputs,
+    )
 
 
-def outlines(found: FloorHotspots) -> dict[str, tuple[Polygon, ...]]:
+def outlines(floor_hotspots: FloorHotspots) -> dict[str, tuple[Polygon, ...]]:
     """Return the outlines of all hotspots, also past ones, by `spot_id`."""
-    spots: Iterable[FloorSpot | ResolvedSpot] = (*found.spots, *found.resolved, *found.watching)
+    spots: Iterable[FloorSpot | ResolvedSpot] = (
+        *floor_hotspots.spots,
+        *floor_hotspots.resolved,
+        *floor_hotspots.watching,
+    )
     return {spot.spot_id: spot.place.polygons for spot in spots}
 
 
-def cell_tests(found: FloorHotspots) -> list[dict[str, Any]]:
+def cell_tests(floor_hotspots: FloorHotspots) -> list[dict[str, Any]]:
     """Return every tested cell: cx, cy (floor(x / cell), floor(y / cell)) and what the test says of it."""
-    if found.cells is None or found.grid is None:
+    if floor_hotspots.cells is None or floor_hotspots.grid is None:
         return []
-    rows, columns = np.nonzero(found.cells.is_tested)
+    rows, columns = np.nonzero(floor_hotspots.cells.is_tested)
     names = ("observed", "expected", "ratio", "t", "q")
-    values = [getattr(found.cells, name)[rows, columns].tolist() for name in names]
-    hot = found.cells.is_hot[rows, columns].tolist()
+    values = [getattr(floor_hotspots.cells, name)[rows, columns].tolist() for name in names]
+    hot = floor_hotspots.cells.is_hot[rows, columns].tolist()
     return [
         {
-            "cx": found.grid.cx + int(column),
-            "cy": found.grid.cy + int(row),
+            "cx": floor_hotspots.grid.cx + int(column),
+            "cy": floor_hotspots.grid.cy + int(row),
             **dict(zip(names, content, strict=True)),
             "is_hot": is_hot,
         }
@@ -140,9 +151,9 @@ def cell_tests(found: FloorHotspots) -> list[dict[str, Any]]:
     ]
 
 
-def _spot(found: FloorHotspots, spot: FloorSpot) -> Row:
+def _spot(floor_hotspots: FloorHotspots, spot: FloorSpot) -> Row:
     return {
-        "floor_id": found.floor_id,
+        "floor_id": floor_hotspots.floor_id,
         "spot_id": spot.spot_id,
         "rank": spot.number,
         "change": spot.state,
@@ -156,14 +167,14 @@ def _spot(found: FloorHotspots, spot: FloorSpot) -> Row:
         "exposure_h": Value(spot.exposure_h),
         "excess_min_per_week": Value(spot.excess_min_per_week, spot.excess_min_lo, spot.excess_min_hi),
         "q": Value(spot.q),
-        "n_days": found.n_days,
+        "n_days": floor_hotspots.n_days,
     }
 
 
-def _past(found: FloorHotspots, spot: ResolvedSpot, change: str) -> Row:
+def _past(floor_hotspots: FloorHotspots, spot: ResolvedSpot, change: str) -> Row:
     nobody = Reason("nobody.there")
     return {
-        "floor_id": found.floor_id,
+        "floor_id": floor_hotspots.floor_id,
         "spot_id": spot.spot_id,
         "change": change,
         "changed_on": spot.changed_on,
@@ -171,7 +182,7 @@ def _past(found: FloorHotspots, spot: ResolvedSpot, change: str) -> Row:
         "excess_ratio_before": Value(spot.ratio_before),
         "excess_ratio": Value.missing(nobody) if spot.ratio is None else Value(spot.ratio, spot.lo, spot.hi),
         "n_violations": known(spot.n, nobody),
-        "n_days": found.n_days,
+        "n_days": floor_hotspots.n_days,
     }
 
 

@@ -137,7 +137,9 @@ def follow(windows: Sequence[Found], *, floor_id: str, cell_m: float, first_cell
     is_hot = windows[-1].result.cells.is_hot
     gone = [one for one in known.values() if one.seen == newest - 1 and not (one.inside & is_hot).any()]
     watched = [one for one in known.values() if one.seen == newest and not one.is_hot_then]
-    resolved, watching = (tuple(sorted((one.past for one in of), key=lambda p: p.spot_id)) for of in (gone, watched))
+    resolved, watching = (
+        tuple(sorted((one.past for one in spots), key=lambda p: p.spot_id)) for spots in (gone, watched)
+    )
     return History(now, resolved, watching)
 
 

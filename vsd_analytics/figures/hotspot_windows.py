@@ -49,7 +49,7 @@ class Window:
     state: State
     reason: Reason | None
     cube: Cube | None = None
-    found: test.Hotspots | None = None
+    tested: test.Hotspots | None = None
     is_border_known: bool = True
     changed: tuple[LoggedChange, ...] = ()
 
@@ -93,13 +93,13 @@ def _changes(warehouse: Warehouse, data: FloorDays, grid: Grid) -> tuple[LoggedC
     drawn = {a.area_id: shapely.Polygon(a.polygon) for a in site.areas if a.floor_id == data.floor.floor_id}
     x, y = np.meshgrid(grid.x_m(np.arange(grid.shape[1])), grid.y_m(np.arange(grid.shape[0])))
     middles, settles = shapely.points(x, y), timedelta(days=1 + int(site.settings.washout_days) // 2)
-    found = []
+    changes = []
     for entry in read_log(site):
         if entry.area_id in drawn:
             day = entry.at.astimezone(site.zone).date()
             near = shapely.distance(drawn[entry.area_id], middles) <= site.settings.distance_m
-            found.append(LoggedChange(day, day + settles, near))
-    return tuple(found)
+            changes.append(LoggedChange(day, day + settles, near))
+    return tuple(changes)
 
 
 def window_of(floor: FloorWindows, last: date) -> Window:
@@ -137,7 +137,7 @@ def window_of(floor: FloorWindows, last: date) -> Window:
     seen = data.seen_share(days, radius_m=settings.distance_m, cells=np.asarray(cube.exposure_h.any(axis=0)))
     together = warehouse.counted_together.get(data.floor.floor_id, ())
     close_h, *others = person_time
-    found = test.hotspots(
+    window_hotspots = test.hotspots(
         evened_days(close_h, recorded, [_days_of(starts, data, days) for starts in together]),
         *others,
         sigma_cells=SIGMA_M / CELL_M,
@@ -148,7 +148,7 @@ def window_of(floor: FloorWindows, last: date) -> Window:
         min_days=int(settings.hotspot_min_days),
         confidence=settings.confidence,
     )
-    return Window(last, days, "ok", None, cube, found, seen is not None, changed)
+    return Window(last, days, "ok", None, cube, window_hotspots, seen is not None, changed)
 
 
 def _person_time(floor: FloorWindows, days: slice) -> tuple[NDArray[np.float64], ...] | None:
@@ -160,7 +160,7 @@ def _person_time(floor: FloorWindows, days: slice) -> tuple[NDArray[np.float64],
     if not pieces:
         return None
     shape = (days.stop - days.start, *data.grid.shape)
-    made, is_any = [np.zeros(shape) for _ in range(3)], False
+    totals, is_any = [np.zeros(shape) for _ in range(3)], False
     place_of = _places(hours.grid, data.grid)
     mixed_by_piece = mixed_of_pieces(floor.warehouse, data.floor, pieces)
     for piece, mixed in zip(pieces, mixed_by_piece, strict=True):
@@ -171,10 +171,10 @@ def _person_time(floor: FloorWindows, days: slice) -> tuple[NDArray[np.float64],
         used = (place >= 0) & np.isfinite(mixed) & data.is_used[camera, days.start + day][piece.hour]
         is_any |= bool(used.any())
         kept = slice(None) if used.all() else np.flatnonzero(used)
-        place = place[kept] + (day * made[0][0].size)[piece.hour[kept]]
-        for total, values in zip(made, (piece.violation_s, piece.exposure_s, mixed), strict=True):
+        place = place[kept] + (day * totals[0][0].size)[piece.hour[kept]]
+        for total, values in zip(totals, (piece.violation_s, piece.exposure_s, mixed), strict=True):
             np.add.at(total.reshape(-1), place, values[kept] / 3600)
-    return tuple(made) if is_any else None
+    return tuple(totals) if is_any else None
 
 
 def _places(grid: Grid, other: Grid) -> Ints:
@@ -195,10 +195,10 @@ def _days_of(starts: Iterable[int], data: FloorDays, days: slice) -> Ints:
 
 def untested_by_change(look: Window) -> Flags | None:
     """Return the cells that a change left untested: nothing of them is known yet."""
-    if look.found is None or not look.changed:
+    if look.tested is None or not look.changed:
         return None
     near = np.logical_or.reduce([c.near for c in look.changed])
-    return np.asarray(near & ~look.found.cells.is_tested)
+    return np.asarray(near & ~look.tested.cells.is_tested)
 
 
 def _why_no_places(warehouse: Warehouse, floor: Floor, last: date, n_days: int) -> Reason | None:

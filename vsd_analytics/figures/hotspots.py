@@ -178,15 +178,15 @@ def hotspots(warehouse: Warehouse, *, floor_id: str | None = None, until: date |
     now = looks[-1]
     is_open = data.is_open[now.days]
     known = data.is_used[:, now.days].any(axis=0)
-    compared = [look for look in looks[:-1] if look.found is not None]
+    compared = [look for look in looks[:-1] if look.tested is not None]
     spots: tuple[FloorSpot, ...] = ()
     resolved: tuple[ResolvedSpot, ...] = ()
     watching: tuple[ResolvedSpot, ...] = ()
-    if now.found is not None and data.grid is not None:
+    if now.tested is not None and data.grid is not None:
         areas = [a for a in site.areas if a.floor_id == floor.floor_id]
         looked = [*compared, now]
         history = follow(
-            [Found(look.last, look.found, untested_by_change(look)) for look in looked if look.found is not None],
+            [Found(look.last, look.tested, untested_by_change(look)) for look in looked if look.tested is not None],
             floor_id=floor.floor_id,
             cell_m=CELL_M,
             first_cell=(data.grid.cx, data.grid.cy),
@@ -197,7 +197,7 @@ def hotspots(warehouse: Warehouse, *, floor_id: str | None = None, until: date |
                 s, history.now[s.label], now, data.grid, areas, open_days_per_week=per_week,
                 reach_m=site.settings.distance_m / 2, confidence=site.settings.confidence,
             )
-            for s in now.found.spots
+            for s in now.tested.spots
         )  # fmt: skip
         ranked = sorted(spots, key=lambda s: (-s.excess_min_per_week, s.number))
         spots = tuple(replace(s, number=i) for i, s in enumerate(ranked, 1))
@@ -216,12 +216,12 @@ def hotspots(warehouse: Warehouse, *, floor_id: str | None = None, until: date |
         n_days=int(known.sum()),
         n=None if cube is None else round(float(cube.n.sum())),
         exposure_h=None if cube is None else float(cube.exposure_h.sum()),
-        compared_with=compared[-1].last if now.found is not None and compared else None,
+        compared_with=compared[-1].last if now.tested is not None and compared else None,
         spots=spots,
         resolved=resolved,
         watching=watching,
-        grid=data.grid if now.found is not None else None,
-        cells=now.found.cells if now.found is not None else None,
+        grid=data.grid if now.tested is not None else None,
+        cells=now.tested.cells if now.tested is not None else None,
         notes=_notes(warehouse, data, now),
     )
 
@@ -248,9 +248,9 @@ def _spot(
     reach_m: float,
     confidence: float,
 ) -> FloorSpot:
-    assert now.found is not None
-    cells, inside = now.found.cells, _outlined(now.found, spot.label)
-    rate = test.place_rate(now.found.explained, inside, confidence=confidence) or spot.rate
+    assert now.tested is not None
+    cells, inside = now.tested.cells, _outlined(now.tested, spot.label)
+    rate = test.place_rate(now.tested.explained, inside, confidence=confidence) or spot.rate
     per_week = 60 * open_days_per_week / rate.n_days
     by_week = _by_week(now, inside, reach_m=reach_m)
     return same_fields(
@@ -271,13 +271,13 @@ def _spot(
 
 def _past(one: PastSpot, now: Window, then: Window, grid: Grid, areas: Sequence[Area], site: Site) -> ResolvedSpot:
     """Return a hotspot of an earlier window with what its cells show now."""
-    assert now.found is not None
-    assert then.found is not None
-    cells = then.found.cells
-    inside = _outlined(then.found, one.label)
-    spot = next(s for s in then.found.spots if s.label == one.label)
-    before = test.place_rate(then.found.explained, inside)
-    rate = test.place_rate(now.found.explained, inside, confidence=site.settings.confidence)
+    assert now.tested is not None
+    assert then.tested is not None
+    cells = then.tested.cells
+    inside = _outlined(then.tested, one.label)
+    spot = next(s for s in then.tested.spots if s.label == one.label)
+    before = test.place_rate(then.tested.explained, inside)
+    rate = test.place_rate(now.tested.explained, inside, confidence=site.settings.confidence)
     by_week = _by_week(now, inside, reach_m=site.settings.distance_m / 2)
     return ResolvedSpot(
         spot_id=one.spot_id,
@@ -292,13 +292,13 @@ def _past(one: PastSpot, now: Window, then: Window, grid: Grid, areas: Sequence[
     )
 
 
-def _outlined(found: test.Hotspots, label: int) -> Flags:
+def _outlined(window_hotspots: test.Hotspots, label: int) -> Flags:
     """Return the fewest cells of a hotspot that hold `OUTLINED_SHARE` of its excess, as measured.
 
     The test smooths person-time by a metre, so that cells beside a hotspot pass with it though hardly anybody is there.
     """
-    inside = found.cells.label == label
-    excess_h = (found.explained.violation_h - found.explained.expected_h).sum(axis=0)
+    inside = window_hotspots.cells.label == label
+    excess_h = (window_hotspots.explained.violation_h - window_hotspots.explained.expected_h).sum(axis=0)
     excess_h = np.where(inside, np.maximum(excess_h, 0.0), 0.0).ravel()
     order = np.argsort(-excess_h, kind="stable")
     before_h = np.cumsum(excess_h[order]) - excess_h[order]

@@ -167,5 +167,5 @@ def _rows(slots: Slots, burden: SlotRates, risk: SlotRates) -> tuple[HourProfile
 def _peaks(rates: SlotRates, why: Reason | None) -> PeakHours:
     if why is not None:
         return PeakHours((), (), "not_measurable", why)
-    found = peaks(rates)
-    return found if "ok" in (found.state, rates.state) else replace(found, reason=_reason(rates))
+    peak_hours = peaks(rates)
+    return peak_hours if "ok" in (peak_hours.state, rates.state) else replace(peak_hours, reason=_reason(rates))

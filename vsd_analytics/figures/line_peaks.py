@@ -52,8 +52,10 @@ def line_peaks(period: Period) -> Answer:
         return Answer("line_peaks", COLUMNS, (), period.holds_for, nothing=Reason("lines.not_asked"))
     rows, floor_id = line_rows(period), period.data.floor.floor_id
     peaks = ((line, [row for row in rows if row["line_id"] == line.line_id]) for line in lines)
-    found = tuple({"floor_id": floor_id, "line_id": line.line_id, **_peak(line, of_line)} for line, of_line in peaks)
-    return Answer("line_peaks", COLUMNS, found, period.holds_for)
+    peak_rows = tuple(
+        {"floor_id": floor_id, "line_id": line.line_id, **_peak(line, of_line)} for line, of_line in peaks
+    )
+    return Answer("line_peaks", COLUMNS, peak_rows, period.holds_for)
 
 
 def _peak(line: Line, quarters: Sequence[dict[str, Any]]) -> Row:

@@ -104,8 +104,8 @@ def _grouped(period: Period, lines: Sequence[Line], rows: Rows, *keys: str) -> t
         for row in of_line:
             groups.setdefault(tuple(row[key] for key in keys), []).append(row)
         for values, quarters in sorted(groups.items()):
-            of: dict[str, Cell] = {"floor_id": period.data.floor.floor_id, "line_id": line.line_id}
-            cells.append({**of, **dict(zip(keys, values, strict=True)), **_counts(line, quarters)})
+            ids: dict[str, Cell] = {"floor_id": period.data.floor.floor_id, "line_id": line.line_id}
+            cells.append({**ids, **dict(zip(keys, values, strict=True)), **_counts(line, quarters)})
     return tuple(cells)
 
 

@@ -66,12 +66,12 @@ class Links:
     """Links of a floor in a period.
 
     Attributes:
-        found: Those that are more than chance gives, most first. Fewer than `mask_below` people are none. Where people
+        links: Those that are more than chance gives, most first. Fewer than `mask_below` people are none. Where people
             come in waves they have no share, as one cause may send them to both areas.
         recorded_share: Share of the open hours in which all cameras recorded.
     """
 
-    found: tuple[AreaLink, ...]
+    links: tuple[AreaLink, ...]
     recorded_share: float
 
 
@@ -116,7 +116,7 @@ def links(period: Period) -> Links:
     used = together[at]
     where = positions(gone["area_id"], ids, otherwise=-1)[used], np.searchsorted(days, hours.day[at])[used]
     np.add.at(left, where, gone["n"].to_numpy()[used])
-    found = []
+    area_links = []
     for a, origin in enumerate(asked):
         for b, to in enumerate(asked):
             share = linked_share(
@@ -126,5 +126,5 @@ def links(period: Period) -> Links:
             is_enough = share.n_links - share.n_chance >= period.data.mask.least(0)
             is_in_waves = share.reason is not None and share.reason.code == IN_WAVES
             if a != b and is_enough and (is_in_waves or (share.value and (share.lo is None or share.lo > 0))):
-                found.append(AreaLink(origin, to, share))
-    return Links(tuple(sorted(found, key=lambda link: -link.share.possible)), recorded)
+                area_links.append(AreaLink(origin, to, share))
+    return Links(tuple(sorted(area_links, key=lambda link: -link.share.possible)), recorded)

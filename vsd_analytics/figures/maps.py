@@ -223,7 +223,7 @@ def _clear(warehouse: Warehouse, data: CellHours, expected_s: Floats, is_known: 
     if n_days < settings.hotspot_min_days:
         return None
     by_day = (data.summed(v / 3600, day[data.hour], n_days) for v in (data.violation_s, data.exposure_s, expected_s))
-    found = test.hotspots(
+    hotspots = test.hotspots(
         *by_day,
         sigma_cells=SIGMA_M / data.grid.cell_m,
         is_eligible=is_known,
@@ -232,4 +232,4 @@ def _clear(warehouse: Warehouse, data: CellHours, expected_s: Floats, is_known: 
         min_exposure_h=0.0,  # cells are known by what is expected in them
         min_days=int(settings.hotspot_min_days),
     )
-    return np.asarray(found.cells.is_hot)
+    return np.asarray(hotspots.cells.is_hot)

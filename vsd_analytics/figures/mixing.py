@@ -110,9 +110,9 @@ def _maps(data: FloorHours, used: Flags) -> list[Array] | None:
         shape = int(at[0].max()) + 1, int(at[1].max()) + 1
         if shape[0] * shape[1] > CELLS_MAX:
             return None
-        made = np.zeros(shape)
-        made[at] = exposure_h[own]
-        maps.append(made)
+        camera_map = np.zeros(shape)
+        camera_map[at] = exposure_h[own]
+        maps.append(camera_map)
     return maps
 
 

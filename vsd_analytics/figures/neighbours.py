@@ -104,11 +104,11 @@ def _by_number(period: Period) -> dict[int, Array] | None:
         {"cameras": data.ids, "first": period.first, "last": period.last},
     )
     n = rows["n_others"].to_numpy()
-    found = {k: data.by_hour(rows.filter(pa.array(n == k)), "hours")[0] for k in np.unique(n).tolist()}
-    stored = sum(found.values(), start=np.zeros_like(data.everyone.n))
+    hours_by_number = {k: data.by_hour(rows.filter(pa.array(n == k)), "hours")[0] for k in np.unique(n).tolist()}
+    stored = sum(hours_by_number.values(), start=np.zeros_like(data.everyone.n))
     if (data.violation_h * period.is_inside).sum() > 1.001 * (stored * period.is_inside).sum() + 1e-6:
         return None  # sealed by a version that did not count others
-    return found
+    return hours_by_number
 
 
 @dataclass(frozen=True, slots=True)

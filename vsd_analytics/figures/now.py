@@ -409,11 +409,11 @@ def _queues(warehouse: Warehouse, usual: UsualDay, quarter: int, *, is_whole: bo
     if not asked:
         return ()
     rows = warehouse.rows(_QUEUES, {"floor": usual.floor_id, "quarter": quarter})
-    found = {row["area_id"]: row for row in rows}
+    row_by_area = {row["area_id"]: row for row in rows}
     least_ms = usual.slots.min_share * QUARTER_MS
 
     def band(area: Area) -> Band | None:
-        row = found.get(area.area_id, {"person_ms": 0.0, "recorded_ms": QUARTER_MS})
+        row = row_by_area.get(area.area_id, {"person_ms": 0.0, "recorded_ms": QUARTER_MS})
         if not is_whole or row["recorded_ms"] < least_ms:
             return None
         n, mask = row["person_ms"] / row["recorded_ms"], mask_of(site)

@@ -257,12 +257,12 @@ def _outages(warehouse: Warehouse, until_ms: int | None) -> list[dict[str, Any]]
     if until_ms is None:
         return outages
     open_s = {row["hour_start_ms"]: row["open_s"] for row in warehouse.rows("select hour_start_ms, open_s from hours")}
-    found = []
+    known_outages = []
     for outage in outages:
         later_s = sum(s for ms, s in open_s.items() if until_ms <= ms < outage["ended_ms"])
         if outage["started_ms"] < until_ms and (rest_s := outage["open_s"] - later_s) > 0:
-            found.append({**outage, "ended_ms": min(outage["ended_ms"], until_ms), "open_s": rest_s})
-    return found
+            known_outages.append({**outage, "ended_ms": min(outage["ended_ms"], until_ms), "open_s": rest_s})
+    return known_outages
 
 
 def _between(warehouse: Warehouse, row: dict[str, Any]) -> dict[str, Any]:

@@ -226,9 +226,9 @@ class FloorHours:
         at = area, *self._at(rows)
 
         def cube(name: str) -> Array:
-            made = np.zeros((len(self.areas) + 1, *self.everyone.n.shape))
-            np.add.at(made, at, rows[name].to_numpy())  # areas of other weeks are part of the rest
-            return made
+            sums = np.zeros((len(self.areas) + 1, *self.everyone.n.shape))
+            np.add.at(sums, at, rows[name].to_numpy())  # areas of other weeks are part of the rest
+            return sums
 
         return cube("n"), cube("exposure_h"), cube("violation_h")
 
@@ -268,11 +268,11 @@ class FloorHours:
 
     def by_hour(self, rows: pa.Table, *names: str) -> tuple[Array, ...]:
         """Return columns of rows by camera and hour as arrays of shape (n_cameras, n_hours), 0 where no row is."""
-        made = tuple(np.zeros_like(self.everyone.n) for _ in names)
+        arrays = tuple(np.zeros_like(self.everyone.n) for _ in names)
         at = self._at(rows)
-        for sums, name in zip(made, names, strict=True):
+        for sums, name in zip(arrays, names, strict=True):
             np.add.at(sums, at, rows[name].to_numpy())
-        return made
+        return arrays
 
     def _at(self, rows: pa.Table) -> tuple[Ints, Ints]:
         """Return the camera and the hour of each row."""
@@ -332,5 +332,5 @@ def positions(values: pa.ChunkedArray, names: Sequence[str], *, otherwise: int) 
     """Return the place of each value in `names`; `otherwise` for what is missing."""
     import pyarrow.compute as pc
 
-    found = pc.index_in(values, value_set=pa.array(names, pa.string()))
-    return np.asarray(pc.fill_null(found, otherwise).to_numpy(), dtype=np.int64)
+    places = pc.index_in(values, value_set=pa.array(names, pa.string()))
+    return np.asarray(pc.fill_null(places, otherwise).to_numpy(), dtype=np.int64)

@@ -130,18 +130,18 @@ class Presence:
         Its limits are where the limits of the share of time with more people cross 1 - q (Woodruff, J. Am. Stat. Assoc.
         47, 1952).
         """
-        found: list[int | None] = [None, None, None]
+        numbers: list[int | None] = [None, None, None]
         for n in range(self.seconds.shape[1]):
             above = self.time_share(n + 1, hour=hour)
             if above.value is None:
                 break
             lo, hi = (0.0, 0.0) if above.value == 0 else (above.lo, above.hi)
             for k, share in enumerate((above.value, lo, hi)):
-                if found[k] is None and share is not None and share <= 1 - q:
-                    found[k] = n
+                if numbers[k] is None and share is not None and share <= 1 - q:
+                    numbers[k] = n
             if above.value == 0:
                 break
-        value, low, high = found
+        value, low, high = numbers
         has_interval = low is not None and self.time_share(0, hour=hour).lo is not None
         return PeopleQuantile(q, value, low, high) if has_interval else PeopleQuantile(q, value, None, None)
 
@@ -182,14 +182,14 @@ class Presence:
         x_h = by_day(time_s, now) / 3600
         if not x_h.any():
             return NOT_RECORDED
-        found = violation_rate(
+        estimate = violation_rate(
             by_day(amount, now),
             x_h,
             **settings.for_intervals,
             **history(self.period, by_day(amount, past), history_x_h=by_day(time_s, past) / 3600),
         )
-        found = in_units(found, SECONDS, nothing)
-        return found if hour is not None or self.recorded.covers_all else _of_other_hours(found, self.recorded)
+        estimate = in_units(estimate, SECONDS, nothing)
+        return estimate if hour is not None or self.recorded.covers_all else _of_other_hours(estimate, self.recorded)
 
 
 def hours_that_stand_for_all(period: Period, is_known: Flags) -> RecordedHours:
@@ -203,11 +203,11 @@ def why_not_all(recorded: RecordedHours) -> Reason:
     return Reason("present.hours", share=recorded.unknown_share)
 
 
-def _of_other_hours(found: RateEstimate, recorded: RecordedHours) -> RateEstimate:
+def _of_other_hours(estimate: RateEstimate, recorded: RecordedHours) -> RateEstimate:
     """Return a level that is one of the recorded hours alone: no interval holds that of the open hours."""
-    if found.value is None:
-        return found
-    return replace(found, lo=None, hi=None, state="not_enough_data", reason=why_not_all(recorded))
+    if estimate.value is None:
+        return estimate
+    return replace(estimate, lo=None, hi=None, state="not_enough_data", reason=why_not_all(recorded))
 
 
 def unknown_hours_notes(row: Row) -> list[Reason]:

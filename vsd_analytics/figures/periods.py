@@ -110,14 +110,14 @@ class Period:
     @cached_property
     def not_counted(self) -> Mapping[str, Reason]:
         """Return the cameras whose violations cannot be counted, and why."""
-        found: dict[str, Reason] = {}
+        reasons: dict[str, Reason] = {}
         for camera_id, sums in zip(self.data.ids, self.data.records_in(self.first, self.last).tolist(), strict=True):
             n_persons, n_unlocated, n_records, n_joined = sums
             if n_joined * 2 < n_records:
-                found[camera_id] = NO_IDS
+                reasons[camera_id] = NO_IDS
             elif n_unlocated * 2 > n_persons > 0 and not self._sends_pairs(camera_id):
-                found[camera_id] = NO_FLOOR
-        return found
+                reasons[camera_id] = NO_FLOOR
+        return reasons
 
     @cached_property
     def knows_distances(self) -> Flags:
@@ -249,8 +249,8 @@ class TwoPeriods:
 
         then, now = (keyed(number) for number in numbers)
         both = [(then[key], i) for key, i in now.items() if key in then]
-        found = np.array(both, dtype=np.int64).reshape(-1, 2)
-        return found[:, 0], found[:, 1]
+        hour_pairs = np.array(both, dtype=np.int64).reshape(-1, 2)
+        return hour_pairs[:, 0], hour_pairs[:, 1]
 
 
 def cut_ids(data: FloorHours, days: tuple[date, date], cameras: Collection[str] | None = None) -> tuple[Array, Array]:

@@ -112,8 +112,8 @@ def people_level(period: Period, where: Floor | Area | None) -> RateEstimate:
     if not now.x_h.any():
         return no_rate(NOTHING_OPEN, "not_enough_data")
     weeks_before = history(period, past.exposure_h * 3600, history_x_h=past.x_h)
-    found = violation_rate(now.exposure_h * 3600, now.x_h, **data.site.settings.for_intervals, **weeks_before)
-    return in_units(found, SECONDS, Reason("nobody.seen"))
+    level = violation_rate(now.exposure_h * 3600, now.x_h, **data.site.settings.for_intervals, **weeks_before)
+    return in_units(level, SECONDS, Reason("nobody.seen"))
 
 
 def _close_between(period: Period, known: set[str] | None) -> RateEstimate:
@@ -151,8 +151,8 @@ def _peak(period: Period) -> PeakQuarter | None:
     )
     if not rows or rows[0]["people"] is None:
         return None
-    found = rows[0]
-    return PeakQuarter(data.local(found["quarter"] * QUARTER_MS), found["people"], found["recorded_share"])
+    row = rows[0]
+    return PeakQuarter(data.local(row["quarter"] * QUARTER_MS), row["people"], row["recorded_share"])
 
 
 _PEAK: Final = """

@@ -58,7 +58,7 @@ PLANS: Final = (
 """Columns of `plans`."""
 
 
-def plan_answers(found: ExperimentPlan, site: Site, *, days: tuple[date, date], inputs: str) -> tuple[Answer, ...]:
+def plan_answers(plan: ExperimentPlan, site: Site, *, days: tuple[date, date], inputs: str) -> tuple[Answer, ...]:
     """Return how long a change of an area must be watched as tables.
 
     `plan`: what was asked, and how the area's weeks differ beside its comparison areas (standard deviation of the
@@ -66,26 +66,24 @@ def plan_answers(found: ExperimentPlan, site: Site, *, days: tuple[date, date], 
     weeks known, and for waiting longer. `comparison_areas`: areas that serve, and how alike they move.
 
     Args:
-        found: The plan.
+        plan: The plan.
         site: The site.
         days: First and last local day that it rests on.
         inputs: Hash of the facts.
     """
-    floor_id = next(a.floor_id for a in site.areas if a.area_id == found.area_id)
+    floor_id = next(a.floor_id for a in site.areas if a.area_id == plan.area_id)
     holds = HoldsFor(site.site_id, floor_id, *days, settings=site.settings.settings_id(), inputs=inputs)
-    why = None if found.state == "ok" else lack(found.state, found.reason)
-    notes = tuple(
-        (None, Reason("logged_change.cannot_serve", area=a, why=reason)) for a, reason in found.areas_left_out
-    )
+    why = None if plan.state == "ok" else lack(plan.state, plan.reason)
+    notes = tuple((None, Reason("logged_change.cannot_serve", area=a, why=reason)) for a, reason in plan.areas_left_out)
     choices: list[Row] = [
         {
             "weeks_before": way.weeks_before,
             "weeks_to_wait": way.weeks_to_wait,
-            "weeks_after": known(way.weeks_after, Reason("logged_change.more_weeks", most=found.weeks_max)),
+            "weeks_after": known(way.weeks_after, Reason("logged_change.more_weeks", most=plan.weeks_max)),
             "power_then": Value(way.power),
-            "measured_then": Value(found.effect, way.theta_lo - 1, way.theta_hi - 1),
+            "measured_then": Value(plan.effect, way.theta_lo - 1, way.theta_hi - 1),
         }
-        for way in found.choices
+        for way in plan.choices
     ]
     few = Reason("logged_change.few_weeks_alike")
     serve: list[Row] = [
@@ -96,12 +94,12 @@ def plan_answers(found: ExperimentPlan, site: Site, *, days: tuple[date, date], 
             "correlation": known(area.correlation, few),
             "week_sd_apart": known(area.sd_apart, few),
         }
-        for area in found.comparison
+        for area in plan.comparison
     ]
     nothing = None if why is None else why.reason
     state = "ok" if why is None else why.state
     return (
-        Answer("plan", PLAN, (_plan(found, why),), holds, notes=notes),
+        Answer("plan", PLAN, (_plan(plan, why),), holds, notes=notes),
         Answer("plan_choices", CHOICES, tuple(choices), holds, nothing=nothing, state=state),
         Answer("comparison_areas", COMPARISON, tuple(serve), holds, nothing=nothing, state=state),
     )
@@ -131,15 +129,15 @@ def plans_answer(plans: Sequence[Plan], site: Site, *, today: date) -> Answer:
     return Answer("plans", PLANS, tuple(rows), HoldsFor(site.site_id, None, first, last))
 
 
-def _plan(found: ExperimentPlan, why: Value | None) -> Row:
-    varied, (first, last) = found.variation, found.known or (None, None)
+def _plan(plan: ExperimentPlan, why: Value | None) -> Row:
+    varied, (first, last) = plan.variation, plan.known or (None, None)
     none = why or Value.missing(None)
     return {
-        "area_id": found.area_id,
-        "name": found.area_name,
-        "planned_change": Value(found.effect),
-        "power_asked": Value(found.power),
-        "weeks_max": found.weeks_max,
+        "area_id": plan.area_id,
+        "name": plan.area_name,
+        "planned_change": Value(plan.effect),
+        "power_asked": Value(plan.power),
+        "weeks_max": plan.weeks_max,
         "first_date": first,
         "last_date": last,
         "n_known_weeks": None if varied is None else len(varied.log_ratios),

@@ -151,8 +151,8 @@ def _weeks(data: FloorHours, area: Area, monday: date) -> Weeks:
     slot = day[inside] * 24 + hours.hour[inside]
 
     def grid(values: np.ndarray) -> np.ndarray:
-        found = np.bincount(slot, weights=values[inside], minlength=(HISTORY_WEEKS + 1) * SLOTS) / 3600
-        return found.reshape(HISTORY_WEEKS + 1, SLOTS)
+        sums_h = np.bincount(slot, weights=values[inside], minlength=(HISTORY_WEEKS + 1) * SLOTS) / 3600
+        return sums_h.reshape(HISTORY_WEEKS + 1, SLOTS)
 
     return Weeks(grid(present.seconds @ present.numbers), grid(present.seconds.sum(axis=1)))
 

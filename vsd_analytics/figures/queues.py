@@ -144,12 +144,12 @@ def queues(period: Period) -> tuple[Answer, Answer]:
     )
     is_used = data.hours.is_counted[waits.camera, waits.hour]
     hidden = hidden_times(period)
-    made = [_queue(period, area, waits.of(is_used & (waits.area == k))) for k, area in enumerate(asked)]
+    queue_rows = [_queue(period, area, waits.of(is_used & (waits.area == k))) for k, area in enumerate(asked)]
     whys = [hidden.get(area.area_id) for area in asked]
-    of_days = tuple(timeless(row, why, _TIMES) for (row, _), why in zip(made, whys, strict=True))
+    of_days = tuple(timeless(row, why, _TIMES) for (row, _), why in zip(queue_rows, whys, strict=True))
     by_hour = tuple(
         timeless(row, why, _HOUR_TIMES)
-        for (week, rows), hidden_week in zip(made, whys, strict=True)
+        for (week, rows), hidden_week in zip(queue_rows, whys, strict=True)
         for row, why in zip(rows, _hidden_hours(period, week, rows, hidden_week), strict=True)
     )
     notes = ((None, Reason("note.queues")), *((k, n) for k, row in enumerate(of_days) for n in _row_notes(row)))
@@ -271,15 +271,15 @@ def _waiting(period: Period, seen: _Waits, recorded: Sequence[RecordedHours]) ->
     )
 
 
-def _of_open_hours(found: WaitTimes, recorded: Sequence[RecordedHours]) -> WaitTimes:
+def _of_open_hours(times: WaitTimes, recorded: Sequence[RecordedHours]) -> WaitTimes:
     """Return waiting times without intervals where they are those of some hours of the day alone."""
     missed = [r for r in recorded if not r.covers_all]
-    if not missed or found.reason is not None:
-        return found
+    if not missed or times.reason is not None:
+        return times
     why = why_not_all(max(missed, key=lambda r: r.unknown_share))
-    median, p90 = (QuantileEstimate(q.q, q.value, None, None) for q in (found.median, found.p90))
-    share = replace(found.left_share, lo=None, hi=None, state="not_enough_data", reason=why)
-    return replace(found, median=median, p90=p90, left_share=share, state="not_enough_data", reason=why)
+    median, p90 = (QuantileEstimate(q.q, q.value, None, None) for q in (times.median, times.p90))
+    share = replace(times.left_share, lo=None, hi=None, state="not_enough_data", reason=why)
+    return replace(times, median=median, p90=p90, left_share=share, state="not_enough_data", reason=why)
 
 
 def _stays(period: Period, area: Area, seen: _Waits) -> Dwell:

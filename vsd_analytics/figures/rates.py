@@ -67,11 +67,11 @@ def violation_rate_change(pair: TwoPeriods, place: Place, *, since: int | None =
 
     Where the share of track ids that are cut changed, its range is wider by what cut ids can do to counts.
     """
-    found = change_per_open_hour(pair, place, since=since)
+    change = change_per_open_hour(pair, place, since=since)
     if pair.cut_shares is None:
-        return found
+        return change
     settings = pair.data.site.settings
-    return widened(found, confidence=settings.confidence, about_same_share=settings.about_same_share)
+    return widened(change, confidence=settings.confidence, about_same_share=settings.about_same_share)
 
 
 def change_per_open_hour(pair: TwoPeriods, place: Place, *, since: int | None = None) -> ChangeEstimate:
@@ -174,7 +174,7 @@ def history(period: Period, n: Array, **divided_by: Array) -> dict[str, Any]:
         divided_by: What it is divided by, named as the argument.
     """
     days = period.history_days if n.shape[-1] else []
-    weekdays = [np.array([d.weekday() for d in of], dtype=np.int64) for of in (period.days, days)]
+    weekdays = [np.array([d.weekday() for d in dates], dtype=np.int64) for dates in (period.days, days)]
     if not days:
         return {"weekday": weekdays[0]}
     return {"weekday": weekdays[0], "history_n": n, "history_weekday": weekdays[1], **divided_by}

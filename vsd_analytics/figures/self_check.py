@@ -113,46 +113,46 @@ def self_check(data: FloorHours, *, until: date) -> FloorSelfCheck:
         if all(week.why_no_exposure is None for week in weeks):
             person_h = _stacked(panels, "exposure_h")
             encounter_rate = rate(n.sum(axis=1)[:, None], person_h.sum(axis=1)[:, None])
-    found = [figure for figure in (violation_rate, encounter_rate) if figure is not None]
-    if not found:
+    figures = [figure for figure in (violation_rate, encounter_rate) if figure is not None]
+    if not figures:
         why = _too_few(len(weeks)) if len(weeks) < MIN_WEEKS else Reason("selfcheck.verdicts")
         return FloorSelfCheck(floor_id, used, len(weeks), None, None, None, "not_enough_data", why)
-    both = together(found, confidence=settings.confidence)
+    both = together(figures, confidence=settings.confidence)
     return FloorSelfCheck(floor_id, used, len(weeks), violation_rate, encounter_rate, both, "ok", None)
 
 
-def self_check_answer(found: FloorSelfCheck, site: Site, *, until: date, inputs: str) -> Answer:
+def self_check_answer(check: FloorSelfCheck, site: Site, *, until: date, inputs: str) -> Answer:
     """Return a self-check as an answer: a row for each number that gets a verdict, and one for both together.
 
     Columns: share of verdicts that are false alarms; verdicts in a year of weekly reports, and how many of them are
     false; weeks used. It holds for the weeks used.
 
     Args:
-        found: The self-check.
+        check: The self-check.
         site: The site.
         until: Last day that was asked for, where no week is used.
         inputs: Hash of the facts.
     """
-    first, last = found.weeks or (until, until)
-    holds = HoldsFor(site.site_id, found.floor_id, first, last, settings=site.settings.settings_id(), inputs=inputs)
-    if found.state != "ok":
-        nothing = lack(found.state, found.reason)
+    first, last = check.weeks or (until, until)
+    holds = HoldsFor(site.site_id, check.floor_id, first, last, settings=site.settings.settings_id(), inputs=inputs)
+    if check.state != "ok":
+        nothing = lack(check.state, check.reason)
         return Answer("self_check", SELF_CHECK, (), holds, nothing=nothing.reason, state=nothing.state)
-    judged = {"violation_rate": found.violation_rate, "encounter_rate": found.encounter_rate, "both": found.both}
-    return Answer("self_check", SELF_CHECK, tuple(_judged(found, *entry) for entry in judged.items()), holds)
+    judged = {"violation_rate": check.violation_rate, "encounter_rate": check.encounter_rate, "both": check.both}
+    return Answer("self_check", SELF_CHECK, tuple(_judged(check, *entry) for entry in judged.items()), holds)
 
 
-def _judged(found: FloorSelfCheck, judged: str, share: FalseAlarms | None) -> Row:
-    a_year = found.verdicts_a_year if judged == "both" else WEEKS_A_YEAR if share is not None else 0
+def _judged(check: FloorSelfCheck, judged: str, share: FalseAlarms | None) -> Row:
+    a_year = check.verdicts_a_year if judged == "both" else WEEKS_A_YEAR if share is not None else 0
     why = Reason("selfcheck.not_judged")
     expected = None if share is None else Value(a_year * share.value, a_year * share.lo, a_year * share.hi)
     return {
-        "floor_id": found.floor_id,
+        "floor_id": check.floor_id,
         "judged": judged,
         "false_alarm_share": Value.missing(why) if share is None else measured(share),
         "verdicts_a_year": a_year,
         "false_a_year": expected or Value.missing(why),
-        "n_weeks": found.n_weeks,
+        "n_weeks": check.n_weeks,
     }
 
 

@@ -114,8 +114,8 @@ def threshold_sensitivity(
     if not used:
         return refused("not_measurable", NO_FLOOR if any(t["knows_people"] for t in inputs) else NO_POSITIONS)
     exposure_h = sum(t["exposure_s"] for t in used) / 3600
-    found = warehouse.table(_DISTANCES, {"cameras": [t["camera_id"] for t in used], **days})
-    mm, n, n_sent, nearest_s = (found[name].to_numpy() for name in ("distance_mm", "n_pairs", "n_sent", "nearest_s"))
+    rows = warehouse.table(_DISTANCES, {"cameras": [t["camera_id"] for t in used], **days})
+    mm, n, n_sent, nearest_s = (rows[name].to_numpy() for name in ("distance_mm", "n_pairs", "n_sent", "nearest_s"))
     is_cut = bool(n_sent.sum() > 0 and not n_sent[mm >= threshold_mm].any())
     known_mm = threshold_mm if is_cut else reach_mm
     points = []

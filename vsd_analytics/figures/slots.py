@@ -142,9 +142,9 @@ def load_slots(
     slot = rows["day"].to_numpy() * 24 + rows["hour"].to_numpy()
 
     def grid(name: str, missing: float) -> Floats:
-        made = np.full((len(cameras), n_weeks * SLOTS), missing)
-        made[camera, slot] = rows[name].to_numpy()
-        return made.reshape(len(cameras), n_weeks, SLOTS)
+        values = np.full((len(cameras), n_weeks * SLOTS), missing)
+        values[camera, slot] = rows[name].to_numpy()
+        return values.reshape(len(cameras), n_weeks, SLOTS)
 
     scheduled_h, recorded_h = grid("open_h", 0.0), grid("recorded_h", 0.0)
     open_h, least = scheduled_h.max(axis=0, initial=0.0), float(site.settings.partial_hour_share)

@@ -176,11 +176,11 @@ def plan_switchback(
     if len(past) < least or not past.any():
         return replace(none, reason=Reason("switchback.few_days", least=2 * least, has=2 * len(past)))
     monday = start + timedelta(days=-start.weekday() % WEEK.days)
-    found = none
+    plan = none
     for n in range(2, none.weeks_max + 1, 2) if weeks is None else (weeks,):
         days = pairs_of(data.site, area, monday, n)
         if len(days) < least:
-            found = replace(none, reason=Reason("switchback.few_days", least=2 * least, has=2 * len(days)))
+            plan = replace(none, reason=Reason("switchback.few_days", least=2 * least, has=2 * len(days)))
             continue
         foreseen = switchback_power(past, 1 + effect, n_pairs=len(days), confidence=data.site.settings.confidence)
         if weeks is not None or foreseen.power >= power:
@@ -188,8 +188,8 @@ def plan_switchback(
             pairs = tuple((a, b) if first else (b, a) for (a, b), first in zip(days, is_first, strict=True))
             return replace(none, in_turn=DaysInTurn(seed, pairs), foreseen=foreseen, state="ok")
         never = Reason("switchback.never", change=effect, weeks=n, power=foreseen.power)
-        found = replace(none, foreseen=foreseen, reason=never)
-    return found
+        plan = replace(none, foreseen=foreseen, reason=never)
+    return plan
 
 
 def pairs_of(site: Site, area: Area, monday: date, weeks: int) -> list[tuple[date, date]]:
@@ -204,16 +204,16 @@ def pairs_of(site: Site, area: Area, monday: date, weeks: int) -> list[tuple[dat
     return [(day, day + WEEK) for day in firsts if is_on(day) and is_on(day + WEEK)]
 
 
-def stored_switchback(found: SwitchbackPlan, *, made: date) -> Plan | None:
+def stored_switchback(plan: SwitchbackPlan, *, made: date) -> Plan | None:
     """Return what of a plan is stored; None where there is no plan."""
-    if found.in_turn is None or found.foreseen is None or found.known is None:
+    if plan.in_turn is None or plan.foreseen is None or plan.known is None:
         return None
-    seen, (first, last) = found.foreseen, found.known
+    seen, (first, last) = plan.foreseen, plan.known
     return Plan(
-        made=made, area=found.area_id, effect=found.effect, power=found.power_asked, first=first, last=last,
-        weeks_before=((last - first).days + 1) // WEEK.days, weeks_after=found.weeks, power_then=round(seen.power, 6),
-        theta_lo=round(seen.theta_lo, 6), theta_hi=round(seen.theta_hi, 6), compared_with=found.comparison,
-        in_turn=found.in_turn,
+        made=made, area=plan.area_id, effect=plan.effect, power=plan.power_asked, first=first, last=last,
+        weeks_before=((last - first).days + 1) // WEEK.days, weeks_after=plan.weeks, power_then=round(seen.power, 6),
+        theta_lo=round(seen.theta_lo, 6), theta_hi=round(seen.theta_hi, 6), compared_with=plan.comparison,
+        in_turn=plan.in_turn,
     )  # fmt: skip
 
 

@@ -47,42 +47,42 @@ EFFECT: Final = (
 
 
 def switchback_plan_answers(
-    found: SwitchbackPlan, site: Site, *, days: tuple[date, date], inputs: str
+    plan: SwitchbackPlan, site: Site, *, days: tuple[date, date], inputs: str
 ) -> tuple[Answer, Answer]:
     """Return days in turn as tables: what they will show, and a row for each week with its days.
 
     Args:
-        found: The plan.
+        plan: The plan.
         site: The site.
         days: First and last local day that the power rests on.
         inputs: Hash of the facts.
     """
-    floor_id = next(a.floor_id for a in site.areas if a.area_id == found.area_id)
+    floor_id = next(a.floor_id for a in site.areas if a.area_id == plan.area_id)
     holds = HoldsFor(site.site_id, floor_id, *days, settings=site.settings.settings_id(), inputs=inputs)
-    turn = _turns(found)
-    seen, weeks = found.foreseen, found.weeks
-    why = None if found.state == "ok" else lack(found.state, found.reason)
+    turn = _turns(plan)
+    seen, weeks = plan.foreseen, plan.weeks
+    why = None if plan.state == "ok" else lack(plan.state, plan.reason)
     row: Row = {
-        "area_id": found.area_id,
-        "name": found.area_name,
-        "planned_change": Value(found.effect),
-        "power_asked": Value(found.power_asked),
+        "area_id": plan.area_id,
+        "name": plan.area_name,
+        "planned_change": Value(plan.effect),
+        "power_asked": Value(plan.power_asked),
         "n_weeks_in_turn": weeks,
         "n_days_in_turn": len(turn) or None,
-        "power_then": known(None if seen is None else seen.power, found.reason),
+        "power_then": known(None if seen is None else seen.power, plan.reason),
         "measured_then": why
-        or (Value(found.effect) if seen is None else Value(found.effect, seen.theta_lo - 1, seen.theta_hi - 1)),
+        or (Value(plan.effect) if seen is None else Value(plan.effect, seen.theta_lo - 1, seen.theta_hi - 1)),
         "first_date": min(turn, default=None),
         "last_date": max(turn, default=None),
-        "seed": None if found.in_turn is None else found.in_turn.seed,
-        "comparison_area_ids": found.comparison,
+        "seed": None if plan.in_turn is None else plan.in_turn.seed,
+        "comparison_area_ids": plan.comparison,
     }
-    notes = [Reason("logged_change.cannot_serve", area=a, why=reason) for a, reason in found.areas_left_out]
+    notes = [Reason("logged_change.cannot_serve", area=a, why=reason) for a, reason in plan.areas_left_out]
     if seen is not None and weeks is not None:
         notes = [
-            Reason("switchback.power", change=found.effect, weeks=weeks, power=seen.power),
+            Reason("switchback.power", change=plan.effect, weeks=weeks, power=seen.power),
             Reason("switchback.holds_if"),
-            *([] if found.comparison else [Reason("switchback.alone")]),
+            *([] if plan.comparison else [Reason("switchback.alone")]),
             *notes,
         ]
     mondays = sorted({day - timedelta(days=day.weekday()) for day in turn})
@@ -94,44 +94,44 @@ def switchback_plan_answers(
     )
 
 
-def switchback_answer(found: SwitchbackFigure, site: Site, *, inputs: str) -> Answer:
+def switchback_answer(figure: SwitchbackFigure, site: Site, *, inputs: str) -> Answer:
     """Return what days in turn showed as a table of one row: effect with its range, verdict and test.
 
     Args:
-        found: What they showed.
+        figure: What they showed.
         site: The site.
         inputs: Hash of the facts.
     """
-    floor_id = next(a.floor_id for a in site.areas if a.area_id == found.plan.area)
-    days = [day for pair in found.in_turn.pairs for day in pair]
+    floor_id = next(a.floor_id for a in site.areas if a.area_id == figure.plan.area)
+    days = [day for pair in figure.in_turn.pairs for day in pair]
     holds = HoldsFor(site.site_id, floor_id, min(days), max(days), settings=site.settings.settings_id(), inputs=inputs)
-    effect = found.effect
+    effect = figure.effect
     n_pairs = None if effect is None else effect.n_pairs
-    change = lack(found.state, found.reason)
+    change = lack(figure.state, figure.reason)
     if effect is not None and effect.value is not None:
         lo, hi = (None if end is None else end - 1 for end in (effect.lo, effect.hi))
         change = Value(effect.value - 1, lo, hi)
     row: Row = {
-        "number": found.number,
-        "area_id": found.plan.area,
-        "name": found.area_name,
-        "planned_change": Value(found.plan.effect),
+        "number": figure.number,
+        "area_id": figure.plan.area,
+        "name": figure.area_name,
+        "planned_change": Value(figure.plan.effect),
         "in_turn_change": change,
         "in_turn_verdict": "too_little_data" if effect is None else effect.verdict,
-        "p_value": known(None if effect is None else effect.p_value, found.reason),
+        "p_value": known(None if effect is None else effect.p_value, figure.reason),
         "n_days_with": n_pairs,
         "n_days_without": n_pairs,
         "first_date": min(days),
         "last_date": max(days),
-        "comparison_area_ids": found.comparison,
+        "comparison_area_ids": figure.comparison,
         "is_exact": None if effect is None else effect.is_exact,
     }
-    return Answer("switchback", EFFECT, (row,), holds, notes=tuple((None, caution) for caution in found.cautions))
+    return Answer("switchback", EFFECT, (row,), holds, notes=tuple((None, caution) for caution in figure.cautions))
 
 
-def _turns(found: SwitchbackPlan) -> dict[date, str]:
+def _turns(plan: SwitchbackPlan) -> dict[date, str]:
     """Return for each day that counts whether it is with the change or without."""
-    pairs = () if found.in_turn is None else found.in_turn.pairs
+    pairs = () if plan.in_turn is None else plan.in_turn.pairs
     return {day: turn for pair in pairs for day, turn in zip(pair, ("with", "without"), strict=True)}
 
 

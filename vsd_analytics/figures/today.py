@@ -395,7 +395,7 @@ def _silent(slots: Slots, *, n_over: int, is_sending: NDArray[np.bool_]) -> tupl
     is_open = slots.open_h.reshape(-1) > 0
     last_open = HISTORY_WEEKS * SLOTS + int(open_now[-1])
     first = slots.monday - timedelta(weeks=HISTORY_WEEKS)
-    found = []
+    silent = []
     for camera_id, recorded_h, sends in zip(
         slots.camera_ids, slots.recorded_h.reshape(len(slots.camera_ids), -1), is_sending, strict=True
     ):
@@ -403,7 +403,7 @@ def _silent(slots: Slots, *, n_over: int, is_sending: NDArray[np.bool_]) -> tupl
             continue
         recorded = np.flatnonzero(recorded_h[:last_open] > 0)
         last = int(recorded[-1]) if len(recorded) else None
-        found.append(
+        silent.append(
             SilentCamera(
                 camera_id=camera_id,
                 last_day=None if last is None else first + timedelta(days=last // HOURS),
@@ -411,4 +411,4 @@ def _silent(slots: Slots, *, n_over: int, is_sending: NDArray[np.bool_]) -> tupl
                 open_hours=int(is_open[0 if last is None else last + 1 : last_open + 1].sum()),
             )
         )
-    return tuple(found)
+    return tuple(silent)

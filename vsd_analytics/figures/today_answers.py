@@ -53,7 +53,7 @@ SILENT: Final = (
 _NOT_OVER: Final = Reason("today.not_over")
 
 
-def today_answers(found: Today, site: Site, *, inputs: str) -> tuple[Answer, ...]:
+def today_answers(today: Today, site: Site, *, inputs: str) -> tuple[Answer, ...]:
     """Return what to know about a floor today.
 
     `today_days`: yesterday and today, also where the site is closed; violations counted in the open hours that are
@@ -63,31 +63,31 @@ def today_answers(found: Today, site: Site, *, inputs: str) -> tuple[Answer, ...
     those that send nothing, the hour they last recorded, and open hours since.
 
     Args:
-        found: The card's numbers.
+        today: The card's numbers.
         site: The site.
         inputs: Hash of the facts.
     """
-    day = found.at.date()
+    day = today.at.date()
     yesterday, tomorrow = day - timedelta(days=1), day + timedelta(days=1)
     settings = site.settings.settings_id()
-    holds = HoldsFor(site.site_id, found.floor_id, yesterday, tomorrow, found.at, settings, inputs)
-    levels = ((yesterday, found.yesterday), (day, found.so_far))
-    days: list[Row] = [{"floor_id": found.floor_id, "local_date": date, **_day(level)} for date, level in levels]
+    holds = HoldsFor(site.site_id, today.floor_id, yesterday, tomorrow, today.at, settings, inputs)
+    levels = ((yesterday, today.yesterday), (day, today.so_far))
+    days: list[Row] = [{"floor_id": today.floor_id, "local_date": date, **_day(level)} for date, level in levels]
     silent: list[Row] = [
         {
-            "floor_id": found.floor_id,
+            "floor_id": today.floor_id,
             "camera_id": camera.camera_id,
             "last_date": camera.last_day,
             "last_hour": camera.last_hour,
             "n_open_hours": camera.open_hours,
         }
-        for camera in found.silent
+        for camera in today.silent
     ]
     every_hour = Sum("n_violations", ("today_hours.n_violations",))
     return (
         Answer("today_days", DAYS, tuple(days), holds, (every_hour,)),
-        Answer("today_hours", HOURS, tuple(_hour(found, hour) for hour in found.hours), holds),
-        unusual_answer(found.unusual, holds),
+        Answer("today_hours", HOURS, tuple(_hour(today, hour) for hour in today.hours), holds),
+        unusual_answer(today.unusual, holds),
         Answer("silent_cameras", SILENT, tuple(silent), holds),
     )
 
@@ -114,23 +114,23 @@ def _day(level: DayLevel | None) -> Row:
     }
 
 
-def _hour(found: Today, hour: TodayHour) -> Row:
-    counts, forecast = found.unusual, lack(found.forecast_state, found.forecast_reason)
+def _hour(today: Today, hour: TodayHour) -> Row:
+    counts, forecast = today.unusual, lack(today.forecast_state, today.forecast_reason)
     unknown = lack(counts.state, counts.reason) if counts.state == "not_measurable" else None
     few_weeks = Value.missing(Reason("forecast.hour", least=MIN_WEEKS))
-    expected = few_weeks if found.forecast_state == "ok" else forecast
-    unseen = forecast if found.forecast_state == "not_measurable" else Value.missing(Reason("recorded.nothing"))
+    expected = few_weeks if today.forecast_state == "ok" else forecast
+    unseen = forecast if today.forecast_state == "not_measurable" else Value.missing(Reason("recorded.nothing"))
     unrecorded = Value.missing(Reason("recorded.nothing"))
     if not hour.is_over:
         unseen = unrecorded = Value.missing(_NOT_OVER)
     return {
-        "floor_id": found.floor_id,
+        "floor_id": today.floor_id,
         "local_date": hour.day,
         "local_hour": hour.hour,
         "is_over": hour.is_over,
         "n_violations": unknown or _or(_whole(hour.violations), unrecorded),
         "violations_estimate": unknown or _or(hour.estimate, unrecorded),
-        "usual": unknown or _or(hour.usual, few_weeks if found.forecast_state == "ok" else forecast, hour.lo, hour.hi),
+        "usual": unknown or _or(hour.usual, few_weeks if today.forecast_state == "ok" else forecast, hour.lo, hour.hi),
         "people_seen": _or(hour.seen, unseen),
         "people": _or(hour.people, expected, hour.people_lo, hour.people_hi),
     }

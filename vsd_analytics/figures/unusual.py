@@ -70,9 +70,11 @@ def unusual(
     slots = load_slots(
         warehouse, monday, n_weeks=HISTORY_WEEKS + 1, floor_id=floor_id, there=(monday, monday + timedelta(days=6))
     )
-    found = unusual_in_last_week(slots if as_known is None else as_known(slots), warehouse.site)
-    counts = found.n_unusual, found.n_tested
-    return UnusualWeek(iso_week(monday), floor_id, UNIT, found.rows, *counts, found.state, found.reason)
+    unusual_slots = unusual_in_last_week(slots if as_known is None else as_known(slots), warehouse.site)
+    counts = unusual_slots.n_unusual, unusual_slots.n_tested
+    return UnusualWeek(
+        iso_week(monday), floor_id, UNIT, unusual_slots.rows, *counts, unusual_slots.state, unusual_slots.reason
+    )
 
 
 def unusual_in_last_week(slots: Slots, site: Site) -> UnusualSlots:

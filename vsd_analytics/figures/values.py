@@ -32,10 +32,10 @@ def relative(ratio: Estimated | None, *, reason: Reason) -> Value:
     """
     if ratio is None:
         return Value.missing(reason)
-    found = Value.of(ratio)
-    value, lo, hi = (None if n is None else n - 1 for n in (found.value, found.lo, found.hi))
+    cell = Value.of(ratio)
+    value, lo, hi = (None if n is None else n - 1 for n in (cell.value, cell.lo, cell.hi))
     has_interval = value is not None and (lo is not None or hi is not None)
-    return Value(value, lo, hi, found.state, None if has_interval else found.reason or reason)
+    return Value(value, lo, hi, cell.state, None if has_interval else cell.reason or reason)
 
 
 def known(number: float | None, reason: Reason | None, state: State = "not_enough_data") -> Value:

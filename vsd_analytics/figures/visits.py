@@ -297,10 +297,10 @@ def per_open_hour(period: Period, place: Place, *, what: str, why_none: Reason) 
     if not period.knows(place):
         return NOT_RECORDED
     data, panel = period.data, period.data.panel(place, period.days)
-    found = violation_rate(panel.n, panel.x_h, **data.site.settings.for_intervals)
-    if found.reason is None or found.reason.code not in _OWN_WORDS:
-        return found
-    return replace(found, reason=Reason(found.reason.code.replace("level", what), **found.reason.values))
+    rate = violation_rate(panel.n, panel.x_h, **data.site.settings.for_intervals)
+    if rate.reason is None or rate.reason.code not in _OWN_WORDS:
+        return rate
+    return replace(rate, reason=Reason(rate.reason.code.replace("level", what), **rate.reason.values))
 
 
 def _silent(data: FloorHours, place: Place, recorded_h: Sequence[float] | Array) -> tuple[str, ...]:

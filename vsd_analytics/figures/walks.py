@@ -67,13 +67,13 @@ def walking_directions(period: Period) -> WalkField:
 
     A cell of several metres has, as its number of people, that of its busiest square metre: nobody counts twice.
     """
-    found = period.data.warehouse.table(
+    rows = period.data.warehouse.table(
         "select cx, cy, sum(n_walkers)::double as n, sum(n_people)::double as n_people, sum(east) as east, "
         "sum(north) as north, sum(along_x) as along_x, sum(along_y) as along_y from walks "
         "where floor_id = $floor and local_date between $first and $last group by cx, cy order by cy, cx",
         {"floor": period.data.floor.floor_id, "first": period.first, "last": period.last},
     )
-    columns = [np.asarray(found[name].to_numpy(), dtype=np.float64) for name in found.column_names]
+    columns = [np.asarray(rows[name].to_numpy(), dtype=np.float64) for name in rows.column_names]
     if not len(columns[0]):
         return WalkField(1.0, ())
     cx, cy, n, n_people, *sums = columns

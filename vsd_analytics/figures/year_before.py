@@ -64,14 +64,14 @@ def _cells(inputs: FigureInputs, data: WeekData, pair: TwoPeriods) -> Row:
     state, reason = compare.why_not(pair)
     if state != "ok":
         return dict.fromkeys((*_VALUES, "n_before", "n_now"), lack(state, reason))
-    found = compare.place_change(pair, data.floor)
-    rate, people = found.split.violation_rate, found.split.people
+    change = compare.place_change(pair, data.floor)
+    rate, people = change.split.violation_rate, change.split.people
     nothing = Reason("change.not_compared")
     cells: Row = {
-        "violation_rate_before": measured(found.violation_rate_a),
+        "violation_rate_before": measured(change.violation_rate_a),
         "violation_rate_change": relative(rate, reason=rate.reason or nothing),
-        "close_time_share_before": measured(found.close_time_share_a),
-        "close_time_share_change": relative(found.close_time_share, reason=found.close_time_share.reason or nothing),
+        "close_time_share_before": measured(change.close_time_share_a),
+        "close_time_share_change": relative(change.close_time_share, reason=change.close_time_share.reason or nothing),
         "people_before": Value.missing(nothing) if people.rate_a is None else Value(people.rate_a),
         "people_change": relative(people, reason=people.reason or nothing),
         "n_before": known(rate.n_a, nothing),

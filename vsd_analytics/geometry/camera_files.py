@@ -76,20 +76,20 @@ def read_camera(paths: Sequence[Path], *, unit_m: float = 1.0) -> CameraFile:
     Raises:
         CalibrationError: A file cannot be read (E406), or something is missing or has the wrong size (E407).
     """
-    found: dict[str, Array] = {}
+    arrays: dict[str, Array] = {}
     for path in paths:
-        found |= _oxford(path) or _named(path)
-    missing = [what for what in ("lens", "rotation", "translation") if what not in found]
+        arrays |= _oxford(path) or _named(path)
+    missing = [what for what in ("lens", "rotation", "translation") if what not in arrays]
     if missing:
         raise _refused(paths[-1], f"there is no {missing[0]}: one of {', '.join(_NAMES[missing[0]])}")
-    lens, rotation, translation = found["lens"], found["rotation"].squeeze(), found["translation"].ravel()
+    lens, rotation, translation = arrays["lens"], arrays["rotation"].squeeze(), arrays["translation"].ravel()
     if rotation.shape == (3,):
         import cv2
 
         rotation = np.asarray(cv2.Rodrigues(rotation)[0], dtype=np.float64)
     if lens.shape != (3, 3) or rotation.shape != (3, 3) or translation.shape != (3,):
         raise _refused(paths[-1], "a camera matrix is 3x3, a rotation 3x3 or 3 numbers, a translation 3 numbers")
-    distortion = found.get("distortion", np.empty(0)).ravel()
+    distortion = arrays.get("distortion", np.empty(0)).ravel()
     if not all(np.isfinite(values).all() for values in (lens, rotation, translation, distortion)):
         raise _refused(paths[-1], "a number is not finite")
     return CameraFile(lens, distortion, rotation, translation * unit_m)

@@ -215,9 +215,9 @@ def _clipped(shapes: NDArray[np.object_], clip: BaseGeometry) -> NDArray[np.obje
     import shapely
 
     shapely.prepare(clip)
-    found, is_cut = shapes.copy(), ~shapely.covers(clip, shapes)
-    found[is_cut] = shapely.intersection(shapes[is_cut], clip)
-    return found
+    parts, is_cut = shapes.copy(), ~shapely.covers(clip, shapes)
+    parts[is_cut] = shapely.intersection(shapes[is_cut], clip)
+    return parts
 
 
 def _latest(camera: Camera) -> Calibration | None:

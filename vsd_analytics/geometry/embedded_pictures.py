@@ -59,9 +59,9 @@ def plan_image(path: Path, *, max_bytes: int = MAX_BYTES) -> tuple[str, tuple[in
                 why=f"the report carries it inside, and an SVG plan may have at most {4 * max_bytes // 1000} KB",
                 fix="save it as PNG and name that file in vsd.toml",
             )
-        found = "it has a style sheet" if b"<?xml-stylesheet" in data else _more_than_drawn(_svg(path, data))
-        if found is not None:
-            raise _no_picture(path, f"it is more than a drawing: {found}")
+        problem = "it has a style sheet" if b"<?xml-stylesheet" in data else _more_than_drawn(_svg(path, data))
+        if problem is not None:
+            raise _no_picture(path, f"it is more than a drawing: {problem}")
         return data_uri(data, kind="svg+xml"), (0, 0)
     import cv2
     import numpy as np

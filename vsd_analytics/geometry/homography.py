@@ -123,10 +123,10 @@ def projection(homography: ArrayLike, *, picture_px: tuple[int, int]) -> Array |
     Returns:
         None when no such lens makes this homography (`camera_pose`).
     """
-    found = camera_pose(homography, picture_px=picture_px)
-    if found is None:
+    camera = camera_pose(homography, picture_px=picture_px)
+    if camera is None:
         return None
-    focal_px, pose = found
+    focal_px, pose = camera
     lens = np.array([[focal_px, 0, picture_px[0] / 2], [0, focal_px, picture_px[1] / 2], [0, 0, 1]])
     return np.asarray(lens @ pose)
 

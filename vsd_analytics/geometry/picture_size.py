@@ -48,5 +48,5 @@ def _svg_size(path: Path) -> tuple[float, float] | None:
 
 
 def _length(text: str) -> float:
-    found = re.fullmatch(r"\s*([0-9.]+)\s*(px)?\s*", text)
-    return float(found[1]) if found else 0.0
+    match = re.fullmatch(r"\s*([0-9.]+)\s*(px)?\s*", text)
+    return float(match[1]) if match else 0.0

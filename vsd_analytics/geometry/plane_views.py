@@ -30,12 +30,12 @@ def planes_in_force(planes: Sequence[Plane], at: datetime | None) -> tuple[Plane
         planes: Of one camera.
         at: The instant; None = before all dates.
     """
-    found: dict[str, Plane] = {}
+    in_force: dict[str, Plane] = {}
     for plane in sorted(planes, key=_begins):
         begins = plane.calibration.valid_from
-        if plane.plane_id not in found or begins is None or (at is not None and begins <= at):
-            found[plane.plane_id] = plane
-    return tuple(found[plane_id] for plane_id in dict.fromkeys(plane.plane_id for plane in planes))
+        if plane.plane_id not in in_force or begins is None or (at is not None and begins <= at):
+            in_force[plane.plane_id] = plane
+    return tuple(in_force[plane_id] for plane_id in dict.fromkeys(plane.plane_id for plane in planes))
 
 
 def plane_starts(planes: Sequence[Plane]) -> list[datetime]:

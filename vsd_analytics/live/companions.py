@@ -107,7 +107,10 @@ class _Window:
     def is_company(self, a: str, b: str, *, ts_ms: int) -> bool:
         """Return whether two tracks stand in one company, as far as is known."""
         is_young = ts_ms - self.start_ms < RULES["company_least_ms"]
-        return any(a in of and of[a] == of.get(b) for of in (self.company, *([self.before] if is_young else [])))
+        return any(
+            a in companies and companies[a] == companies.get(b)
+            for companies in (self.company, *([self.before] if is_young else []))
+        )
 
 
 class Companions:

@@ -144,7 +144,7 @@ def _by_message(rejects: Sequence[Rejected], payloads: Mapping[int, bytes]) -> l
 
     A message too long to be held whole stays as rows, which can be replayed.
     """
-    found: list[Rejected] = []
+    merged: list[Rejected] = []
     together: set[int] = set()
     for r in rejects:
         if r.line in together:
@@ -152,10 +152,10 @@ def _by_message(rejects: Sequence[Rejected], payloads: Mapping[int, bytes]) -> l
         whole = rejected(r.line, reason=r.reason, detail=r.detail, record=payloads[r.line])
         if r.reason == OUT_OF_RANGE and whole.whole is not None:
             together.add(r.line)
-            found.append(whole)
+            merged.append(whole)
         else:
-            found.append(r)
-    return found
+            merged.append(r)
+    return merged
 
 
 def _joined(parts: Sequence[Prepared]) -> Prepared:

@@ -170,7 +170,9 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
         has_time = (times[0] > 0) & ~_is_on(asked.untimed, grid, *keys[2:4])
         counted.append((keys[:, is_able], n[is_able]))
         timed.append((keys[:, has_time], np.maximum(tracks, 1)[has_time], *(v[has_time] for v in times)))
-    unit_ms = _unit(*(of for _, _, *times in timed for of in times))  # of what is given: all would tell of hidden times
+    unit_ms = _unit(
+        *(time_ms for _, _, *times in timed for time_ms in times)
+    )  # of what is given: all would tell of hidden times
     return CellCounts(
         violations=_merged(
             np.concatenate([keys for keys, _ in counted], axis=1),
@@ -219,19 +221,19 @@ def _by_square(timed: Sequence[Sequence[Ints]], *, unit_ms: int) -> tuple[Ints, 
         unit_ms: Unit of the times returned. They are rounded in the order given, from one camera to the next.
     """
     n_across, before_ms = round(1 / CELL_M), [0, 0]
-    found = []
+    parts = []
     for keys, tracks, *times in timed:
-        rounded = [_rounded(of, unit_ms, before_ms=before) for of, before in zip(times, before_ms, strict=True)]
-        before_ms = [before + int(of.sum()) for of, before in zip(times, before_ms, strict=True)]
+        rounded = [_rounded(column, unit_ms, before_ms=before) for column, before in zip(times, before_ms, strict=True)]
+        before_ms = [before + int(column.sum()) for column, before in zip(times, before_ms, strict=True)]
         squares = np.concatenate((keys[:2], keys[2:4] // n_across, keys[4:]))
         order = np.lexsort(squares[1:4])
         squares = squares[:, order]
         is_first = np.append(True, np.any(squares[1:4, 1:] != squares[1:4, :-1], axis=0))[: order.size]
         starts = np.flatnonzero(is_first)
         most = np.maximum.reduceat(tracks[order], starts) if starts.size else tracks[:0]
-        sums = [np.add.reduceat(of[order], starts) if starts.size else of[:0] for of in rounded]
-        found.append((squares[:, starts], most, *sums))
-    keys, *values = (np.concatenate(of, axis=-1) for of in zip(*found, strict=True))
+        sums = [np.add.reduceat(column[order], starts) if starts.size else column[:0] for column in rounded]
+        parts.append((squares[:, starts], most, *sums))
+    keys, *values = (np.concatenate(column, axis=-1) for column in zip(*parts, strict=True))
     return keys, values
 
 
@@ -239,10 +241,10 @@ def _is_on(floor: BaseGeometry | None, grid: CellGrid, x: Ints, y: Ints) -> Flag
     """Return which cells of half a metre, by column and row of the grid, have floor in common with some floor."""
     if floor is None or floor.is_empty:
         return np.zeros(x.shape, dtype=np.bool_)
-    cells, of = np.unique(np.stack((x, y)), axis=1, return_inverse=True)
+    cells, inverse = np.unique(np.stack((x, y)), axis=1, return_inverse=True)
     left, low = (first + at * CELL_M for first, at in zip((grid.x0, grid.y0), cells, strict=True))
     boxes = shapely.box(left, low, left + CELL_M, low + CELL_M)
-    return np.asarray(shapely.relate_pattern(boxes, floor, "T********"))[of.ravel()]
+    return np.asarray(shapely.relate_pattern(boxes, floor, "T********"))[inverse.ravel()]
 
 
 def _from_to(data: WeekData, slots: Ints) -> dict[str, int]:

@@ -69,8 +69,8 @@ def flow_layer(answers: Answers, floor: FloorMap, frame: Frame, *, least: int, d
     paths: tuple[tuple[float, str], ...] = ()
     if arrows:
         cell_m = cell_side_m(cells)
-        found = direction_paths(floor, arrows, frame, cell_m=cell_m, unit=unit)
-        paths = tuple((wide, path) for wide, path in zip(WIDTHS, found, strict=True) if path)
+        arrow_paths = direction_paths(floor, arrows, frame, cell_m=cell_m, unit=unit)
+        paths = tuple((wide, path) for wide, path in zip(WIDTHS, arrow_paths, strict=True) if path)
         cell = fmt.distance(cell_m, distance_unit)
         widest = fmt.count(round(width_steps(arrows)[-1]))
         arrows_legend = say("planner.use.arrows_legend", cell=cell, least=fmt.count(least), widest=widest)

@@ -42,8 +42,8 @@ class TwoWeeks(WeekData):
     @cached_property
     def until_ms(self) -> int | None:
         """Return the UTC start of the first hour that is not over, where one of the two weeks is begun and not over."""
-        found = (period.not_over_ms for period in (self.pair.now, self.pair.before))
-        return next((ms for ms in found if ms is not None), None)
+        starts_ms = (period.not_over_ms for period in (self.pair.now, self.pair.before))
+        return next((ms for ms in starts_ms if ms is not None), None)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -225,8 +225,8 @@ def floor_panel(
     slots, hours, cameras = open_slots(data, days), data.hours, asked.places[0].cameras
     counted = hours.is_counted[:, slots] & cameras[:, None]
     n, exposure_ms, close_ms = (
-        np.where(counted, np.rint(np.nan_to_num(of[:, slots]) * scale), 0).sum(axis=0).astype(np.int64)
-        for of, scale in (
+        np.where(counted, np.rint(np.nan_to_num(amounts[:, slots]) * scale), 0).sum(axis=0).astype(np.int64)
+        for amounts, scale in (
             (asked.places[0].n, 1),
             (asked.places[0].exposure_h, 3_600_000),
             (asked.close_h[0], 3_600_000),
@@ -276,15 +276,15 @@ def hidden_places(data: TwoWeeks, mondays: Sequence[date], areas: Sequence[Area 
         mondays: First days of the weeks.
         areas: The places after the whole floor, which is the first: areas, and None for the rest.
     """
-    found: dict[int, Reason] = {}
+    reasons: dict[int, Reason] = {}
     for week in map(data.hidden_in, mondays):
         if week.why_floor is not None:
-            found.setdefault(0, week.why_floor)
+            reasons.setdefault(0, week.why_floor)
         for k, area in enumerate(areas, 1):
             why = data.mask.why_held_back(week.places, None if area is None else area.area_id)
             if why is not None:
-                found.setdefault(k, why)
-    return dict(sorted(found.items()))
+                reasons.setdefault(k, why)
+    return dict(sorted(reasons.items()))
 
 
 def _held_hours(data: TwoWeeks, mondays: Sequence[date]) -> list[Collection[int]]:

@@ -35,8 +35,8 @@ def layouts(data: WeekData, *, before: date, changes: Sequence[PlannerChange]) -
     days = [data.sunday, before + timedelta(days=6)]
     for change in changes:
         days += [data.sunday if side is None else side.days[1] for side in (change.before, change.after)]
-    found = tuple(map_fixtures(fixtures_at(data, day)) for day in days)
-    return found if len(set(found)) > 1 else ()
+    all_layouts = tuple(map_fixtures(fixtures_at(data, day)) for day in days)
+    return all_layouts if len(set(all_layouts)) > 1 else ()
 
 
 def movable(layout: Layout) -> list[dict[str, Any]]:
@@ -67,12 +67,12 @@ def drawn_fixtures(layouts: Sequence[Layout], frame: Frame) -> tuple[tuple[Marku
         frame: The frame.
     """
     every = sorted(dict.fromkeys(f for layout in layouts for f in layout), key=lambda f: f.kind != "wall")
-    found = [
+    fixture_layouts = [
         (f, " ".join(str(k) for k, layout in enumerate(layouts) if f in layout) if len(layouts) > 1 else "")
         for f in every
     ]
-    drawings = tuple(_fixture(f, frame, among) for f, among in found)
-    return drawings, tuple(_fixture_label(f, frame, among) for f, among in found)
+    drawings = tuple(_fixture(f, frame, among) for f, among in fixture_layouts)
+    return drawings, tuple(_fixture_label(f, frame, among) for f, among in fixture_layouts)
 
 
 def _fixture(fixture: MapFixture, frame: Frame, among: str) -> Markup:

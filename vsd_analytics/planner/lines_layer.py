@@ -102,11 +102,11 @@ def _share(row: Row) -> float | None:
 
 def _meta(answers: Answers, whole: Row, ends: list[tuple[int, int]], reasons: list[tuple[str, bool]]) -> dict[str, Any]:
     """Return a line for the script: cells of the week, of each weekday and hour of the day, and of both together."""
-    of = {name: list(answers[name].where(line_id=str(whole["line_id"]))) for name in ("line_days", "line_hours")}
-    found = answers.get("line_day_hours")
-    slots = [] if found is None else list(found.where(line_id=str(whole["line_id"])))
-    days = {_weekday(row): _cells(row, reasons) for row in of["line_days"]}
-    hours = {row["local_hour"]: _cells(row, reasons) for row in of["line_hours"]}
+    tables = {name: list(answers[name].where(line_id=str(whole["line_id"]))) for name in ("line_days", "line_hours")}
+    day_hours = answers.get("line_day_hours")
+    slots = [] if day_hours is None else list(day_hours.where(line_id=str(whole["line_id"])))
+    days = {_weekday(row): _cells(row, reasons) for row in tables["line_days"]}
+    hours = {row["local_hour"]: _cells(row, reasons) for row in tables["line_hours"]}
     both = {(_weekday(row), row["local_hour"]): _cells(row, reasons) for row in slots}
     return {
         **{key: whole[key] for key in ("name", "left", "right")},

@@ -114,13 +114,13 @@ def entries_of(site: Site, monday: date, *, weeks: int, floor_id: str | None = N
     """
     first, last = monday - (weeks - 1) * WEEK, monday + timedelta(days=6)
     floors = {a.area_id: a.floor_id for a in site.areas}
-    found = [
+    entries = [
         (number, entry)
         for number, entry in enumerate(read_log(site), 1)
         if first <= local_day(site, entry) <= last
         and (entry.area_id is None or (entry.area_id in floors and floor_id in (None, floors[entry.area_id])))
     ]
-    return sorted(found, key=lambda each: (each[1].at, each[0]))
+    return sorted(entries, key=lambda each: (each[1].at, each[0]))
 
 
 def logged_changes(data: TwoWeeks, counted: Counted, *, weeks: int) -> tuple[PlannerChange, ...]:
@@ -131,25 +131,25 @@ def logged_changes(data: TwoWeeks, counted: Counted, *, weeks: int) -> tuple[Pla
         counted: What is counted where.
         weeks: How many weeks of the log.
     """
-    made = _Weeks(data, counted)
+    floor_weeks = _Weeks(data, counted)
     return tuple(
-        _change(data, made, number, entry)
+        _change(data, floor_weeks, number, entry)
         for number, entry in entries_of(data.site, data.monday, weeks=weeks, floor_id=data.floor.floor_id)
     )
 
 
-def _change(data: TwoWeeks, made: _Weeks, number: int, entry: LogEntry) -> PlannerChange:
+def _change(data: TwoWeeks, floor_weeks: _Weeks, number: int, entry: LogEntry) -> PlannerChange:
     areas = {a.area_id: a for a in data.areas}
     answers = result = None
     if entry.area_id is not None:
-        found = before_after(data.warehouse, number)
-        answers, result, windows = shared_change_answers(data, found), change_effect(data, found), found.windows
+        figure = before_after(data.warehouse, number)
+        answers, result, windows = shared_change_answers(data, figure), change_effect(data, figure), figure.windows
     else:
         windows, _ = windows_of(data.warehouse, entry, area_id="", weeks=WEEKS)
     sides: list[ChangeSide | None] = [None, None]
     if windows is not None and not data.mask.is_on:
         pair = TwoPeriods(Period(data, *windows.before), Period(data, *windows.after))
-        sides = [made.side(windows.before, pair.used(0)), made.side(windows.after, pair.used(1))]
+        sides = [floor_weeks.side(windows.before, pair.used(0)), floor_weeks.side(windows.after, pair.used(1))]
     return PlannerChange(
         number=number,
         at=entry.at.astimezone(data.site.zone),

@@ -54,7 +54,7 @@ def map_kinds(heat_steps: tuple[float, ...], *, distance: str, hotspot_days: int
         distance: The legal distance in words.
         hotspot_days: Days of the window that the hotspots and the map of excess are made of.
     """
-    made: tuple[tuple[Kind, str, str, tuple[float, ...]], ...] = (
+    kinds: tuple[tuple[Kind, str, str, tuple[float, ...]], ...] = (
         ("violations", "M0", "", heat_steps),
         ("exposure", "M16", "", EXPOSURE_STEPS),
         ("burden", "M17", "", BURDEN_STEPS),
@@ -74,7 +74,7 @@ def map_kinds(heat_steps: tuple[float, ...], *, distance: str, hotspot_days: int
             f"{plain(steps[0])}{suffix}" if steps else "",
             _middle(steps, suffix),
         )
-        for kind, metric, suffix, steps in made
+        for kind, metric, suffix, steps in kinds
     )
 
 

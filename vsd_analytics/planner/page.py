@@ -178,9 +178,9 @@ def _week_name(ref: WeekRef, *, year: int) -> str:
 
 def _spot_rows(data: PlannerData) -> tuple[tuple[str, str, Row], ...]:
     """Return each hotspot's id and name on the page, and its row of the answer."""
-    found = data.hotspots
-    table, *_ = hotspot_answers(found, window_holds(data.site, found, inputs=""))
-    return tuple((spot_id(s), place_name(s.place), row) for s, row in zip(found.spots, table.rows, strict=True))
+    hotspots = data.hotspots
+    table, *_ = hotspot_answers(hotspots, window_holds(data.site, hotspots, inputs=""))
+    return tuple((spot_id(s), place_name(s.place), row) for s, row in zip(hotspots.spots, table.rows, strict=True))
 
 
 def _json(value: Any) -> str:
@@ -192,8 +192,8 @@ def _json(value: Any) -> str:
 def _hours(data: PlannerData) -> tuple[int, int]:
     """Return the first hour that is open on any day, and the one after the last."""
     panels = [data.week.panel, data.history] + ([data.before.panel] if data.before is not None else [])
-    found = np.concatenate([p.hour for p in panels])
-    return (int(found.min()), int(found.max()) + 1) if found.size else (0, 24)
+    hours = np.concatenate([p.hour for p in panels])
+    return (int(hours.min()), int(hours.max()) + 1) if hours.size else (0, 24)
 
 
 def _meta(
@@ -352,7 +352,7 @@ def _figures(data: PlannerData, index: int, row: PlaceRow) -> PlannerFigureRow:
         return PlannerFigureRow(name=row.name, violation_rate_likely=reason_text(hidden))
     changes = hidden_before is None and violation_rate.verdict is not None and violation_rate.previous is not None
     clear = violation_rate.verdict in ("clear_fall", "clear_rise")
-    said = verdict_words(violation_rate) if changes else ""
+    verdict = verdict_words(violation_rate) if changes else ""
     return PlannerFigureRow(
         name=row.name,
         violation_rate=fmt.number(violation_rate.value),
@@ -362,7 +362,7 @@ def _figures(data: PlannerData, index: int, row: PlaceRow) -> PlannerFigureRow:
         encounter_rate=fmt.number(encounter_rate.value),
         encounter_rate_likely=fmt.likely_level(encounter_rate) or reason_text(encounter_rate.reason),
         previous=fmt.number(violation_rate.previous) if changes else fmt.MISSING,
-        change=f"{said}, {fmt.fewer_more(violation_rate.change)}" if changes and clear else said,
+        change=f"{verdict}, {fmt.fewer_more(violation_rate.change)}" if changes and clear else verdict,
         change_likely=fmt.likely_change(violation_rate) if changes else "",
     )
 

@@ -284,7 +284,7 @@ def planner_data(
         data, areas=report_areas.areas(data, is_compared=False, rest=say("words.rest")).rows, is_ranked=is_ranked
     )
     shown = next((m for m in maps if m.kind != "picture"), None)
-    found = spots.hotspots(warehouse, floor_id=floor.floor_id, until=data.sunday)
+    hotspots = spots.hotspots(warehouse, floor_id=floor.floor_id, until=data.sunday)
     ids = [None if p.area is None else p.area.area_id for p in places[1:]]
     counted = Counted(
         places=[data.whole, *(data.area(area_id) for area_id in ids)],
@@ -292,11 +292,11 @@ def planner_data(
         close_h=[data.violation_h, *(data.violation_in(area_id) for area_id in ids)],
         extent=None if shown is None else shown.extent,
     )
-    made = {monday: _week(data, Period(data, monday, data.sunday), counted, excess=found)}
+    by_monday = {monday: _week(data, Period(data, monday, data.sunday), counted, excess=hotspots)}
     if has_before:
         last = before + timedelta(days=6)
         then = spots.hotspots(warehouse, floor_id=floor.floor_id, until=last)
-        made[before] = _week(data, Period(data, before, last), counted, excess=then)
+        by_monday[before] = _week(data, Period(data, before, last), counted, excess=then)
     changes = logged_changes(data, counted, weeks=weeks)
     no_history = {k for k, p in enumerate(places) if not p.has_history}
     of_hours = replay(data, counted, before=past)
@@ -306,8 +306,8 @@ def planner_data(
         site=data.site,
         floor=floor,
         cameras=tuple(data.cameras),
-        week=made[monday],
-        before=made.get(before),
+        week=by_monday[monday],
+        before=by_monday.get(before),
         history=floor_panel(data, data.this.history_days, counted, past, is_hidden=0 in no_history)
         if data.mask.is_on
         else panel_of(data, data.this.history_days, counted, past, hidden=no_history),
@@ -320,7 +320,7 @@ def planner_data(
         shown=shown,
         walkable=_walkable(data, shown),
         seen=_seen(data, shown),
-        hotspots=shared_spots(found, data.mask, revealing=revealing_spots(data, found)),
+        hotspots=shared_spots(hotspots, data.mask, revealing=revealing_spots(data, hotspots)),
         is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in engines(data.site, monday, data.sunday)),
         weeks=weeks,
         changes=changes,
@@ -338,8 +338,8 @@ def _space(data: TwoWeeks, *, is_ranked: bool) -> Answers:
         return Answers()
     areas = report_areas.areas(data, is_compared=False, rest=say("words.rest"))
     level = floor_level(data, is_compared=False, areas=areas)
-    found, coverage = lazy_answers.LazyAnswers(data), recording.coverage(data)
-    asked = FigureInputs(data, found, coverage, level, areas.rows, timetable.timetable(data).when, is_ranked)
+    answers, coverage = lazy_answers.LazyAnswers(data), recording.coverage(data)
+    asked = FigureInputs(data, answers, coverage, level, areas.rows, timetable.timetable(data).when, is_ranked)
     return shared_answers(asked, metrics=OF_SPACE)
 
 
@@ -353,17 +353,17 @@ def _walkable(data: TwoWeeks, shown: FloorMap | None) -> WalkableFloor | None:
     grid = None if shown is None else cell_counts.grid_of(shown.extent)
     if shown is None or grid is None:
         return None
-    found = FloorGrid(data, shown.extent).walkable
-    if found is None:
+    walkable = FloorGrid(data, shown.extent).walkable
+    if walkable is None:
         return None
     fine = round(cell_counts.SQUARE_M / cell_counts.FINE_M)
     left, low = (math.floor(shown.extent[k] / cell_counts.FINE_M) - (grid.x0, grid.y0)[k] * fine for k in (0, 1))
     shape = (grid.n_y * fine, grid.n_x * fine)
-    rest = shape[0] - low - found.shape[0], shape[1] - left - found.shape[1]
+    rest = shape[0] - low - walkable.shape[0], shape[1] - left - walkable.shape[1]
     pad = ((low, rest[0]), (left, rest[1]))
-    right, up = found.steps
+    right, up = walkable.steps
     return WalkableFloor(
-        is_free=np.pad(found.is_free, pad),
+        is_free=np.pad(walkable.is_free, pad),
         to_right=np.pad(right, (pad[0], (pad[1][0], pad[1][1] + 1))),
         upwards=np.pad(up, ((pad[0][0], pad[0][1] + 1), pad[1])),
     )
@@ -371,9 +371,9 @@ def _walkable(data: TwoWeeks, shown: FloorMap | None) -> WalkableFloor | None:
 
 def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple[PlaceRow, ...]:
     """Return the whole floor, its areas, and the rest of it, with the figures the report gives them."""
-    found = report_areas.areas(data, is_compared=is_compared, rest=say("words.rest"))
-    level = floor_level(data, is_compared=is_compared, areas=found)
-    rows: dict[str | None, AreaRow] = {row.area_id: row for row in found.rows}
+    measured_areas = report_areas.areas(data, is_compared=is_compared, rest=say("words.rest"))
+    level = floor_level(data, is_compared=is_compared, areas=measured_areas)
+    rows: dict[str | None, AreaRow] = {row.area_id: row for row in measured_areas.rows}
     areas: list[Area | None] = [*data.areas, None] if rows else []
     unknown = hidden_places(data, past, areas)
     names = [say("planner.whole_floor"), *(say("words.rest") if a is None else a.name for a in areas)]
@@ -388,7 +388,7 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
         ),
     ]
     places = [data.whole, *(data.area(None if a is None else a.area_id) for a in areas)]
-    timed = [[close_time(of, where) for of in (data.this, data.pair.before)] for where in (data.floor, *areas)]
+    timed = [[close_time(period, where) for period in (data.this, data.pair.before)] for where in (data.floor, *areas)]
     return tuple(
         PlaceRow(
             place_id=place_id,
@@ -409,8 +409,8 @@ def _places(data: TwoWeeks, *, is_compared: bool, past: Sequence[date]) -> tuple
 
 def _with_change(data: TwoWeeks, share: Estimate, of_time: Place) -> Estimate:
     """Return a share of time too close with its change from the other week, as `vsd compare` gives it."""
-    found = change_close_time_share(data.pair, of_time)
-    return share if found.value is None or share.value is None else with_change(share, found)
+    change = change_close_time_share(data.pair, of_time)
+    return share if change.value is None or share.value is None else with_change(share, change)
 
 
 def _week(data: TwoWeeks, period: Period, counted: Counted, *, excess: spots.FloorHotspots) -> PlannerWeek:

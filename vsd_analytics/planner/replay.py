@@ -93,7 +93,7 @@ def _typical(weeks: Sequence[_SquareWeek], *, weekday: int, hour: int) -> tuple[
     """Return of how many weeks an hour is known, and the lower median of those that give a square, 0 without any."""
     same = [(w.weekday == weekday) & (w.hour == hour) for w in weeks]
     values, given = (
-        np.concatenate([of[..., at] for of, at in zip(parts, same, strict=True)], axis=-1)
+        np.concatenate([part[..., at] for part, at in zip(parts, same, strict=True)], axis=-1)
         for parts in ([w.values for w in weeks], [w.given for w in weeks])
     )
     n = given.sum(axis=1)
@@ -119,8 +119,8 @@ def _week(data: TwoWeeks, counted: Counted, monday: date, *, grid: SquareGrid) -
     times = square_times(data, slots, grid=grid, extent=counted.extent, areas=areas, recorded_h=recorded_h)
     given = _given(data, period, grid=grid)[:, None] & (is_shown & ~is_few)
     if data.mask.is_on:
-        found = square_classes(times, _steps(), data.mask, given=given, counted=has_count)
-        values = np.stack((found.time, found.close))
+        classes = square_classes(times, _steps(), data.mask, given=given, counted=has_count)
+        values = np.stack((classes.time, classes.close))
     else:
         sums = np.stack([times.by_square(times.time_ms), times.by_square(times.close_ms)])
         per_h = sums * given / np.where(recorded_h > 0, recorded_h, 1.0) / np.array(UNITS_MS)[:, None, None]

@@ -60,7 +60,7 @@ REASONS: Final = {
 
 def sentences() -> dict[str, str | dict[str, str]]:
     """Return the sentences the script says, with their places unfilled."""
-    found: dict[str, str | dict[str, str]] = {}
+    texts: dict[str, str | dict[str, str]] = {}
     for key, entry in catalogue.catalogue().items():
         if key.startswith(SAID) or key in SAID_TOO:
             forms = (
@@ -68,11 +68,11 @@ def sentences() -> dict[str, str | dict[str, str]]:
                 if isinstance(entry, str)
                 else {form: catalogue.template(key, plural=form) for form in entry}
             )
-            found[key.removeprefix(SAID)] = forms
+            texts[key.removeprefix(SAID)] = forms
     for name, code in REASONS.items():
         text = catalogue.template(f"reason.{code}").replace("{least", "{n")
-        found[f"reason.{name}"] = re.sub(r"\{(\w+):[^}]*\}", r"{\1}", text)  # the script formats its numbers itself
-    return found
+        texts[f"reason.{name}"] = re.sub(r"\{(\w+):[^}]*\}", r"{\1}", text)  # the script formats its numbers itself
+    return texts
 
 
 @cache

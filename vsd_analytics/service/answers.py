@@ -78,7 +78,7 @@ class ReportAnswers:
         with self._lock:
             site = self._fresh()
             weeks = _weeks(site)
-        found = {
+        answer = {
             "site_id": site.site_id,
             "name": site.name,
             "time_zone": site.timezone,
@@ -89,7 +89,7 @@ class ReportAnswers:
             "areas": [{"area_id": a.area_id, "name": a.name, "floor_id": a.floor_id} for a in site.areas],
             "weeks": weeks,
         }
-        return _json(found)
+        return _json(answer)
 
     def report(self, week: str, floor_id: str) -> bytes:
         """Return the JSON file of a week: what `vsd report --format json` writes.
@@ -189,8 +189,8 @@ class ReportAnswers:
             _check_floor(site, floor_id)
             at = self._present().astimezone(site.zone)
             key = ("now", folder, floor_id, f"{at:%Y-%m-%d %H:%M %z}")
-            made: bytes = self._remembered(key, lambda: self._live.page(site, floor_id, at, folder=folder))
-            return made
+            page: bytes = self._remembered(key, lambda: self._live.page(site, floor_id, at, folder=folder))
+            return page
 
     def _one(self, kind: str, week: str, floor_id: str, make: Callable[[WeekReport], bytes]) -> bytes:
         def made(site: Site, monday: date) -> bytes:
@@ -208,8 +208,8 @@ class ReportAnswers:
             site = self._fresh()
             monday = _monday(site, week)
             _check_floor(site, floor_id)
-            made: bytes = self._remembered((kind, f"{monday}", floor_id), lambda: make(site, monday))
-            return made
+            data: bytes = self._remembered((kind, f"{monday}", floor_id), lambda: make(site, monday))
+            return data
 
     def _remembered(self, key: tuple[str, ...], make: Callable[[], Any]) -> Any:
         if key not in self._made:

@@ -111,11 +111,11 @@ async def _http_problem(request: Request, error: Exception, *, desk: Desk | None
     assert isinstance(error, HTTPException)
     if desk is not None and is_at_desk(request):
         return await run_in_threadpool(desk.problem, error.status_code)
-    said = {
+    problems = {
         404: ("there is no such address", "/openapi.json lists all"),
         405: ("the service is read-only", "use GET"),
     }
-    title, fix = said.get(error.status_code, (str(error.detail), None))
+    title, fix = problems.get(error.status_code, (str(error.detail), None))
     return _problem_response(error.status_code, title, fix=fix, headers=dict(error.headers or {}))
 
 

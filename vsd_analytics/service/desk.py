@@ -94,16 +94,18 @@ class Desk:
         if (session := self._session(request)) is None:
             return _moved(SIGN_IN)
         asked = {key: request.query_params.get(key, "") for key in ("question", "answer")}
-        said, session.said = session.said, ""
-        return await run_in_threadpool(self._desk, session, said=said, filled={"job": "answer", **asked})
+        message, session.said = session.said, ""
+        return await run_in_threadpool(self._desk, session, said=message, filled={"job": "answer", **asked})
 
     async def _page(self, request: Request) -> Response:
         if self._session(request) is None:
             return _moved(f"{SIGN_IN}?after={request.url.path}")
-        made = {"page": self._answers.desk_page, "planner": self._answers.desk_planner}.get(request.path_params["kind"])
-        if made is None:
+        render = {"page": self._answers.desk_page, "planner": self._answers.desk_planner}.get(
+            request.path_params["kind"]
+        )
+        if render is None:
             raise NotFoundError(f"there is no {request.path_params['kind']!r} of a week")
-        body = await run_in_threadpool(made, request.path_params["week"], request.path_params["floor_id"])
+        body = await run_in_threadpool(render, request.path_params["week"], request.path_params["floor_id"])
         return _file(body, "text/html")
 
     async def _index_file(self, request: Request) -> Response:
@@ -121,9 +123,9 @@ class Desk:
     async def _places_page(self, request: Request) -> Response:
         if (session := self._session(request)) is None:
             return _moved(f"{SIGN_IN}?after={request.url.path}")
-        said, session.said = session.said, ""
+        notice, session.said = session.said, ""
         filled = {"floor": request.path_params["floor_id"]}
-        return await run_in_threadpool(self._places, session, said=said, filled=filled)
+        return await run_in_threadpool(self._places, session, said=notice, filled=filled)
 
     async def _drawn(self, request: Request) -> Response:
         """Show a place as far as it was drawn; nothing is written."""

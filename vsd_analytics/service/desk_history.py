@@ -48,9 +48,9 @@ def desk_history(site: Site) -> tuple[HistoryLine, ...]:
     """
     records, ids = read_records(site), entry_ids(site)
     last = {answer.question: answer for answer in read_answers(site)}
-    found, seen = [], set[str]()
+    lines, seen = [], set[str]()
     for record in reversed(records):
-        made = _line(record)
+        line = _line(record)
         undo = None
         if record.entry is not None:
             undo = ids.get(record.entry)
@@ -60,20 +60,22 @@ def desk_history(site: Site) -> tuple[HistoryLine, ...]:
             undo = None
         if undo is not None:
             seen.add(undo)
-        is_gone = undo is None and made.kind != "undone"
-        found.append(replace(made, undo=undo, is_gone=is_gone))
-    return tuple(found)
+        is_gone = undo is None and line.kind != "undone"
+        lines.append(replace(line, undo=undo, is_gone=is_gone))
+    return tuple(lines)
 
 
 def _line(record: LogRecord) -> HistoryLine:
-    said = record.entry or record.answer or record.supersedes
-    if said is None:
+    statement = record.entry or record.answer or record.supersedes
+    if statement is None:
         raise AssertionError("a line says something")
     kind: LineKind = "corrected" if record.supersedes is not None else "logged"
-    at, by = said.at, said.by
+    at, by = statement.at, statement.by
     if record.answer is not None:
         kind = record.answer.kind
     elif record.entry is None:
-        kind, at, by = "undone", record.withdrawn_at or said.at, record.withdrawn_by
+        kind, at, by = "undone", record.withdrawn_at or statement.at, record.withdrawn_by
     question = None if record.answer is None else record.answer.question
-    return HistoryLine(record.line, kind, at, said.text, said.area_id, by, None, is_gone=False, question=question)
+    return HistoryLine(
+        record.line, kind, at, statement.text, statement.area_id, by, None, is_gone=False, question=question
+    )

@@ -62,12 +62,12 @@ class Writing:
 
     def text(self, name: str, *, is_needed: bool) -> str:
         """Return a line of text."""
-        found = " ".join(self.fields.get(name, "").split())
-        if not found and is_needed:
+        text = " ".join(self.fields.get(name, "").split())
+        if not text and is_needed:
             raise FormMistakeError(name, say("desk.mistake.empty"))
-        if len(found) > TEXT_MAX_CHARS or CONTROL.search(found):
+        if len(text) > TEXT_MAX_CHARS or CONTROL.search(text):
             raise FormMistakeError(name, say("desk.mistake.text", n=TEXT_MAX_CHARS))
-        return found
+        return text
 
     def instant(self, name: str) -> datetime:
         """Return a time of the site; an empty one is now."""

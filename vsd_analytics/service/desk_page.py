@@ -262,7 +262,7 @@ def render_sign_in(site: Site, *, problem: str = "", writer: str = "", after: st
         after: Address to go to then.
     """
     title, style = say("desk.sign_in.title", site=site.name), _style()
-    made = SignInPage(
+    page = SignInPage(
         site=site.name,
         title=title,
         style=Markup(style),
@@ -271,13 +271,13 @@ def render_sign_in(site: Site, *, problem: str = "", writer: str = "", after: st
         writer=writer,
         after=after,
     )
-    return rendered("desk/sign_in.html.j2", made)
+    return rendered("desk/sign_in.html.j2", page)
 
 
 def render_problem(site: Site, *, problem: str, detail: str) -> str:
     """Return a page that says what could not be done, and why."""
     style = _style()
-    made = SignInPage(
+    page = SignInPage(
         site=site.name,
         title=problem,
         style=Markup(style),
@@ -285,7 +285,7 @@ def render_problem(site: Site, *, problem: str, detail: str) -> str:
         problem=problem,
         detail=detail,
     )
-    return rendered("desk/problem.html.j2", made)
+    return rendered("desk/problem.html.j2", page)
 
 
 def _last_asked(site: Site) -> tuple[AskedQuestion, ...]:
@@ -311,24 +311,24 @@ def _question(
 
 def _targets(site: Site) -> tuple[DeskTarget, ...]:
     last = {change.floor_id: (n, change) for n, change in enumerate(read_target_changes(site))}
-    found = []
+    targets = []
     for floor in site.floors:
         number, change = last.get(floor.floor_id, (0, None))
         holds = change is not None and change.after == floor.target_per_open_h
-        said = ""
+        note = ""
         if change is not None and holds:
             before = say("desk.target.none") if change.before is None else f"{change.before:g}"
-            said = say("desk.target.said", by=change.by or "", at=fmt.instant_short(change.at), before=before)
-        found.append(
+            note = say("desk.target.said", by=change.by or "", at=fmt.instant_short(change.at), before=before)
+        targets.append(
             DeskTarget(
                 floor_id=floor.floor_id,
                 name=floor.name if len(site.floors) > 1 else "",
                 value="" if floor.target_per_open_h is None else f"{floor.target_per_open_h:g}",
-                said=said.strip(" ,"),
+                said=note.strip(" ,"),
                 undo=str(number) if holds else "",
             )
         )
-    return tuple(found)
+    return tuple(targets)
 
 
 def _hours(site: Site, today: date) -> DeskHours:
@@ -363,16 +363,16 @@ def _line(line: HistoryLine, names: Mapping[str, str]) -> DeskLine:
 def _pages(site: Site, *, has_index: bool) -> tuple[tuple[str, str], ...]:
     """Return address and name of the pages of each floor, and of the index."""
     several = len(site.floors) > 1
-    found = []
+    pages = []
     for floor in site.floors:
         for kind in ("page", "planner"):
             name = say(f"desk.pages.{kind}_floor" if several else f"desk.pages.{kind}", floor=floor.name)
-            found.append((f"/desk/weeks/last/floors/{floor.floor_id}/{kind}", name))
+            pages.append((f"/desk/weeks/last/floors/{floor.floor_id}/{kind}", name))
         name = say("desk.pages.now_floor" if several else "desk.pages.now", floor=floor.name)
-        found.append((f"/desk/now/{floor.floor_id}", name))
+        pages.append((f"/desk/now/{floor.floor_id}", name))
         name = say("desk.pages.places_floor" if several else "desk.pages.places", floor=floor.name)
-        found.append((f"/desk/places/{floor.floor_id}", name))
-    return (*found, *([("/desk/sites/index.html", say("desk.pages.sites"))] if has_index else []))
+        pages.append((f"/desk/places/{floor.floor_id}", name))
+    return (*pages, *([("/desk/sites/index.html", say("desk.pages.sites"))] if has_index else []))
 
 
 def _key(kind: str) -> str:

@@ -29,14 +29,14 @@ class LivePages:
             at: The clock, in the site's zone.
             folder: Address below which the pages of floors are.
         """
-        found, is_made_up = None, False
+        floor_now, is_made_up = None, False
         if stored_extent(site) is not None:
             usual = self._usual_day(site, floor_id, at)
             with open_warehouse(site, usual.day, at.date(), relations=relations(site)) as warehouse:
-                found = now(warehouse, usual, at)
+                floor_now = now(warehouse, usual, at)
             is_made_up = any(e.startswith(MADE_UP_ENGINE) for e in engines(site, usual.day, at.date()))
         with speaking(site.language):
-            page = render_now(found, site, floor_id=floor_id, at=at, folder=folder, is_made_up=is_made_up)
+            page = render_now(floor_now, site, floor_id=floor_id, at=at, folder=folder, is_made_up=is_made_up)
         return page.encode()
 
     def _usual_day(self, site: Site, floor_id: str, at: datetime) -> UsualDay:

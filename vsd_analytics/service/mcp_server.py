@@ -103,8 +103,8 @@ def mcp_server(answers: ReportAnswers, *, manual: Manual) -> MCPServer:
         words: Annotated[str, Field(description="A code such as E201, or words", max_length=WORDS_MAX)],
     ) -> dict[str, str]:
         """What a message means and how to fix it, by its code, or what the manual says about some words."""
-        found = manual.search(words, most=HITS_MAX)
-        return {s.heading if s.page == "explain" else f"{s.page}: {s.heading}": s.text[:LETTERS_MAX] for s in found}
+        sections = manual.search(words, most=HITS_MAX)
+        return {s.heading if s.page == "explain" else f"{s.page}: {s.heading}": s.text[:LETTERS_MAX] for s in sections}
 
     return server
 

@@ -86,12 +86,12 @@ def now_policy() -> str:
 
 
 def render_now(
-    found: Now | None, site: Site, *, floor_id: str, at: datetime, folder: str = "/now", is_made_up: bool = False
+    floor_now: Now | None, site: Site, *, floor_id: str, at: datetime, folder: str = "/now", is_made_up: bool = False
 ) -> str:
     """Return the live page of a floor, in the language in force.
 
     Args:
-        found: The numbers; None = nothing is stored yet.
+        floor_now: The numbers; None = nothing is stored yet.
         site: The site.
         floor_id: The floor.
         at: The clock, in the site's zone.
@@ -99,12 +99,12 @@ def render_now(
         is_made_up: The data are those of `vsd demo`.
     """
     mask, several = mask_of(site), len(site.floors) > 1
-    headline, tone, details = _headline(found, site)
+    headline, tone, details = _headline(floor_now, site)
     style, script = _style(), one_script(SCRIPTS)
     notes = [say("now.renewed", n=mask.below) if mask.is_on else say("now.renewed_exact")]
-    if found is not None and found.data_until is not None:
-        notes.insert(0, say("now.data_until", clock=fmt.clock(found.data_until)))
-    advice, record = _advice(found)
+    if floor_now is not None and floor_now.data_until is not None:
+        notes.insert(0, say("now.data_until", clock=fmt.clock(floor_now.data_until)))
+    advice, record = _advice(floor_now)
     page = NowPage(
         site=site.name,
         floor=next(f.name for f in site.floors if f.floor_id == floor_id) if several else "",
@@ -114,11 +114,11 @@ def render_now(
         headline=headline,
         tone=tone,
         details=details,
-        queues=() if found is None else tuple(_queue(queue) for queue in found.queues),
+        queues=() if floor_now is None else tuple(_queue(queue) for queue in floor_now.queues),
         advice=advice,
         record=record,
-        cameras=() if found is None else _cameras(found, site),
-        has_silent=found is not None and bool(found.silent),
+        cameras=() if floor_now is None else _cameras(floor_now, site),
+        has_silent=floor_now is not None and bool(floor_now.silent),
         pages=tuple(_pages(site, floor_id, folder)),
         notes=tuple(notes),
         away=template("now.away"),
@@ -133,30 +133,34 @@ def render_now(
     return rendered("now.html.j2", page)
 
 
-def _headline(found: Now | None, site: Site) -> tuple[str, Tone, tuple[str, ...]]:
+def _headline(floor_now: Now | None, site: Site) -> tuple[str, Tone, tuple[str, ...]]:
     """Return what the page says first, how it is drawn, and the sentences below it."""
-    if found is None:
+    if floor_now is None:
         return say("now.h_empty"), "plain", (say("now.empty"),)
-    if not found.is_open and not found.was_open:
-        return say("now.h_closed"), "plain", _opens(found)
-    if not found.was_open:
-        return say("now.h_opened", clock=fmt.clock(found.start + timedelta(minutes=15))), "plain", (say("now.opened"),)
-    if found.data_until is None:
+    if not floor_now.is_open and not floor_now.was_open:
+        return say("now.h_closed"), "plain", _opens(floor_now)
+    if not floor_now.was_open:
+        return (
+            say("now.h_opened", clock=fmt.clock(floor_now.start + timedelta(minutes=15))),
+            "plain",
+            (say("now.opened"),),
+        )
+    if floor_now.data_until is None:
         return say("now.h_nothing"), "plain", (say("now.silent"),)
-    if len(found.silent) == found.n_cameras:
-        return say("now.h_late", clock=fmt.clock(found.data_until)), "plain", (say("now.silent"),)
-    if found.people is None:
-        return say("now.h_unknown"), "plain", (say("now.because", reason=terms.capital(reason_text(found.reason))),)
-    headline, tone = _people(found.people)
-    end = found.start + timedelta(minutes=15)
-    seen = say("now.until", start=fmt.clock(found.start), end=fmt.clock(end))
-    return headline, tone, (_usual(found), seen)
+    if len(floor_now.silent) == floor_now.n_cameras:
+        return say("now.h_late", clock=fmt.clock(floor_now.data_until)), "plain", (say("now.silent"),)
+    if floor_now.people is None:
+        return say("now.h_unknown"), "plain", (say("now.because", reason=terms.capital(reason_text(floor_now.reason))),)
+    headline, tone = _people(floor_now.people)
+    end = floor_now.start + timedelta(minutes=15)
+    seen = say("now.until", start=fmt.clock(floor_now.start), end=fmt.clock(end))
+    return headline, tone, (_usual(floor_now), seen)
 
 
-def _opens(found: Now) -> tuple[str, ...]:
-    if found.opens is None:
+def _opens(floor_now: Now) -> tuple[str, ...]:
+    if floor_now.opens is None:
         return ()
-    return (say("now.opens", day=fmt.date_short(found.opens.date()), clock=fmt.clock(found.opens)),)
+    return (say("now.opens", day=fmt.date_short(floor_now.opens.date()), clock=fmt.clock(floor_now.opens)),)
 
 
 def _people(band: Band) -> tuple[str, Tone]:
@@ -166,14 +170,14 @@ def _people(band: Band) -> tuple[str, Tone]:
     return say(f"now.h_{band.crowd}", n=band.below), tone
 
 
-def _usual(found: Now) -> str:
-    band = found.people
+def _usual(floor_now: Now) -> str:
+    band = floor_now.people
     assert band is not None
     if band.hi is None:
-        reason = found.reason
+        reason = floor_now.reason
         return say("now.usual_hour_unknown") if reason is None else say("now.usual_unknown", reason=reason_text(reason))
     key = "now.usual" if band.lo is not None else "now.usual_up_to"
-    weekday = fmt.weekday(found.start.date())
+    weekday = fmt.weekday(floor_now.start.date())
     return say(key, low=fmt.count(band.lo), high=fmt.count(band.hi), weekday=weekday)
 
 
@@ -191,23 +195,23 @@ def _queue(queue: QueueNow) -> tuple[str, str, Tone]:
     return queue.name, say(f"now.q_{band.crowd}", n=limit), tone
 
 
-def _advice(found: Now | None) -> tuple[str, str]:
+def _advice(floor_now: Now | None) -> tuple[str, str]:
     """Return the instruction and its record; nothing while the site is closed, or without a record."""
-    named: Fullest | None = None if found is None or not found.is_open else found.fullest
-    if found is None or named is None:
+    named: Fullest | None = None if floor_now is None or not floor_now.is_open else floor_now.fullest
+    if floor_now is None or named is None:
         return "", ""
-    is_now = named.hour == found.at.hour
+    is_now = named.hour == floor_now.at.hour
     clock = fmt.hour_label((named.hour + 1) % 24 if is_now else named.hour)
-    record = say("now.record", n=named.n_right, of=named.n_days, weekday=fmt.weekday(found.at.date()))
+    record = say("now.record", n=named.n_right, of=named.n_days, weekday=fmt.weekday(floor_now.at.date()))
     return say("now.fullest_now" if is_now else "now.fullest", clock=clock), terms.capital(record)
 
 
-def _cameras(found: Now, site: Site) -> tuple[str, ...]:
-    if not found.was_open:
+def _cameras(floor_now: Now, site: Site) -> tuple[str, ...]:
+    if not floor_now.was_open:
         return ()
-    if not found.silent:
-        return (say("now.camera_all", plural=found.n_cameras, n=found.n_cameras),)
-    return tuple(_silent(found.silent, site))
+    if not floor_now.silent:
+        return (say("now.camera_all", plural=floor_now.n_cameras, n=floor_now.n_cameras),)
+    return tuple(_silent(floor_now.silent, site))
 
 
 def _silent(cameras: Sequence[SilentNow], site: Site) -> list[str]:

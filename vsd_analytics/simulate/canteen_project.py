@@ -82,9 +82,9 @@ def write_canteen_project(
     n_messages = n_persons = 0
     for i, monday in enumerate(mondays):
         for k in range(OPEN_DAYS):
-            made = _write_day(folder / "engine", monday + timedelta(days=k), seed=seed, is_after=monday >= moved,
+            counts = _write_day(folder / "engine", monday + timedelta(days=k), seed=seed, is_after=monday >= moved,
                               first_seq=n_messages)  # fmt: skip
-            n_messages, n_persons = n_messages + made[0], n_persons + made[1]
+            n_messages, n_persons = n_messages + counts[0], n_persons + counts[1]
             if progress is not None:
                 progress(OPEN_DAYS * i + k + 1, OPEN_DAYS * weeks)
     return MadeUpWeeks(tuple(week_name(m) for m in mondays), n_messages, n_persons)
@@ -93,7 +93,7 @@ def write_canteen_project(
 def _write_day(folder: Path, day: date, *, seed: int, is_after: bool, first_seq: int) -> tuple[int, int]:
     rows = canteen_day(day, seed=seed, is_marked=is_after)
     n_frames = len(rows.frame_ms)
-    made = messages_text(
+    messages = messages_text(
         CAMERA,
         rows.frame_ms,
         seq=first_seq + np.arange(n_frames, dtype=np.int64),
@@ -102,8 +102,8 @@ def _write_day(folder: Path, day: date, *, seed: int, is_after: bool, first_seq:
         x_m=rows.x_m,
         y_m=rows.y_m,
     )
-    write_messages(folder / f"{CAMERA}_{day.isoformat()}.jsonl.zst", made.text)
-    return made.n_messages, made.n_persons
+    write_messages(folder / f"{CAMERA}_{day.isoformat()}.jsonl.zst", messages.text)
+    return messages.n_messages, messages.n_persons
 
 
 def _plan_svg() -> str:

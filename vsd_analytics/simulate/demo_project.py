@@ -134,12 +134,12 @@ def write_demo_project(
         for k, day in enumerate(days):
             for camera in CAMERAS:
                 camera_id = camera.camera_id
-                made = day_text(
+                messages = day_text(
                     day, camera, seed=seed, first_seq=sequence[camera_id], lost=_lost(day, camera_id, planted.gaps)
                 )
                 sequence[camera_id] += day.n_frames
-                n_messages, n_persons = n_messages + made.n_messages, n_persons + made.n_persons
-                write_messages(folder / "engine" / f"{camera_id}_{day.day.isoformat()}.jsonl.zst", made.text)
+                n_messages, n_persons = n_messages + messages.n_messages, n_persons + messages.n_persons
+                write_messages(folder / "engine" / f"{camera_id}_{day.day.isoformat()}.jsonl.zst", messages.text)
             by_day.append(violations(in_view(day)))
             hours += hours_of(day)
             open_h += (day.closes - day.opens).total_seconds() / 3600

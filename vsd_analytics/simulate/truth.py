@@ -246,8 +246,8 @@ def violations(day: SimulatedDay, *, distance_m: float = DISTANCE_M, min_s: floa
     for at, step in ((run, -1), (end, 1)):
         close_s = close_s + interval_s * _share_close(day, first[at], second[at], step=step, distance_m=distance_m)
     start = np.flatnonzero(np.diff(stretch, prepend=-1) != 0)
-    of = np.searchsorted(start, run, side="right") - 1
-    duration = np.bincount(of, close_s, minlength=len(start)).astype(np.float64)
+    episode = np.searchsorted(start, run, side="right") - 1
+    duration = np.bincount(episode, close_s, minlength=len(start)).astype(np.float64)
     x, y = ((values[first] + values[second]) / 2 for values in (day.x_m, day.y_m))
     if len(frame):
         n_records = np.diff(start, append=len(frame))

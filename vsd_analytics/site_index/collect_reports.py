@@ -79,14 +79,14 @@ def projects_below(root: Path) -> list[Path]:
     """
     if (root / "vsd.toml").is_file():
         return [root]
-    found = sorted(p for p in root.iterdir() if (p / "vsd.toml").is_file()) if root.is_dir() else []
-    if not found:
+    projects = sorted(p for p in root.iterdir() if (p / "vsd.toml").is_file()) if root.is_dir() else []
+    if not projects:
         raise UsageError(
             f"there is no project in {root}",
             why="a project is a folder with a vsd.toml",
             fix="--root FOLDER-OF-PROJECTS, or name the project folders",
         )
-    return found
+    return projects
 
 
 def gather(sources: Iterable[ReportSource], out: Path) -> FoundReports:

@@ -66,39 +66,43 @@ class CompareSection:
     read: str
 
 
-def compare_section(found: SiteComparison | None) -> CompareSection | None:
+def compare_section(comparison: SiteComparison | None) -> CompareSection | None:
     """Return the section; None where there is one floor only."""
-    if found is None:
+    if comparison is None:
         return None
-    sentence = _sentence(found)
-    drawn = [p for f in found.floors if (p := _point(f)) is not None]
+    sentence = _sentence(comparison)
+    drawn = [p for f in comparison.floors if (p := _point(f)) is not None]
     wide = narrow = Markup("")
-    if found.usual_sd is not None:
+    if comparison.usual_sd is not None:
         wide, narrow = (
             funnel_chart(
-                drawn, usual_sd=found.usual_sd, title=say(f"index.compare.axis_{size}"), width=width, label=sentence
+                drawn,
+                usual_sd=comparison.usual_sd,
+                title=say(f"index.compare.axis_{size}"),
+                width=width,
+                label=sentence,
             )
             for size, width in (("wide", WIDE), ("narrow", NARROW))
         )
     return CompareSection(
         sentence=sentence,
-        notes=tuple(_notes(found)),
+        notes=tuple(_notes(comparison)),
         wide=wide,
         narrow=narrow,
-        rows=tuple(_row(f) for f in found.floors),
-        read=say("index.compare.read", distance=fmt.metres_unbroken(found.distance_m)),
+        rows=tuple(_row(f) for f in comparison.floors),
+        read=say("index.compare.read", distance=fmt.metres_unbroken(comparison.distance_m)),
     )
 
 
-def _sentence(found: SiteComparison) -> str:
+def _sentence(comparison: SiteComparison) -> str:
     """Return which floors really differ; at most one page in twenty names one that does not."""
-    if found.usual_sd is None:
+    if comparison.usual_sd is None:
         return say("index.compare.too_few")
-    named = [f for f in found.floors if f.differs]
+    named = [f for f in comparison.floors if f.differs]
     if not named:
         return say("index.compare.none")
-    said = some([_named(f) for f in named])
-    return capital(say("index.compare.differ", plural=len(named), n=in_words(len(named)), named=said))
+    names = some([_named(f) for f in named])
+    return capital(say("index.compare.differ", plural=len(named), n=in_words(len(named)), named=names))
 
 
 def _named(floor: ComparedFloor) -> str:
@@ -115,11 +119,11 @@ def _change(floor: ComparedFloor) -> Estimate:
     return Estimate(value=p.value, change=p.value - 1, change_lo=p.lo - 1, change_hi=p.hi - 1)
 
 
-def _notes(found: SiteComparison) -> Iterable[str]:
-    if (reach := found.usual_reach) is not None:
+def _notes(comparison: SiteComparison) -> Iterable[str]:
+    if (reach := comparison.usual_reach) is not None:
         yield say("index.compare.usual", low=fmt.signed(1 / reach - 1), high=fmt.signed(reach - 1))
     for status in GROUPS:
-        floors = [f for f in found.floors if f.status == status]
+        floors = [f for f in comparison.floors if f.status == status]
         if floors:
             yield say(f"index.compare.left_out.{status}", floors=some([_with_reason(f) for f in floors]))
 

@@ -175,23 +175,23 @@ class Index:
     versions: tuple[str, ...]
 
 
-def render_index(found: Catalogue) -> str:
+def render_index(catalogue: Catalogue) -> str:
     """Return the index as a self-contained HTML file.
 
     Args:
-        found: The floors and weeks to list.
+        catalogue: The floors and weeks to list.
     """
-    return re.sub(r"\n\s*\n+", "\n", rendered("index/index.html.j2", make_index(found)))
+    return re.sub(r"\n\s*\n+", "\n", rendered("index/index.html.j2", make_index(catalogue)))
 
 
-def make_index(found: Catalogue) -> Index:
+def make_index(catalogue: Catalogue) -> Index:
     """Return what the template shows; see `Index`."""
-    latest = found.latest
-    reports = [t for f in found.floors for e in f.weeks.values() if (t := e.report) is not None]
-    shown = [t for f in found.floors for _, t in f.window(latest or f.latest)]
+    latest = catalogue.latest
+    reports = [t for f in catalogue.floors for e in f.weeks.values() if (t := e.report) is not None]
+    shown = [t for f in catalogue.floors for _, t in f.window(latest or f.latest)]
     newest = max(reports, key=lambda t: (t.generated_at, t.site.site_id, t.site.floor_id, t.week.iso), default=None)
     week = "" if latest is None else _week_name(latest)
-    said = say("index.without_figures") if latest is None else headline(found.floors, latest)
+    sentence = say("index.without_figures") if latest is None else headline(catalogue.floors, latest)
     footer = say("index.name_week", week=week) if week else say("index.name")
     style = _style(footer)
     window = [latest - timedelta(weeks=k) for k in reversed(range(10))] if latest is not None else []
@@ -199,22 +199,22 @@ def make_index(found: Catalogue) -> Index:
     return Index(
         style=Markup(style),
         style_hash=policy_hash(style),
-        title=say("index.title", name=footer, headline=said) if week else footer,
+        title=say("index.title", name=footer, headline=sentence) if week else footer,
         week=terms.capital(week) or None,
         monday=latest,
         sunday=latest + timedelta(days=6) if latest is not None else None,
         span=fmt.date_span(latest, latest + timedelta(days=6)) if latest is not None else ("", ""),
-        headline=said,
-        lead=lead(found.floors, latest) if latest is not None else (),
-        rows=tuple(_row(f, latest) for f in found.floors) if latest is not None else (),
-        compare=compare_section(compare_sites(found.floors, latest)) if latest is not None else None,
+        headline=sentence,
+        lead=lead(catalogue.floors, latest) if latest is not None else (),
+        rows=tuple(_row(f, latest) for f in catalogue.floors) if latest is not None else (),
+        compare=compare_section(compare_sites(catalogue.floors, latest)) if latest is not None else None,
         window=tuple(_short_week(m) for m in window),
         phrase=_phrase(window),
         kinds=frozenset(week_bars.bar_kind(t) for t in shown),
         has_divider=any(t is not None and t.state == "settings_changed" for t in shown),
         rule=_rule(shown),
         min_coverage=_distinct(fmt.percent(t.rules.min_coverage) for t in shown if t is not None),
-        years=_years(found),
+        years=_years(catalogue),
         tag="" if not n_made_up else say("page.made_up") if n_made_up == len(reports) else say("index.partly_made_up"),
         as_of=newest.generated_at if newest is not None else None,
         zone=newest.week.zone if newest is not None else "",
@@ -349,13 +349,13 @@ def _entries(report: IndexedReport) -> list[LogLine]:
     return [e for e in report.log if e.kind == "logged" and e.text.strip() and e.at.date() >= report.week.monday]
 
 
-def _logged(found: Catalogue, monday: date) -> Iterator[str]:
+def _logged(catalogue: Catalogue, monday: date) -> Iterator[str]:
     """Yield the last change of an area that was logged on each floor in a week."""
-    for floor in found.floors:
+    for floor in catalogue.floors:
         report = floor.report(monday)
         texts = [e.text.strip() for e in _entries(report) if e.area_id is not None] if report is not None else []
         if texts:
-            is_one = len(found.floors) == 1
+            is_one = len(catalogue.floors) == 1
             text = texts[-1] if is_one else say("index.logged_at", floor=floor.full_name, text=texts[-1])
             yield _shortened(say("index.logged", text=text))
 
@@ -366,32 +366,32 @@ def _links(entry: Entry, whose: str, *, only: str | None = None) -> Iterable[Lin
             yield Link(text=say(f"index.links.{kind}"), address=entry.links[kind], name=whose)
 
 
-def _years(found: Catalogue) -> tuple[Year, ...]:
+def _years(catalogue: Catalogue) -> tuple[Year, ...]:
     years: dict[int, list[WeekLine]] = {}
-    for monday in found.earlier:
-        years.setdefault(monday.isocalendar().year, []).append(_week_line(found, monday))
+    for monday in catalogue.earlier:
+        years.setdefault(monday.isocalendar().year, []).append(_week_line(catalogue, monday))
     newest = max(years, default=0)
     return tuple(Year(number=y, weeks=tuple(w), is_open=y == newest) for y, w in sorted(years.items(), reverse=True))
 
 
-def _week_line(found: Catalogue, monday: date) -> WeekLine:
+def _week_line(catalogue: Catalogue, monday: date) -> WeekLine:
     sites: dict[str, list[Link]] = {}
-    for floor in found.floors:
+    for floor in catalogue.floors:
         address = floor.weeks[monday].links.get("report") if monday in floor.weeks else None
         if address is not None:
             link = Link(text=floor.name, address=address, name=_week_name(monday))
             sites.setdefault(floor.site_name, []).append(link)
-    pages = [p for p in found.pages_of(monday) if "report" in p.links]
+    pages = [p for p in catalogue.pages_of(monday) if "report" in p.links]
     for page in pages:
         link = Link(text=page.stem, address=page.links["report"], name=page.project)
         sites.setdefault(say("index.page_without_figures"), []).append(link)
-    is_only = len(found.floors) == 1 and not pages
+    is_only = len(catalogue.floors) == 1 and not pages
     return WeekLine(
         name=terms.capital(say("words.week", number=monday.isocalendar().week)),
         monday=monday,
         span=_short_span(monday),
-        text=week_line(found.floors, monday) or (say("index.only_the_page") if pages else ""),
-        logged=tuple(_logged(found, monday)),
+        text=week_line(catalogue.floors, monday) or (say("index.only_the_page") if pages else ""),
+        logged=tuple(_logged(catalogue, monday)),
         only=next((links[0] for links in sites.values()), None) if is_only else None,
         sites=() if is_only else tuple((site, tuple(links)) for site, links in sites.items()),
     )
@@ -433,8 +433,8 @@ def _rule(shown: Iterable[IndexedReport | None]) -> str:
 
 def _distinct(texts: Iterable[str]) -> str:
     """Return different texts in order, joined by "or"."""
-    found = dict.fromkeys(texts)
-    return reduce(lambda first, last: say("index.or", first=first, last=last), found) if found else ""
+    distinct = dict.fromkeys(texts)
+    return reduce(lambda first, last: say("index.or", first=first, last=last), distinct) if distinct else ""
 
 
 def _shortened(text: str) -> str:

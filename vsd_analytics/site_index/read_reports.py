@@ -354,13 +354,13 @@ def _is_week(week: WeekRef) -> bool:
     )
 
 
-def _fits_together(found: CloseByCrowding) -> bool:
+def _fits_together(crowding: CloseByCrowding) -> bool:
     """Tell whether each day has person-time in every class, classes are classes, and no time is below zero."""
-    n_classes = len(found.edges) + 1
-    times = [t for d in found.days for t in (d.close_h, *d.person_h)] + [c.close_h for c in found.classes]
+    n_classes = len(crowding.edges) + 1
+    times = [t for d in crowding.days for t in (d.close_h, *d.person_h)] + [c.close_h for c in crowding.classes]
     return (
-        all(len(d.person_h) == n_classes for d in found.days)
-        and all(0 <= c.first <= c.last < n_classes for c in found.classes)
+        all(len(d.person_h) == n_classes for d in crowding.days)
+        and all(0 <= c.first <= c.last < n_classes for c in crowding.classes)
         and all(math.isfinite(t) and t >= 0 for t in times)
     )
 

@@ -122,11 +122,11 @@ def compare_sites(floors: Sequence[FloorWeeks], latest: date) -> SiteComparison 
     if len(floors) < 2:
         return None
     reports = {f.key: [r for _, r in f.window(latest) if r is not None] for f in floors}
-    rules = Counter(r.rules.distance_m for of in reports.values() for r in of)
+    rules = Counter(r.rules.distance_m for floor_reports in reports.values() for r in floor_reports)
     distance_m = max(rules, key=lambda d: (rules[d], d), default=DEFAULTS.distance_m)
     names = _names(floors)
-    found = [_floor_time(f.key, names[f.key], reports[f.key], distance_m) for f in floors]
-    shown, usual_sd = _compared(_without_lonely(found))
+    floor_times = [_floor_time(f.key, names[f.key], reports[f.key], distance_m) for f in floors]
+    shown, usual_sd = _compared(_without_lonely(floor_times))
     return SiteComparison(
         floors=tuple(sorted(shown, key=lambda f: (f.name.casefold(), f.key))),
         usual_sd=usual_sd,
@@ -171,8 +171,8 @@ def _floor_time(key: FloorKey, name: str, reports: Sequence[IndexedReport], dist
     return _FloorTime(shown, time)
 
 
-def _is_of_today(found: CloseByCrowding | None) -> bool:
-    return found is not None and found.edges in ((), EDGES)
+def _is_of_today(crowding: CloseByCrowding | None) -> bool:
+    return crowding is not None and crowding.edges in ((), EDGES)
 
 
 def is_whole(report: IndexedReport) -> bool:
@@ -205,9 +205,9 @@ def _time(weeks: Sequence[tuple[date, CloseByCrowding]]) -> SiteTime | None:
     )
 
 
-def _without_lonely(found: Sequence[_FloorTime]) -> list[_FloorTime]:
+def _without_lonely(floor_times: Sequence[_FloorTime]) -> list[_FloorTime]:
     """Return the floors, those as crowded as no others marked "alone": nobody knows what to expect there."""
-    left = list(found)
+    left = list(floor_times)
     while True:
         compared = [k for k, f in enumerate(left) if f.shown.status == "compared" and f.time is not None]
         times = [t for k in compared if (t := left[k].time) is not None]
@@ -218,11 +218,11 @@ def _without_lonely(found: Sequence[_FloorTime]) -> list[_FloorTime]:
         left[worst[1]] = _FloorTime(replace(left[worst[1]].shown, status="alone"), None)
 
 
-def _compared(found: Sequence[_FloorTime]) -> tuple[list[ComparedFloor], float | None]:
+def _compared(floor_times: Sequence[_FloorTime]) -> tuple[list[ComparedFloor], float | None]:
     """Return the floors with their ratios, and how floors usually differ."""
-    solid = [f for f in found if f.time is not None and f.shown.status == "compared"]
-    hollow = [f for f in found if f.time is not None and f.shown.status == "gaps" and _is_known(f.time, solid)]
-    plain = [f.shown for f in found if f not in solid and f not in hollow]
+    solid = [f for f in floor_times if f.time is not None and f.shown.status == "compared"]
+    hollow = [f for f in floor_times if f.time is not None and f.shown.status == "gaps" and _is_known(f.time, solid)]
+    plain = [f.shown for f in floor_times if f not in solid and f not in hollow]
     if not solid:
         return plain, None
     ratios = standard_ratios(_times(solid), beside=_times(hollow))
@@ -243,13 +243,13 @@ def _times(floors: Sequence[_FloorTime]) -> list[SiteTime]:
     return [f.time for f in floors if f.time is not None]
 
 
-def _with_ratio(shown: ComparedFloor, found: StandardRatio, middle: float) -> ComparedFloor:
-    ratio, reach = found.ratio / math.exp(middle), _reach(found, CONFIDENCE)
+def _with_ratio(shown: ComparedFloor, standard_ratio: StandardRatio, middle: float) -> ComparedFloor:
+    ratio, reach = standard_ratio.ratio / math.exp(middle), _reach(standard_ratio, CONFIDENCE)
     return replace(shown, ratio=ratio, lo=ratio / reach, hi=ratio * reach)
 
 
-def _reach(found: StandardRatio, confidence: float) -> float:
-    return math.exp(t_quantile(found.df, confidence=confidence) * math.sqrt(found.variance))
+def _reach(standard_ratio: StandardRatio, confidence: float) -> float:
+    return math.exp(t_quantile(standard_ratio.df, confidence=confidence) * math.sqrt(standard_ratio.variance))
 
 
 def _judged(shown: Sequence[ComparedFloor], own: Sequence[StandardRatio], seen: Funnel) -> list[ComparedFloor]:
@@ -267,15 +267,15 @@ def _judged(shown: Sequence[ComparedFloor], own: Sequence[StandardRatio], seen: 
     )
     chosen = 1 - (1 - CONFIDENCE) * (len(shown) - len(usual)) / len(shown)
     judged = []
-    for floor, found, differs in zip(shown, own, seen.differs.tolist(), strict=True):
-        ratio, reach = floor.ratio or 1.0, _reach(found, chosen)
-        said = Pulled(ratio, ratio / reach, ratio * reach, 1.0) if differs else next(pulled)
-        judged.append(replace(floor, said=said, differs=differs))
+    for floor, standard_ratio, differs in zip(shown, own, seen.differs.tolist(), strict=True):
+        ratio, reach = floor.ratio or 1.0, _reach(standard_ratio, chosen)
+        estimate = Pulled(ratio, ratio / reach, ratio * reach, 1.0) if differs else next(pulled)
+        judged.append(replace(floor, said=estimate, differs=differs))
     return judged
 
 
 def _plain(floor: ComparedFloor) -> dict[str, Any]:
-    said = floor.said
+    estimate = floor.said
     return {
         "project": floor.key.project,
         "site": floor.key.site_id,
@@ -290,9 +290,9 @@ def _plain(floor: ComparedFloor) -> dict[str, Any]:
         "ratio": _rounded(floor.ratio),
         "ratio_lo": _rounded(floor.lo),
         "ratio_hi": _rounded(floor.hi),
-        "said": None if said is None else _rounded(said.value),
-        "said_lo": None if said is None else _rounded(said.lo),
-        "said_hi": None if said is None else _rounded(said.hi),
+        "said": None if estimate is None else _rounded(estimate.value),
+        "said_lo": None if estimate is None else _rounded(estimate.lo),
+        "said_hi": None if estimate is None else _rounded(estimate.hi),
         "differs": floor.differs if floor.status == "compared" else None,
     }
 

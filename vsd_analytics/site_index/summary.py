@@ -35,16 +35,16 @@ def headline(floors: Sequence[FloorWeeks], monday: date) -> str:
     only = floors[0].report(monday) if len(floors) == 1 else None
     if only is not None:
         return only.story.headline.strip().rstrip(".")
-    found = [standing(f.report(monday)) for f in floors]
-    n_changed, n_unchanged = (sum(s in kind for s in found) for kind in (_CHANGED, _UNCHANGED))
-    n_unknown = len(found) - n_changed - n_unchanged
-    if all(s in _WITHOUT_DATA for s in found):
+    standings = [standing(f.report(monday)) for f in floors]
+    n_changed, n_unchanged = (sum(s in kind for s in standings) for kind in (_CHANGED, _UNCHANGED))
+    n_unknown = len(standings) - n_changed - n_unchanged
+    if all(s in _WITHOUT_DATA for s in standings):
         return say("index.headline.no_data")
-    if n_unknown == len(found):
+    if n_unknown == len(standings):
         return say("index.headline.nothing_compared")
-    if all(s == "none" for s in found):
+    if all(s == "none" for s in standings):
         return say("index.headline.none")
-    if n_changed == len(found):
+    if n_changed == len(standings):
         return say("index.headline.both" if n_changed == 2 else "index.headline.all", n=in_words(n_changed))
     is_all = not n_unknown and not (n_changed and n_unchanged)
     n, plural = in_words(n_changed), max(n_changed, 1)
@@ -64,14 +64,14 @@ def lead(floors: Sequence[FloorWeeks], monday: date) -> tuple[Span, ...]:
     only = floors[0].report(monday) if len(floors) == 1 else None
     if only is not None:
         return only.story.lead
-    said = [(f, standing(f.report(monday))) for f in floors]
+    floor_standings = [(f, standing(f.report(monday))) for f in floors]
     spans = [Span(text=sentence(_places(floors)))]
-    changed = [(f, t) for f, s in said if s in _CHANGED and (t := f.report(monday)) is not None]
+    changed = [(f, t) for f, s in floor_standings if s in _CHANGED and (t := f.report(monday)) is not None]
     for floor, report in changed[:NAMED]:
         spans += [Span(text=" "), Span(text=f"{floor.full_name}:", is_strong=True), Span(text=f" {_change(report)}.")]
     if len(changed) > NAMED:
         spans += [Span(text=" "), Span(text=capital(say("index.more_changed", n=in_words(len(changed) - NAMED))))]
-    return (*spans, *(Span(text=f" {text}") for text in _lacking(said)))
+    return (*spans, *(Span(text=f" {text}") for text in _lacking(floor_standings)))
 
 
 def week_line(floors: Sequence[FloorWeeks], monday: date) -> str:
@@ -143,11 +143,11 @@ def _change(report: IndexedReport) -> str:
     return say("index.change", change=fmt.fewer_more(violation_rate.change))
 
 
-def _lacking(said: Iterable[tuple[FloorWeeks, Standing]]) -> list[str]:
+def _lacking(floor_standings: Iterable[tuple[FloorWeeks, Standing]]) -> list[str]:
     """Return one sentence for each way in which floors lack data this week."""
     by_kind: dict[Standing, list[str]] = {}
-    for floor, found in said:
-        by_kind.setdefault(found, []).append(floor.full_name)
+    for floor, floor_standing in floor_standings:
+        by_kind.setdefault(floor_standing, []).append(floor.full_name)
     kinds: tuple[Standing, ...] = ("no_data", "incomplete", "absent")
     return [say(f"index.lacking.{kind}", floors=some(by_kind[kind])) for kind in kinds if kind in by_kind]
 

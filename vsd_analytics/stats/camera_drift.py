@@ -70,13 +70,13 @@ def shares(people: Floats, is_counted: Bools, *, n_reference: int) -> Floats:
     n_known = is_counted[:, :n_reference].sum(axis=1)
     usual = counted[:, :n_reference].sum(axis=1) / np.maximum(n_known, 1)
     is_known = is_counted & (n_known > 0)[:, None, :]
-    made = np.full(people.shape[:2], np.nan)
+    log_shares = np.full(people.shape[:2], np.nan)
     for c in range(len(people)):
         others = np.delete(np.arange(len(people)), c)
         both = is_known[c] & is_known[others]
         beside = _log_index(counted[others], usual[others], both) - _log_index(counted[[c]], usual[[c]], both)
-        made[c] = -_middle_third(beside)
-    return made
+        log_shares[c] = -_middle_third(beside)
+    return log_shares
 
 
 def drifts(share: Floats, *, n_reference: int) -> list[Drift | None]:
@@ -91,14 +91,14 @@ def drifts(share: Floats, *, n_reference: int) -> list[Drift | None]:
     """
     reference, watched = share[:, :n_reference], share[:, n_reference:]
     is_known = is_watched(share, n_reference=n_reference)
-    found: list[Drift | None] = [None] * len(share)
+    alarms: list[Drift | None] = [None] * len(share)
     if not is_known.any():
-        return found
+        return alarms
     mean, sd = _usual(reference, is_known)
     for c in np.flatnonzero(is_known):
         apart = watched[c] - mean[c]
-        found[c] = _alarm(apart[~np.isnan(apart)], np.flatnonzero(~np.isnan(apart)), float(sd[c]))
-    return found
+        alarms[c] = _alarm(apart[~np.isnan(apart)], np.flatnonzero(~np.isnan(apart)), float(sd[c]))
+    return alarms
 
 
 def is_watched(share: Floats, *, n_reference: int) -> Bools:

@@ -260,8 +260,8 @@ def _compare(
     theta = after.rate / before.rate
     lo, hi = theta * math.exp(-half), theta * math.exp(half)
     verdict = verdict_of(lo, hi, about_same_share=about_same_share)
-    found = _without_interval(a, b, None)
-    return replace(found, lo=lo, hi=hi, verdict=verdict, state="ok", df=width.df, log_se=width.log_se)
+    estimate = _without_interval(a, b, None)
+    return replace(estimate, lo=lo, hi=hi, verdict=verdict, state="ok", df=width.df, log_se=width.log_se)
 
 
 def _width(
@@ -318,8 +318,8 @@ def _one_small_side(
     small = int(min(a.n.sum(), b.n.sum()))
     if verdict not in {"clear_fall", "clear_rise"}:
         return _without_interval(a, b, Reason("change.small", n=small))
-    found = _without_interval(a, b, Reason("change.poisson", n=small))
-    return replace(found, lo=lo, hi=hi, verdict=verdict, state="ok", is_conservative=True)
+    estimate = _without_interval(a, b, Reason("change.poisson", n=small))
+    return replace(estimate, lo=lo, hi=hi, verdict=verdict, state="ok", is_conservative=True)
 
 
 def _limits(counts: DayCounts, *, confidence: float, min_days: int) -> tuple[float, float]:

@@ -46,8 +46,8 @@ def synthetic_weights(changed: npt.ArrayLike, others: npt.ArrayLike, *, weeks_af
     # with sum w = 1 the residual is sum_j w_j (z_j - y): the point of a convex hull nearest to 0
     apart = np.vstack([(z - y).T, zeta * np.sqrt(n_weeks) * np.eye(n_areas)])
     scale = max(float(np.abs(apart).max()), 1e-300)
-    found, _ = nnls(np.vstack([apart / scale, np.ones(n_areas)]), np.append(np.zeros(len(apart)), 1.0))
-    return np.asarray(found / found.sum(), dtype=np.float64)
+    weights, _ = nnls(np.vstack([apart / scale, np.ones(n_areas)]), np.append(np.zeros(len(apart)), 1.0))
+    return np.asarray(weights / weights.sum(), dtype=np.float64)
 
 
 def weights_of(history: PeriodDays, *, weeks_after: float) -> Floats | None:

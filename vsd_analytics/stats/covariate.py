@@ -130,8 +130,10 @@ def covariate_effect(
 def _dummies(week: npt.NDArray[np.int64], weekday: npt.NDArray[np.int64]) -> Floats:
     """Return a column for each week, and for each weekday but the first."""
     weeks, weekdays = np.unique(week), np.unique(weekday)[1:]
-    made: Floats = np.column_stack([*(week == w for w in weeks), *(weekday == d for d in weekdays)]).astype(np.float64)
-    return made
+    dummies: Floats = np.column_stack([*(week == w for w in weeks), *(weekday == d for d in weekdays)]).astype(
+        np.float64
+    )
+    return dummies
 
 
 def _weighted(columns: Floats, values: Floats, weights: Floats) -> Floats:
@@ -146,11 +148,11 @@ def _fitted(columns: Floats, y: Floats, offset: Floats) -> tuple[float, Floats] 
     before = math.inf
     for _ in range(_STEPS):
         eta = np.log(mean)
-        found = _weighted(columns, eta - offset + (y - mean) / mean, mean)
-        mean = np.exp(np.clip(columns @ found + offset, -30, 30))
+        coefficients = _weighted(columns, eta - offset + (y - mean) / mean, mean)
+        mean = np.exp(np.clip(columns @ coefficients + offset, -30, 30))
         deviance = float((mean - y * np.log(mean)).sum())
         if abs(deviance - before) <= _EXACT * (abs(deviance) + 1):
-            return float(found[-1]), mean
+            return float(coefficients[-1]), mean
         before = deviance
     return None
 
@@ -231,21 +233,21 @@ def change_at_equal_covariate(
         return np.asarray(x_h, dtype=np.float64) * np.exp(shift)
 
     known = [(n, weighed(x, z)) for n, x, z in history if _is_known(x, z)]
-    found = compare_violation_rates(
+    estimate = compare_violation_rates(
         before[0], weighed(hours_a, z_a), now[0], weighed(hours_b, z_b),
         history_n=[np.asarray(n) for n, _ in known], history_x_h=[x for _, x in known],
         confidence=confidence, about_same_share=about_same_share, **rules,
     )  # fmt: skip
-    if found.value is None or found.lo is None or found.hi is None or found.value <= 0 or found.lo <= 0:
-        return found
+    if estimate.value is None or estimate.lo is None or estimate.hi is None or estimate.value <= 0 or estimate.lo <= 0:
+        return estimate
     shift = t_quantile(effect.df, confidence=confidence) * effect.log_se * (means[1] - means[0])
     lo, hi = (
-        found.value * math.exp(sign * math.hypot(math.log(limit / found.value), shift))
-        for sign, limit in ((-1, found.lo), (1, found.hi))
+        estimate.value * math.exp(sign * math.hypot(math.log(limit / estimate.value), shift))
+        for sign, limit in ((-1, estimate.lo), (1, estimate.hi))
     )
     verdict = verdict_of(lo, hi, about_same_share=about_same_share)
-    log_se = None if found.log_se is None else math.hypot(found.log_se, effect.log_se * (means[1] - means[0]))
-    return replace(found, lo=lo, hi=hi, verdict=verdict, log_se=log_se)
+    log_se = None if estimate.log_se is None else math.hypot(estimate.log_se, effect.log_se * (means[1] - means[0]))
+    return replace(estimate, lo=lo, hi=hi, verdict=verdict, log_se=log_se)
 
 
 def _mean(x_h: Floats, z: Floats) -> float:
@@ -288,13 +290,13 @@ def usual_range_at(
     if not effect.z_lo <= z_now <= effect.z_hi:
         return None
     rates, values = np.asarray(weeks, dtype=np.float64), np.asarray(z_weeks, dtype=np.float64)
-    found = usual_range((rates * np.exp(effect.value * (z_now - values))).tolist(), confidence=confidence)
-    if found is None:
+    usual = usual_range((rates * np.exp(effect.value * (z_now - values))).tolist(), confidence=confidence)
+    if usual is None:
         return None
     weights = DECAY ** np.arange(len(values))[::-1]
     shift = (
         t_quantile(effect.df, confidence=confidence) * effect.log_se * (z_now - float(weights @ values) / weights.sum())
     )
-    middle, reach = (math.log(found.hi) + math.log(found.lo)) / 2, math.log(found.hi / found.lo) / 2
+    middle, reach = (math.log(usual.hi) + math.log(usual.lo)) / 2, math.log(usual.hi / usual.lo) / 2
     half = math.hypot(reach, shift)
-    return replace(found, lo=math.exp(middle - half), hi=math.exp(middle + half))
+    return replace(usual, lo=math.exp(middle - half), hi=math.exp(middle + half))

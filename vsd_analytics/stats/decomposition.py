@@ -136,8 +136,8 @@ def closeness(*, cell_m: float, distance_m: float) -> Floats:
     w = np.concatenate([weights, weights]) / 2 * (1 - np.abs(u))
     reach = np.sqrt(np.maximum(radius**2 - (offsets[:, None] + u) ** 2, 0.0))
     inside = _below(reach[None] - offsets[:, None, None]) - _below(-reach[None] - offsets[:, None, None])
-    found = (inside * w).sum(axis=2).clip(0.0, 1.0)
-    kernel = np.asarray((found + found.T) / 2, dtype=np.float64)
+    probability = (inside * w).sum(axis=2).clip(0.0, 1.0)
+    kernel = np.asarray((probability + probability.T) / 2, dtype=np.float64)
     kernel.flags.writeable = False
     return kernel
 
@@ -238,8 +238,8 @@ def compare_mixing(
     parts = additive_parts((crowding, layout, b.behaviour / a.behaviour))
     shares: list[float | None] = [None, None, None]
     if abs(math.log(close)) >= math.log(MIN_MOVE):
-        found = [part / (close - 1) for part in parts]
-        shares = [*found] if min(found) >= -MAX_OPPOSED else shares
+        part_shares = [part / (close - 1) for part in parts]
+        shares = [*part_shares] if min(part_shares) >= -MAX_OPPOSED else shares
     return MixingChange(
         a, b, close, crowding, layout, behaviour,
         crowding_share=shares[0], layout_share=shares[1], behaviour_share=shares[2], state="ok", reason=None,
@@ -307,17 +307,17 @@ def _mixing(days: _PairHours, limits: _Limits) -> tuple[Mixing, Floats]:
     )
     expected = np.asarray(layouts @ days.together, dtype=np.float64)
     total, n_days = float(expected.sum()), int((expected > 0).sum())
-    made = (v, p, total / p, float((uniform @ days.together).sum()) / p, v / total if total else None)
+    decomposition = (v, p, total / p, float((uniform @ days.together).sum()) / p, v / total if total else None)
     if v == 0 or total == 0 or n_days < limits.min_days:
         too_few = Reason("mixing.days", least=limits.min_days, has=n_days)
         why = Reason("mixing.never_close") if v == 0 else too_few
-        return Mixing(*made, None, None, n_days, "not_enough_data", why), expected
+        return Mixing(*decomposition, None, None, n_days, "not_enough_data", why), expected
     ratio = v / total
     apart = (days.close.sum(axis=0) - ratio * expected) / v
     half = t_quantile(n_days - 1, confidence=limits.confidence) * math.sqrt(
         n_days / (n_days - 1) * float(apart @ apart)
     )
-    return Mixing(*made, ratio * math.exp(-half), ratio * math.exp(half), n_days, "ok", None), expected
+    return Mixing(*decomposition, ratio * math.exp(-half), ratio * math.exp(half), n_days, "ok", None), expected
 
 
 def _layout(exposure: Floats, limits: _Limits) -> float:

@@ -169,10 +169,12 @@ def durations(
     share = share_by_days(long_per_day, per_day, confidence=confidence, min_days=min_days)
     order = np.argsort(seconds, kind="stable")
     ranked, code = seconds[order], code[order]
-    found = [_quantile(ranked, q) for q in (0.5, 0.9)]
+    quantiles = [_quantile(ranked, q) for q in (0.5, 0.9)]
     if with_any < min_days:
         reason = Reason("violations.days", least=min_days, has=with_any)
-        return Durations(*_without_interval(*found), share, n, with_any, cut_share, at_least, "not_enough_data", reason)
+        return Durations(
+            *_without_interval(*quantiles), share, n, with_any, cut_share, at_least, "not_enough_data", reason
+        )
     total = max(with_any, n_days or 0)
     drawn = np.random.default_rng(seed).integers(0, total, size=(n_boot, total))
     times = np.stack([np.bincount(days, minlength=total)[:with_any] for days in drawn])
@@ -181,7 +183,7 @@ def durations(
     half = t_quantile(with_any - 1, confidence=confidence) * se
     median, p90 = (
         QuantileEstimate(q, v, v * math.exp(-h), v * math.exp(h))
-        for q, v, h in zip((0.5, 0.9), found, half.tolist(), strict=True)
+        for q, v, h in zip((0.5, 0.9), quantiles, half.tolist(), strict=True)
     )
     return Durations(median, p90, share, n, with_any, cut_share, at_least, "ok", None)
 
@@ -234,22 +236,22 @@ def close_contacts(
         is_long_lived: Whether both ids can be followed for `contact_s`, same shape.
         contact_s: Seconds of a close contact.
     """
-    of, start, last = (np.asarray(v, dtype=np.float64) for v in (pair, started_s, duration_s))
+    of_pair, start, last = (np.asarray(v, dtype=np.float64) for v in (pair, started_s, duration_s))
     lives = np.asarray(is_long_lived, dtype=np.bool_)
-    if not len(of):
+    if not len(of_pair):
         return CloseContacts(None, 0, None, "not_enough_data", Reason("violations.no_record"))
-    order = np.lexsort((start, of))
-    of, start, last, lives = of[order], start[order] - start.min(), last[order], lives[order]
-    n_pairs, share = len(np.unique(of)), float(last[lives].sum() / last.sum())
+    order = np.lexsort((start, of_pair))
+    of_pair, start, last, lives = of_pair[order], start[order] - start.min(), last[order], lives[order]
+    n_pairs, share = len(np.unique(of_pair)), float(last[lives].sum() / last.sum())
     if share < LONG_LIVED_SHARE:
         reason = Reason("contacts.short_ids", share=share, minutes=contact_s / 60, least=LONG_LIVED_SHARE)
         return CloseContacts(None, n_pairs, share, "not_measurable", reason)
     reach = float(start.max() + last.max() + 2 * CONTACT_WINDOW_S)
-    key = np.unique(of, return_inverse=True)[1] * reach
+    key = np.unique(of_pair, return_inverse=True)[1] * reach
     begin = np.searchsorted(key + start, key + np.maximum(start + last - CONTACT_WINDOW_S, 0.0), side="left")
     summed = np.concatenate(([0.0], np.cumsum(last)))
-    within = summed[1:] - summed[np.minimum(begin, np.arange(len(of)))]
-    n = len(np.unique(of[within >= contact_s]))
+    within = summed[1:] - summed[np.minimum(begin, np.arange(len(of_pair)))]
+    n = len(np.unique(of_pair[within >= contact_s]))
     return CloseContacts(n, n_pairs, share, "ok", Reason("contacts.at_least"))
 
 
@@ -278,12 +280,12 @@ def quantiles_of_draws(
     until = np.zeros((len(ranked) + 1, times.shape[1]), dtype=np.int64)  # values of each day among the first so many
     np.cumsum(day[:, None] == np.arange(times.shape[1]), axis=0, out=until[1:])
     n_drawn = times @ until[-1]
-    found = np.full((len(times), len(shares)), np.nan)
+    quantiles = np.full((len(times), len(shares)), np.nan)
     for k, share in enumerate(shares):
         low, high = np.zeros(len(times), dtype=np.int64), np.full(len(times), len(ranked) - 1, dtype=np.int64)
         while (low < high).any():
             middle = (low + high) // 2
             is_reached = np.einsum("ij,ij->i", times, until[middle + 1]) >= share * n_drawn
             low, high = np.where(is_reached, low, middle + 1), np.where(is_reached, middle, high)
-        found[:, k] = np.where(n_drawn > 0, ranked[high], np.nan)
-    return found
+        quantiles[:, k] = np.where(n_drawn > 0, ranked[high], np.nan)
+    return quantiles

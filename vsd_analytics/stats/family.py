@@ -117,17 +117,17 @@ def q_values(p: Sequence[float | None]) -> list[float | None]:
         p: p-values; None = not part of the family, and so is its q-value.
     """
     known = np.array([i for i, value in enumerate(p) if value is not None], dtype=np.int64)
-    found: list[float | None] = [None] * len(p)
+    adjusted: list[float | None] = [None] * len(p)
     if not len(known):
-        return found
+        return adjusted
     values: Floats = np.array([value for value in p if value is not None], dtype=np.float64)
     m, order = len(values), np.argsort(values)
     harmonic = float((1 / np.arange(1, m + 1)).sum())
     scaled = values[order] * m * harmonic / np.arange(1, m + 1)
     smallest = np.minimum(np.minimum.accumulate(scaled[::-1])[::-1], 1.0)
     for i, q in zip(known[order].tolist(), smallest.tolist(), strict=True):
-        found[i] = q
-    return found
+        adjusted[i] = q
+    return adjusted
 
 
 def pull_changes(
@@ -153,19 +153,19 @@ def _pulled(
     """Return ratio and limits of each area pulled towards the floor; its own where there is nothing to pull."""
     z = z_quantile(confidence=confidence)
     able = [i for i, area in enumerate(areas) if area.value and area.lo and area.hi]
-    found = [(a.value, a.lo, a.hi) if a.value and a.lo and a.hi else None for a in areas]
+    ranges = [(a.value, a.lo, a.hi) if a.value and a.lo and a.hi else None for a in areas]
     if not floor.value or not floor.lo or not floor.hi or len(able) < MIN_AREAS:
-        return found
+        return ranges
     chosen = [areas[i] for i in able]
     logs = np.array([math.log(a.value or 1.0) for a in chosen])
     v, floor_v = (
-        np.maximum([(math.log((c.hi or 1.0) / (c.lo or 1.0)) / 2 / z) ** 2 for c in of], 1e-12)
-        for of in (chosen, [floor])
+        np.maximum([(math.log((c.hi or 1.0) / (c.lo or 1.0)) / 2 / z) ** 2 for c in changes], 1e-12)
+        for changes in (chosen, [floor])
     )
     pulled, variance = pull_changes(logs, v, floor=math.log(floor.value), floor_v=float(floor_v[0]))
     for i, log_theta, half in zip(able, pulled.tolist(), (z * np.sqrt(variance)).tolist(), strict=True):
-        found[i] = (math.exp(log_theta), math.exp(log_theta - half), math.exp(log_theta + half))
-    return found
+        ranges[i] = (math.exp(log_theta), math.exp(log_theta - half), math.exp(log_theta + half))
+    return ranges
 
 
 def _judged(
@@ -181,7 +181,7 @@ def _judged(
         verdict = change.verdict if q_value <= FALSE_SHARE else "cannot_tell"
         return FamilyVerdict(verdict, q_value, change.value, change.lo, change.hi)
     theta, lo, hi = pulled
-    said: Verdict = verdict_of(lo, hi, about_same_share=about_same_share)
+    pulled_verdict: Verdict = verdict_of(lo, hi, about_same_share=about_same_share)
     own: Verdict = verdict_of(change.lo, change.hi, about_same_share=about_same_share)
-    is_said = said == own and (said not in CLEAR or q_value <= FALSE_SHARE)
-    return FamilyVerdict(said if is_said else "cannot_tell", q_value, theta, lo, hi)
+    is_said = pulled_verdict == own and (pulled_verdict not in CLEAR or q_value <= FALSE_SHARE)
+    return FamilyVerdict(pulled_verdict if is_said else "cannot_tell", q_value, theta, lo, hi)

@@ -76,8 +76,8 @@ def running_limits(
     from scipy.optimize import brentq  # takes a tenth of a second to import, and few changes are compared by counts
 
     def against(log_theta: float) -> float:
-        found = log_e(n_before, n_after, exposure_ratio=exposure_ratio, phi=phi, theta=math.exp(log_theta))
-        return found + math.log(1 - confidence)
+        log_e_value = log_e(n_before, n_after, exposure_ratio=exposure_ratio, phi=phi, theta=math.exp(log_theta))
+        return log_e_value + math.log(1 - confidence)
 
     most = math.log(FARTHEST)
     best = math.log(max(n_after / n_before / exposure_ratio, 1 / FARTHEST))

@@ -82,12 +82,12 @@ def funnel(logs: npt.ArrayLike, variances: npt.ArrayLike, df: npt.ArrayLike) -> 
         middle, tau2, tau_df = usual(y[~differs], v[~differs])
         s2 = v + tau2
         p: Floats = 2 * stdtr(s2**2 / (v**2 / own_df + tau2**2 / tau_df), -np.abs(y - middle) / np.sqrt(s2))
-        found = ~differs & _holm(np.where(differs, 2.0, p), n=int((~differs).sum()))
-        if not found.any():
+        rejected = ~differs & _holm(np.where(differs, 2.0, p), n=int((~differs).sum()))
+        if not rejected.any():
             return Funnel(middle, math.sqrt(tau2), p, differs)
-        if (differs | found).sum() > NAMED_SHARE * len(y):
-            return Funnel(middle, math.sqrt(tau2), p, differs | found)
-        differs = differs | found
+        if (differs | rejected).sum() > NAMED_SHARE * len(y):
+            return Funnel(middle, math.sqrt(tau2), p, differs | rejected)
+        differs = differs | rejected
 
 
 def usual(y: Floats, v: Floats) -> tuple[float, float, float]:
@@ -132,6 +132,6 @@ def _holm(p: Floats, *, n: int) -> npt.NDArray[np.bool_]:
     order = np.argsort(p, kind="stable")[:n]
     fails = p[order] * (n - np.arange(n)) > ERROR
     passed = int(np.argmax(fails)) if fails.any() else n
-    found = np.zeros(len(p), dtype=np.bool_)
-    found[order[:passed]] = True
-    return found
+    rejected = np.zeros(len(p), dtype=np.bool_)
+    rejected[order[:passed]] = True
+    return rejected

@@ -155,7 +155,7 @@ def track_lives(
 
 def share_by_days(
     n: npt.ArrayLike,
-    of: npt.ArrayLike,
+    totals: npt.ArrayLike,
     *,
     confidence: float = DEFAULTS.confidence,
     min_days: int = DEFAULTS.min_days,
@@ -167,14 +167,14 @@ def share_by_days(
 
     Args:
         n: Things with the property by day, shape (n_days,).
-        of: All things m_d, same shape; days without any say nothing.
+        totals: All things m_d, same shape; days without any say nothing.
         confidence: Confidence level.
         min_days: Days an interval needs.
 
     Raises:
         ValueError: Shapes do not fit, or a count is negative or above what it is a share of.
     """
-    part, whole = np.asarray(n, dtype=np.float64), np.asarray(of, dtype=np.float64)
+    part, whole = np.asarray(n, dtype=np.float64), np.asarray(totals, dtype=np.float64)
     if part.shape != whole.shape or part.ndim != 1:
         raise ValueError("every day needs both counts")
     if bool((part < 0).any()) or bool((part > whole).any()):

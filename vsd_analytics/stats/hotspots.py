@@ -360,11 +360,11 @@ def _inflation(u: Floats, recorded: Bools, expected: Floats) -> float:
     if own <= 0:
         return 1.0
     lags = np.arange(1, min(LAGS, n_days // 2) + 1)
-    found = np.array(
+    autocorrelations = np.array(
         [(apart[k:] * apart[:-k]).sum() / max((recorded[k:] & recorded[:-k]).sum(), 1) / own for k in lags]
     )
     weight = 1 - lags / n_days
-    together, lost = 2 * float(weight @ found), 2 * float(weight.sum()) / n_days
+    together, lost = 2 * float(weight @ autocorrelations), 2 * float(weight.sum()) / n_days
     phi = (1 + together) / max(1 + together / n_days - lost, 0.1)
     return float(np.clip(phi, 1.0, MAX_INFLATION * n_days))
 

@@ -106,9 +106,9 @@ def verdict_of_weeks(before: AreaWeeks, after: AreaWeeks, *, confidence: float =
     ]
     whole = _counted(b, a, confidence=confidence)
     half_event = 0.5 / float(b.n[0].sum()) / _exposure_ratios(b, a)[-1]
-    found = as_far_as(whole, parts, None if half is None else float(half[-1]), least=float(half_event))
-    is_shown = [e >= 1 / (1 - confidence) for e in found.e_by_week]
-    return replace(found, clear_since=is_shown.index(True) + 1 if any(is_shown) else None)
+    verdict = as_far_as(whole, parts, None if half is None else float(half[-1]), least=float(half_event))
+    is_shown = [e >= 1 / (1 - confidence) for e in verdict.e_by_week]
+    return replace(verdict, clear_since=is_shown.index(True) + 1 if any(is_shown) else None)
 
 
 def is_few(before: AreaWeeks, after: AreaWeeks) -> bool:
@@ -119,8 +119,8 @@ def is_few(before: AreaWeeks, after: AreaWeeks) -> bool:
 
 def _log_ratios(weeks: AreaWeeks) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = np.log(weeks.time_h[0] / weeks.open_h[0]) - np.log(weeks.beside)
-    return np.asarray(np.where(np.isfinite(found), found, np.nan), dtype=np.float64)
+        log_ratios = np.log(weeks.time_h[0] / weeks.open_h[0]) - np.log(weeks.beside)
+    return np.asarray(np.where(np.isfinite(log_ratios), log_ratios, np.nan), dtype=np.float64)
 
 
 def _counted(b: AreaWeeks, a: AreaWeeks, *, confidence: float) -> RunningVerdict:

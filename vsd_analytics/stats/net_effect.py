@@ -141,8 +141,8 @@ def _range(b: Floats, a: Floats, *, confidence: float) -> tuple[float | None, fl
     m, n = len(b), len(a)
     dev_b, dev_a = b - b.mean(), a - a.mean()
     squares = float(dev_b @ dev_b + dev_a @ dev_a)
-    found = float(dev_b[1:] @ dev_b[:-1] + dev_a[1:] @ dev_a[:-1]) / squares + 2 / (m + n) if squares else 0.0
-    r = ((m + n) * found + USUAL_WEEKS * USUAL_CORRELATION) / (m + n + USUAL_WEEKS)
+    correlation = float(dev_b[1:] @ dev_b[:-1] + dev_a[1:] @ dev_a[:-1]) / squares + 2 / (m + n) if squares else 0.0
+    r = ((m + n) * correlation + USUAL_WEEKS * USUAL_CORRELATION) / (m + n + USUAL_WEEKS)
     r = min(max(r, 0.0), MOST_CORRELATION)
     more = (1 + r) / (1 - r)
     shift = float(a.mean() - b.mean())

@@ -211,9 +211,9 @@ def _check(n_arrived: float, expected: float, maybe: float, wide: float) -> Infl
 
 def _lost(leaving: Leaving, confidence: float, min_days: int) -> ShareEstimate:
     n_days = int(leaving.day.max(initial=-1)) + 1
-    of = np.bincount(leaving.day, minlength=n_days)
+    n_leaving = np.bincount(leaving.day, minlength=n_days)
     lost = np.bincount(leaving.day[leaving.kind < 0], minlength=n_days)
-    return share_by_days(lost, of, confidence=confidence, min_days=min_days)
+    return share_by_days(lost, n_leaving, confidence=confidence, min_days=min_days)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -282,12 +282,12 @@ def _shares(
     half = t_quantile(n_days - 1, confidence=confidence)
     none = min(1.0, zero_events_limit(confidence=confidence) / n_followed)
 
-    def variance(of: Array) -> Array:
-        return np.asarray((n_days - 1) / n_days * ((of - of.mean(axis=0)) ** 2).sum(axis=0))
+    def variance(replicates: Array) -> Array:
+        return np.asarray((n_days - 1) / n_days * ((replicates - replicates.mean(axis=0)) ** 2).sum(axis=0))
 
     unseen_without = np.maximum(0.0, 1 - without.sum(axis=1))[:, None]
     ends = ((reached, variance(without)), (reached + unseen, variance(without + unseen_without)))
-    found = []
+    estimates = []
     for k in range(len(n_of)):
         limits: list[float] = []
         for which, (share, var) in enumerate(ends):
@@ -299,5 +299,5 @@ def _shares(
             else:
                 least = p * (1 - p) / n_followed if n_of[k] < SMALL_COUNT else 0.0
                 limits.append(logit_limits(p, max(float(var[k]), least), half)[which])
-        found.append(ShareEstimate(float(value[k]), limits[0], limits[1], int(n_of[k]), n, n_days, "ok", None))
-    return tuple(found)
+        estimates.append(ShareEstimate(float(value[k]), limits[0], limits[1], int(n_of[k]), n, n_days, "ok", None))
+    return tuple(estimates)

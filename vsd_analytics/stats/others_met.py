@@ -84,17 +84,17 @@ def count_quantiles(
         return CountQuantiles(none, n, n_days, "not_enough_data", reason)
     order = np.argsort(values, kind="stable")
     ranked, code = values[order], code[order]
-    found = quantiles_of_draws(ranked, code, np.ones((1, n_days), dtype=np.int64), QUANTILES)[0].tolist()
+    quantiles = quantiles_of_draws(ranked, code, np.ones((1, n_days), dtype=np.int64), QUANTILES)[0].tolist()
     if n_days < min_days:
         reason = Reason("level.days", least=min_days, has=n_days)
-        alone = tuple(CountQuantile(q, v, None, None) for q, v in zip(QUANTILES, found, strict=True))
+        alone = tuple(CountQuantile(q, v, None, None) for q, v in zip(QUANTILES, quantiles, strict=True))
         return CountQuantiles(alone, n, n_days, "not_enough_data", reason)
     drawn = np.random.default_rng(seed).integers(0, n_days, size=(n_boot, n_days))
     times = np.stack([np.bincount(chosen, minlength=n_days) for chosen in drawn])
     draws = quantiles_of_draws(ranked, code, times, QUANTILES)
     se = np.std(draws, axis=0, ddof=1) * math.sqrt(n_days / (n_days - 1))
     half = (t_quantile(n_days - 1, confidence=confidence) * se).tolist()
-    limits = zip(QUANTILES, found, half, strict=True)
+    limits = zip(QUANTILES, quantiles, half, strict=True)
     return CountQuantiles(
         tuple(CountQuantile(q, v, max(0.0, v - h), v + h) for q, v, h in limits), n, n_days, "ok", None
     )

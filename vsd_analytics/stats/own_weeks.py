@@ -44,8 +44,8 @@ def own_weeks_variance(history: PeriodDays) -> tuple[float, float]:
     y = logs[usable]
     rest = y - y.mean(axis=1, keepdims=True) - y.mean(axis=0) + y.mean()
     df = float((n_areas - 1) * (n_weeks - 1))
-    found = max(0.0, float((rest**2).sum()) / df - _by_days(history, usable))
-    return (df * found + PRIOR_DF * PRIOR_SD**2) / (df + PRIOR_DF), df + PRIOR_DF
+    variance = max(0.0, float((rest**2).sum()) / df - _by_days(history, usable))
+    return (df * variance + PRIOR_DF * PRIOR_SD**2) / (df + PRIOR_DF), df + PRIOR_DF
 
 
 def _by_days(history: PeriodDays, usable: npt.NDArray[np.bool_]) -> float:

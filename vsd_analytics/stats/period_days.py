@@ -128,5 +128,5 @@ def as_if_changed(period: PeriodDays, area: int) -> PeriodDays:
 def _events(events: Floats | None, x_h: Floats) -> Floats | None:
     if events is None:
         return None
-    made = np.asarray(events, dtype=np.float64).reshape(x_h.shape)
-    return np.asarray(np.where(x_h > 0, made, 0.0), dtype=np.float64)
+    counts = np.asarray(events, dtype=np.float64).reshape(x_h.shape)
+    return np.asarray(np.where(x_h > 0, counts, 0.0), dtype=np.float64)

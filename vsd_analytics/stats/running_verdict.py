@@ -140,7 +140,7 @@ def running_verdict(
     lo, hi = (None, None) if half is None else (math.exp(log_theta - half), math.exp(log_theta + half))
     by_week = np.abs(np.cumsum(after) / np.arange(1, n + 1) - y.mean())
     reached = np.flatnonzero((e >= 1 / (1 - confidence)) & (by_week > half_spread))
-    found = RunningVerdict(
+    verdict = RunningVerdict(
         value=math.exp(log_theta), lo=lo, hi=hi, e_value=float(e[-1]), e_by_week=tuple(e.tolist()),
         clear_since=int(reached[0]) + 1 if len(reached) else None, n_reference=m, n_weeks=n,
         verdict=verdict_of(0.0 if lo is None else lo, hi), state="ok", reason=None,
@@ -148,7 +148,7 @@ def running_verdict(
         last_value=math.exp(float(after[-LAST_WEEKS:].mean() - y.mean())),
     )  # fmt: skip
     parts = [running_verdict(*y, confidence=confidence, min_reference_weeks=min_reference_weeks) for y in without]
-    return as_far_as(found, parts, None if spread is None else float(half_spread[-1]))
+    return as_far_as(verdict, parts, None if spread is None else float(half_spread[-1]))
 
 
 def too_few_weeks(m: int, n: int, *, min_reference_weeks: int = MIN_REFERENCE_WEEKS) -> Reason | None:
@@ -165,20 +165,20 @@ def no_verdict(reason: Reason, n_reference: int = 0, n_weeks: int = 0) -> Runnin
 
 
 def as_far_as(
-    found: RunningVerdict, parts: Sequence[RunningVerdict], half_spread: float | None, *, least: float = 0.0
+    verdict: RunningVerdict, parts: Sequence[RunningVerdict], half_spread: float | None, *, least: float = 0.0
 ) -> RunningVerdict:
     """Return a verdict whose range reaches as far as those that leave one comparison area out, and as the spread.
 
     Args:
-        found: The verdict beside all comparison areas.
+        verdict: The verdict beside all comparison areas.
         parts: Those with each left out.
         half_spread: How far a shift must lie from "no change" to stand out; None without comparison areas.
         least: The ratio taken for a fall to none, which has no log: that of half a violation.
     """
-    each = [found, *(p for p in parts if p.value is not None)]
+    each = [verdict, *(p for p in parts if p.value is not None)]
     lo = None if any(p.lo is None for p in each) else min(p.lo for p in each if p.lo is not None)
     hi = None if any(p.hi is None for p in each) else max(p.hi for p in each if p.hi is not None)
-    beside = found.value or 0.0
+    beside = verdict.value or 0.0
     spread_lo = spread_hi = None
     if half_spread is not None:
         spread_lo, spread_hi = beside * math.exp(-half_spread), max(beside, least) * math.exp(half_spread)
@@ -186,15 +186,15 @@ def as_far_as(
         hi = None if hi is None else max(hi, spread_hi)
     logs = {k: _log(p.value) for k, p in enumerate(parts) if p.value is not None}
     log_theta = _log(beside)
-    is_clear = found.verdict in ("clear_fall", "clear_rise")
-    low, high = (-math.inf if found.lo is None else _log(found.lo)), math.log(found.hi or math.inf)
+    is_clear = verdict.verdict in ("clear_fall", "clear_rise")
+    low, high = (-math.inf if verdict.lo is None else _log(verdict.lo)), math.log(verdict.hi or math.inf)
     rests_on = _farthest(logs, [k for k, log in logs.items() if not low <= log <= high], log_theta)
-    theta = found.value
+    theta = verdict.value
     if rests_on is not None and len(parts) > 1 and 0 < logs[rests_on] * log_theta < log_theta**2:
         theta = math.exp(logs[rests_on])
-    unclear = [k for k in logs if is_clear and parts[k].verdict != found.verdict]
+    unclear = [k for k in logs if is_clear and parts[k].verdict != verdict.verdict]
     return replace(
-        found, value=theta, lo=lo, hi=hi, verdict=verdict_of(0.0 if lo is None else lo, hi),
+        verdict, value=theta, lo=lo, hi=hi, verdict=verdict_of(0.0 if lo is None else lo, hi),
         spread_lo=spread_lo, spread_hi=spread_hi, without=tuple(p.value for p in parts), rests_on=rests_on,
         unclear_without=_farthest(logs, unclear, log_theta),
     )  # fmt: skip

@@ -54,7 +54,7 @@ def stands_together(
     mean, is_long = np.tile(mean_mm, 2), np.tile(is_long, 2)
     keys = one * n + other
     order = np.argsort(keys)
-    keys, of = keys[order], mean[order]
+    keys, means = keys[order], mean[order]
     near = order[(is_long & (mean <= together_mm))[order]]
     near_one, near_other = one[near], other[near]
     rows = np.flatnonzero(is_long)
@@ -67,10 +67,10 @@ def stands_together(
     row, third = row[is_other], third[is_other]
     wanted = third * n + other[row]
     at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    distances = np.where(keys[at] == wanted, of[at], reach_mm)
+    distances = np.where(keys[at] == wanted, means[at], reach_mm)
     n_around = 1 + np.bincount(row, minlength=len(one))
     sum_mm = mean + np.bincount(row, distances, minlength=len(one)).astype(np.int64)
     n_a, n_b = n_around[: len(a)], n_around[len(a) :]
     sum_a, sum_b = sum_mm[: len(a)], sum_mm[len(a) :]
-    found: npt.NDArray[np.bool_] = sum_a * n_b + sum_b * n_a <= 2 * together_mm * n_a * n_b
-    return found & is_long[: len(a)]
+    is_together: npt.NDArray[np.bool_] = sum_a * n_b + sum_b * n_a <= 2 * together_mm * n_a * n_b
+    return is_together & is_long[: len(a)]

@@ -146,20 +146,20 @@ def link_counts(ends: TrackEnds, starts: TrackEnds, *, n_areas: int, n_days: int
         & ~goes_on[start]
     )
     misfit = np.abs(takes_s - away_m / USUAL_M_PER_S)
-    found = []
+    links = []
     for way in (between_s > 0, between_s < 0):
         chosen = np.flatnonzero(fits & way)
         chosen = chosen[np.argsort(misfit[chosen], kind="stable")]
         given = chosen[_one_to_one(end[chosen], start[chosen])]
         counts = np.zeros((n_areas, n_areas, n_days))
         np.add.at(counts, (ends.area[end[given]], starts.area[start[given]], ends.day[end[given]]), 1.0)
-        found.append(counts)
+        links.append(counts)
     every = np.zeros((n_areas, n_days))
     np.add.at(every, (ends.area, ends.day), 1.0)
     return LinkCounts(
         ends=every,
-        forward=found[0],
-        backward=found[1],
+        forward=links[0],
+        backward=links[1],
         company_of_ends=_company(ends, n_areas),
         company_of_starts=_company(starts, n_areas),
     )
@@ -193,13 +193,13 @@ def linked_share(
         confidence: Confidence level.
         min_days: Days with people who leave that an interval needs.
     """
-    of = np.asarray(left, dtype=np.float64)
+    leaving = np.asarray(left, dtype=np.float64)
     ahead, behind = counts.forward[origin], counts.backward[origin]
-    n, used = int(of.sum()), np.flatnonzero(of)
-    found = int(ahead[to].sum()), int(behind[to].sum()), n
+    n, used = int(leaving.sum()), np.flatnonzero(leaving)
+    totals = int(ahead[to].sum()), int(behind[to].sum()), n
 
     def share(is_used: Array) -> float:
-        ends, people = float(counts.ends[origin] @ is_used), float(of @ is_used)
+        ends, people = float(counts.ends[origin] @ is_used), float(leaving @ is_used)
         if not ends or not people:
             return 0.0
         f, g = (v @ is_used / ends for v in (ahead, behind))
@@ -207,32 +207,32 @@ def linked_share(
         return float(f[to] - (1 - min(goes_on, 1.0)) * g[to]) * ends / people
 
     if n < MIN_LEAVING:
-        return LinkedShare(None, None, None, *found, Reason("flow.few", least=MIN_LEAVING, has=n))
+        return LinkedShare(None, None, None, *totals, Reason("flow.few", least=MIN_LEAVING, has=n))
     if behind.sum() > MAX_CHANCE * counts.ends[origin].sum():
-        return LinkedShare(None, None, None, *found, Reason("flow.crowd"))
+        return LinkedShare(None, None, None, *totals, Reason("flow.crowd"))
     if min(counts.company_of_ends[origin], counts.company_of_starts[to]) >= MAX_COMPANY:
-        return LinkedShare(None, None, None, *found, Reason(IN_WAVES))
-    every = np.ones(len(of))
+        return LinkedShare(None, None, None, *totals, Reason(IN_WAVES))
+    every = np.ones(len(leaving))
     value, n_days = share(every), len(used)
     shown = min(max(value, 0.0), 1.0)
     if n_days < min_days:
-        return LinkedShare(shown, None, None, *found, Reason("flow.days", least=min_days, has=n_days))
-    without = np.array([share(every - (np.arange(len(of)) == d)) for d in used])
+        return LinkedShare(shown, None, None, *totals, Reason("flow.days", least=min_days, has=n_days))
+    without = np.array([share(every - (np.arange(len(leaving)) == d)) for d in used])
     variance = (n_days - 1) / n_days * float(((without - without.mean()) ** 2).sum())
     least = float(ahead[to].sum() + behind[to].sum()) / n**2
     half = t_quantile(n_days - 1, confidence=confidence) * math.sqrt(max(variance, least))
     most = max(shown, float(ahead[to].sum()) / n)
-    return LinkedShare(shown, min(max(0.0, value - half), shown), min(1.0, most + half), *found, None)
+    return LinkedShare(shown, min(max(0.0, value - half), shown), min(1.0, most + half), *totals, None)
 
 
-def _company(of: TrackEnds, n_areas: int) -> Array:
+def _company(track_ends: TrackEnds, n_areas: int) -> Array:
     """Return how many others come within `WAVE_S` of a person, by area, less those of an even stream around them.
 
     The stream is that of `AROUND_S` before and after, without the wave itself.
     """
     company = np.zeros(n_areas)
     for area in range(n_areas):
-        at_s = np.sort(of.at_s[of.area == area])
+        at_s = np.sort(track_ends.at_s[track_ends.area == area])
         if not len(at_s):
             continue
         near, around = (

@@ -131,8 +131,8 @@ def unusual_hours(
     q[tested] = benjamini_hochberg(p[tested])
     away = np.abs(counted - expected)
     is_unusual = tested & (q <= q_max) & (away >= min_change * expected) & (away >= min_difference)
-    found = np.flatnonzero(is_unusual)
-    order = found[np.lexsort((found, p[found]))][:max_shown]
+    slots = np.flatnonzero(is_unusual)
+    order = slots[np.lexsort((slots, p[slots]))][:max_shown]
     lo, hi = (quantile(t, mean=mean, dispersion=dispersion) for t in ((1 - share) / 2, (1 + share) / 2))
     rows = tuple(
         Unusual(
@@ -150,4 +150,4 @@ def unusual_hours(
         )
         for s in order.tolist()
     )
-    return UnusualSlots(rows, len(found), int(tested.sum()), before.n_recorded, "ok", None)
+    return UnusualSlots(rows, len(slots), int(tested.sum()), before.n_recorded, "ok", None)

@@ -58,12 +58,12 @@ def value_per(
         nothing = no_rate(Reason("context.zero"), "not_enough_data")
         return replace(nothing, value=0.0, n_days=int(used.sum()), exposure_h=total_people)
     scale = _SCALE / total
-    found = encounter_rate(
+    estimate = encounter_rate(
         sums * scale, people, **_past(history, used, scale),
         confidence=confidence, min_days=min_days, min_exposure_h=0.0,
     )  # fmt: skip
-    value, lo, hi = (None if v is None else v / scale for v in (found.value, found.lo, found.hi))
-    return replace(found, value=value, lo=lo, hi=hi, n_events=None)
+    value, lo, hi = (None if v is None else v / scale for v in (estimate.value, estimate.lo, estimate.hi))
+    return replace(estimate, value=value, lo=lo, hi=hi, n_events=None)
 
 
 def _past(

@@ -146,7 +146,7 @@ class KnownErasures:
         """Read them again if they have changed since the last call."""
         stat: tuple[int, int] | None = None
         with contextlib.suppress(OSError):
-            found = (self._store / FILE).stat()
-            stat = (found.st_mtime_ns, found.st_ino)
+            file_stat = (self._store / FILE).stat()
+            stat = (file_stat.st_mtime_ns, file_stat.st_ino)
         if stat != self._stat:
             self.every, self._stat = erasures(self._store), stat

@@ -91,9 +91,9 @@ def query_rows(warehouse: Warehouse, query: str, **tables: Any) -> list[dict[str
     return [{k: _plain(v) for k, v in row.items()} for row in run_query(warehouse, query, **tables).to_pylist()]
 
 
-def _whole_sums(found: duckdb.DuckDBPyRelation) -> pa.Table:
+def _whole_sums(relation: duckdb.DuckDBPyRelation) -> pa.Table:
     """Return rows as an Arrow table with unique names, HUGEINT as whole numbers."""
-    kinds, rows = [str(kind) for kind in found.types], found.to_arrow_table()
+    kinds, rows = [str(kind) for kind in relation.types], relation.to_arrow_table()
     names = list[str]()
     for column in rows.column_names:
         again = (f"{column}_{n}" for n in count(1))

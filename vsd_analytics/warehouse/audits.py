@@ -32,18 +32,18 @@ def audit_rows(parts: Sequence[StoredPart], *, on_rows: Callable[[int], None] | 
     import duckdb
 
     n_rows = 0
-    found: dict[str, list[StoreFault]] = {"hours": [], "order": [], "keys": []}
+    faults: dict[str, list[StoreFault]] = {"hours": [], "order": [], "keys": []}
     with connect() as con:
         _prepare(con)
         for batch in _batches(sorted(parts, key=lambda p: (p.part, p.table))):
             try:
-                _audit(con, batch, found)
+                _audit(con, batch, faults)
             except duckdb.Error as error:
                 present = [p for p in batch if p.part.path.exists()]
                 if len(present) == len(batch):
-                    found["hours"] += [_unreadable(p, error) for p in batch]
+                    faults["hours"] += [_unreadable(p, error) for p in batch]
                 else:  # a fold or purge removed files meanwhile
-                    _audit(con, present, found)
+                    _audit(con, present, faults)
             n_rows += sum(p.n_rows for p in batch)
             if on_rows is not None:
                 on_rows(sum(p.n_rows for p in batch))
@@ -52,7 +52,7 @@ def audit_rows(parts: Sequence[StoredPart], *, on_rows: Callable[[int], None] | 
         "order": "the rows of each file are sorted",
         "keys": "no record is stored twice",
     }
-    return tuple(Check(name, n_rows, "rows", promises[name], tuple(each)) for name, each in found.items())
+    return tuple(Check(name, n_rows, "rows", promises[name], tuple(each)) for name, each in faults.items())
 
 
 def _prepare(con: duckdb.DuckDBPyConnection) -> None:
@@ -61,18 +61,18 @@ def _prepare(con: duckdb.DuckDBPyConnection) -> None:
         con.register(f"_empty_{table}", SCHEMAS[table].empty_table())
 
 
-def _audit(con: duckdb.DuckDBPyConnection, batch: Sequence[StoredPart], found: dict[str, list[StoreFault]]) -> None:
+def _audit(con: duckdb.DuckDBPyConnection, batch: Sequence[StoredPart], faults: dict[str, list[StoreFault]]) -> None:
     con.execute("delete from parts")
     for number, stored in enumerate(batch):
         con.execute("insert into parts values (?, ?, ?)", (str(stored.part.path), number, stored.part.hour))
     for table in TABLES:
         _view(con, table, [p.part.path for p in batch if p.table == table])
     for row in _rows(con, "rows_outside_hour"):
-        found["hours"].append(_outside(batch[row["part"]], row))
+        faults["hours"].append(_outside(batch[row["part"]], row))
     for row in _rows(con, "rows_unsorted"):
-        found["order"].append(_unsorted(batch[row["part"]], row))
+        faults["order"].append(_unsorted(batch[row["part"]], row))
     for table in TABLES:
-        found["keys"] += _twice(table, batch, _rows(con, f"{table}_twice"))
+        faults["keys"] += _twice(table, batch, _rows(con, f"{table}_twice"))
 
 
 def _view(con: duckdb.DuckDBPyConnection, table: TableName, paths: Sequence[Path]) -> None:

@@ -161,7 +161,7 @@ def _build(
     if files.missing or not is_trusting or paths != files.paths or files.has_others():
         # Of facts that nobody asked for, older files stay: rows of the hours that did not change are taken from them.
         asked = {DAY_FACT, *files.names, *(relations("facts").keys() - files.paths.keys())}
-        found = superseded.find(
+        superseded_files = superseded.find(
             {name: root for name, root in settings_variants.roots(site).items() if name in asked},
             site_id=site.site_id,
             fresh=paths,
@@ -169,7 +169,7 @@ def _build(
             first_day=first_day,
             last_day=last_day,
         )
-        unneeded = (*unneeded, *found, *settings_variants.surplus(site))
+        unneeded = (*unneeded, *superseded_files, *settings_variants.surplus(site))
     settings_variants.note_use(site)
     fingerprints = {h: s.fingerprint for h, s in sealed.hours.items()}
     fingerprints |= {u.number: u.fingerprint_of_marts for u in units}
@@ -180,7 +180,7 @@ def _build(
         {d: day.unit.fingerprint for d, day in days.items() if d not in sealed.whole_days},
         paths,
         sealed,
-        Counter({name: n for name in files.names if (n := sum(len(of.get(name, ())) for of in stale.values()))}),
+        +Counter({name: sum(len(of_day.get(name, ())) for of_day in stale.values()) for name in files.names}),
         unneeded,
     )
 
@@ -202,20 +202,20 @@ def hour_work(site: Site, day: int) -> dict[str, bytes]:
 
     Reads the fact `camera_days` of the days around, which must be there.
     """
-    store, found = Store(site.root / "store", site_id=site.site_id), dict[str, bytes]()
+    store, contents = Store(site.root / "store", site_id=site.site_id), dict[str, bytes]()
     index, hours, sealed = _range(site, store, day, day)
     units_of_days = day_units(index, [*hours, *sealed.hours], site=site)
     days = read_days(site, units_of_days)
     units = hour_units(site, index, hours, days)
 
     def write(path: Path, data: bytes) -> None:
-        found[str(path.relative_to(site.root))] = data
+        contents[str(path.relative_to(site.root))] = data
 
     files = FactDays(site, units, write=write)
     stale = _stale(files)
     computed = _computed(units, stale)
     _write_hours(site, files, stale, computed, days, NOBODY, check=_Checker(store), on_hours=None)
-    return found
+    return contents
 
 
 def _stale(files: FactDays) -> dict[int, dict[str, set[int]]]:
@@ -225,7 +225,7 @@ def _stale(files: FactDays) -> dict[int, dict[str, set[int]]]:
 
 
 def _computed(units: Iterable[Unit], stale: Mapping[int, Mapping[str, Collection[int]]]) -> list[Unit]:
-    return [u for u in units if any(u.number in found for found in stale.get(u.number // 24, {}).values())]
+    return [u for u in units if any(u.number in numbers for numbers in stale.get(u.number // 24, {}).values())]
 
 
 def _publish(site: Site, result: BuildResult) -> bool:
@@ -243,8 +243,8 @@ def _publish(site: Site, result: BuildResult) -> bool:
 def current_files(site: Site, result: BuildResult) -> dict[str, list[Path]]:
     """Return the fresh and sealed files of each fact, given the build of everything stored."""
     sealed = {name: [path for _, path in result.sealed.fact_paths(site, name)] for name in relations("facts")}
-    found = {name: [*dict.fromkeys(result.paths.get(name, {}).values()), *paths] for name, paths in sealed.items()}
-    return {name: paths for name, paths in found.items() if paths}
+    files = {name: [*dict.fromkeys(result.paths.get(name, {}).values()), *paths] for name, paths in sealed.items()}
+    return {name: paths for name, paths in files.items() if paths}
 
 
 def _write_hours(
@@ -405,10 +405,10 @@ def build_plan(site: Site, *, first_hour: int | None = None, last_hour: int | No
         for day, path in of_day.items():
             inputs[path] |= {u.number: files.inputs(name, u) for u in files.units[day]}
     asked = {h for h in hours if _is_within(h, first_hour, last_hour)}
-    found = [(n, u) for day, names in files.missing.items() for n in names for u in files.stale(n, day)]
-    outdated = {u.number for n, u in found if files.is_noted(n, u)}
+    stale_units = [(n, u) for day, names in files.missing.items() for n in names for u in files.stale(n, day)]
+    outdated = {u.number for n, u in stale_units if files.is_noted(n, u)}
     outdated |= {h for h in hours if h // 24 in unknown and files.holds(h)}
-    stale = {u.number for _, u in found} | {h for h in hours if h // 24 in unknown}
+    stale = {u.number for _, u in stale_units} | {h for h in hours if h // 24 in unknown}
     missing = stale - outdated
     numbers = {h // 24 for h in hours} | {u.number for u in units}
     return BuildPlan(numbers, inputs, asked - stale, asked & (stale - missing), asked & missing)

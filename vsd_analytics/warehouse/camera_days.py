@@ -94,7 +94,7 @@ def read_days(site: Site, units: Iterable[Unit]) -> dict[int, KnownDay]:
     own_paths = {day: day_path(site, unit) for day, unit in units_of.items()}
     for day, path in weeks_of_days(site).joined_paths(own_paths).items():
         days_in[path].append(day)
-    found = {}
+    known_days = {}
     for path, days in days_in.items():
         try:
             # a report opens many of these small files, and bytes are opened faster than a path
@@ -107,8 +107,8 @@ def read_days(site: Site, units: Iterable[Unit]) -> dict[int, KnownDay]:
             known = own.to_pylist()
             cameras = frozenset(row["camera_id"] for row in known)
             of_day = KnownDay(units_of[day], own, text_hash(known), cameras, lookback_ms(settings, known), spans)
-            found[day], spans = of_day, {}
-    return {day: found[day] for day in units_of}
+            known_days[day], spans = of_day, {}
+    return {day: known_days[day] for day in units_of}
 
 
 def hour_units(

@@ -108,15 +108,15 @@ class DayFiles:
         shared = self._shared(relation)
         of_areas = bool({name for r in _marts_of(relation) for name in r.reads} & _OF_AREAS)
         is_site_day = relation.stored_by == SITE_DAY
-        found = []
+        weeks = []
         for monday, first, last in (week for e in self._extents for week in _weeks_of(e)):
             begin = first - timedelta(days=1) if is_site_day else first
             days = [begin + timedelta(days=k) for k in range((last - begin).days + 1)]
             own = {d: self._own(d, of_areas=of_areas, is_site_day=is_site_day) for d in days}
             inputs = {d: {**shared, **of_day} for d, of_day in own.items()}
             is_stored = self._is_stored(monday, first, last)
-            found.append(week_file(self._root, relation.name, self._site.site_id, monday, inputs, is_stored=is_stored))
-        return found
+            weeks.append(week_file(self._root, relation.name, self._site.site_id, monday, inputs, is_stored=is_stored))
+        return weeks
 
     def _is_stored(self, monday: date, first: date, last: date) -> bool:
         """Return whether the file of a week with local days from `first` to `last` is written; see `weeks`."""
@@ -144,17 +144,17 @@ class DayFiles:
         marts = _marts_of(relation)
         read = {name for r in marts for name in r.reads}
         used = sorted({p for r in marts for p in r.params})
-        found = {
+        hashes = {
             "sql": text_hash(sorted((r.name, r.sql) for r in marts)),
             "settings": text_hash({p: self._params[p] for p in used}),
         }
         if "cameras" in read:
-            found["cameras"] = text_hash(
+            hashes["cameras"] = text_hash(
                 [(c.camera_id, c.floor_id, c.hz, c.first_day, c.end_day) for c in self._site.cameras]
             )
         if "owner_cells" in read:
-            found["views"] = self._times.owners
-        return found
+            hashes["views"] = self._times.owners
+        return hashes
 
     def _own(self, day: date, *, of_areas: bool, is_site_day: bool) -> InputHashes:
         """Return the input hashes of one day: of the facts around it, of its calendar and, where read, of its areas."""
@@ -170,16 +170,16 @@ class DayFiles:
         if is_site_day:  # track ids end with it, so no row reads beyond it
             starts_s = site.day_starts_min * 60
             hours = ((edges[0] + starts_s) // 3600 - 1, (edges[1] + starts_s) // 3600 + 1)
-        found = {
+        hashes = {
             "facts": self._facts(*hours),
             "calendar": text_hash([site.timezone, edges, site.day_starts_min, opened, day in site.closed]),
         }
         if of_areas:
             around = (day - timedelta(days=1), day, day + timedelta(days=1))
             areas = [[(a.area_id, a.floor_id, a.polygon) for a in site.areas if a.is_there(d, d)] for d in around]
-            found["areas"] = text_hash([areas, FLOOR_CELL_M])
-        self._owned[key] = found
-        return found
+            hashes["areas"] = text_hash([areas, FLOOR_CELL_M])
+        self._owned[key] = hashes
+        return hashes
 
     def _facts(self, first_hour: int, last_hour: int) -> str:
         if (first_hour, last_hour) not in self._hashes:
@@ -268,19 +268,19 @@ def facts_around(site: Site, hours: Collection[int]) -> list[Path]:
     if not near:
         return []
     within, facts = {"first_hour": min(near) * 24, "last_hour": max(near) * 24 + 23}, relations("facts")
-    found: list[Path] = []
+    files: list[Path] = []
     for root in (site.root / "facts", *settings_variants.folders(site)):
         for name in _ever_stored():
             parts = list_parts(root, name, site.site_id, **within)
-            found += [p.path for p in parts if p.hour // 24 in own]
+            files += [p.path for p in parts if p.hour // 24 in own]
         for name in _ever_stored():
             parts = list_parts(root / FOLDER.name, name, site.site_id, **within)
-            found += [p.path for p in parts if p.hour // 24 in near]
+            files += [p.path for p in parts if p.hour // 24 in near]
         within["first_hour"] -= (DAYS - 1) * 24
         for name in _ever_stored():
             weeks, reached = list_parts(root / WEEKS, name, site.site_id, **within), own if name in facts else near
-            found += [p.path for p in weeks if reached & set(range(p.hour // 24, p.hour // 24 + DAYS))]
-    return found
+            files += [p.path for p in weeks if reached & set(range(p.hour // 24, p.hour // 24 + DAYS))]
+    return files
 
 
 def spare_other_days(site: Site, hours: Collection[int]) -> None:

@@ -25,29 +25,29 @@ def pieces(days: Sequence[date], n_bytes: Mapping[int, int], *, most: int) -> li
         n_bytes: Bytes by UTC day number; 0 where none are known.
         most: Bytes of a piece.
     """
-    found: list[list[date]] = []
+    runs: list[list[date]] = []
     room = 0
     for day in days:
         own = n_bytes.get((day - _EPOCH).days, 0)
         room -= own
-        if found and room >= 0 and day - found[-1][-1] == timedelta(days=1):
-            found[-1].append(day)
+        if runs and room >= 0 and day - runs[-1][-1] == timedelta(days=1):
+            runs[-1].append(day)
         else:
-            found.append([day])
+            runs.append([day])
             room = most - own
-    return found
+    return runs
 
 
 def fact_sizes(site: Site, built: BuildResult, facts: Collection[str]) -> dict[int, int]:
     """Return the bytes of the files of some facts by UTC day number; files that are not there count nothing."""
-    found: Counter[int] = Counter()
+    sizes: Counter[int] = Counter()
     for name in facts:
         fresh = built.paths.get(name, {})
         n_days = Counter(fresh.values())  # the file of a week has several
         sealed = ((hour // 24, path) for hour, path in built.sealed.fact_paths(site, name))
         for day, path in (*fresh.items(), *sealed):
             try:
-                found[day] += path.stat().st_size // n_days.get(path, 1)
+                sizes[day] += path.stat().st_size // n_days.get(path, 1)
             except FileNotFoundError:
                 continue
-    return dict(found)
+    return dict(sizes)

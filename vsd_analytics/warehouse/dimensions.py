@@ -129,7 +129,10 @@ def _has_whole_hours(timezone: str) -> bool:
 def site_relations(site: Site, *, heat_cell_m: float = 1.0) -> dict[str, pa.Table]:
     """Return `params`, `cameras`, `calibrations`, `owner_cells`, `areas`, `area_cells` and cells that are asked for."""
     flags = ((a.is_door, a.is_staff, a.is_queue, a.served_in) for a in site.areas)
-    areas = [(a.area_id, i, a.name, a.floor_id, *of) for i, (a, of) in enumerate(zip(site.areas, flags, strict=True))]
+    areas = [
+        (a.area_id, i, a.name, a.floor_id, *area_flags)
+        for i, (a, area_flags) in enumerate(zip(site.areas, flags, strict=True))
+    ]
     cells = area_cells(site)
     return {
         "params": pa.table({k: [v] for k, v in params(site, heat_cell_m=heat_cell_m).items()}),
@@ -185,14 +188,14 @@ def area_cells(site: Site) -> pa.Table:
     """
     days = {day for area in site.areas for day in (area.first_day, area.end_day) if day is not None}
     starts = [-FOREVER_MS, *(day_start_ms(site, day) for day in sorted(days))]
-    found = [_AREA_CELLS.empty_table()]
+    tables = [_AREA_CELLS.empty_table()]
     for from_ms, to_ms, day in zip(starts, [*starts[1:], FOREVER_MS], [date.min, *sorted(days)], strict=True):
         there = tuple((a.area_id, a.floor_id, a.polygon) for a in site.areas if a.is_there(day, day))
         for (area_id, floor_id, _), cells in zip(there, _shared_out(there), strict=True):
             names = ((floor_id, pa.string()), (from_ms, pa.int64()), (to_ms, pa.int64()), (area_id, pa.string()))
             same = [pa.repeat(pa.scalar(value, type), len(cells)) for value, type in names]
-            found.append(pa.table([*same, cells[:, 0], cells[:, 1]], schema=_AREA_CELLS))
-    return pa.concat_tables(found)
+            tables.append(pa.table([*same, cells[:, 0], cells[:, 1]], schema=_AREA_CELLS))
+    return pa.concat_tables(tables)
 
 
 @lru_cache(maxsize=64)

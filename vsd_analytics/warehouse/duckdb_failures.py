@@ -79,10 +79,10 @@ def _most_crowded(parts: Iterable[Part]) -> tuple[str, int, int] | None:
     import duckdb
 
     with contextlib.suppress(duckdb.Error), connect(is_careful=True) as con:
-        found = con.execute(
+        row = con.execute(
             "select camera_id, epoch_ms(ts), count(*) from read_parquet($names, union_by_name = true) "
             "group by all order by 3 desc, 1, 2 limit 1",
             {"names": names},
         ).fetchone()
-        return None if found is None else (str(found[0]), int(found[1]), int(found[2]))
+        return None if row is None else (str(row[0]), int(row[1]), int(row[2]))
     return None

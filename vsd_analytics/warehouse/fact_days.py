@@ -130,12 +130,12 @@ class FactDays:
     def missing(self) -> Mapping[int, list[str]]:
         """By UTC day, the facts without a complete fresh file; days with all files are left out."""
         trusted = {day for day in self.units if self._is_trusting and self._are_named(day)}
-        found = {
+        missing = {
             day: [n for n in self.names if not self._is_in_week(n, day) and not is_whole(self.paths[n][day])]
             for day in self.units
             if day not in trusted
         }
-        return {day: names for day, names in found.items() if names}
+        return {day: names for day, names in missing.items() if names}
 
     def stale(self, name: str, day: int) -> list[Unit]:
         """Return the hours of a missing file that no older file of the fact and day holds."""
@@ -215,14 +215,14 @@ class FactDays:
     def _listed(self, day: int) -> Mapping[str, frozenset[str]]:
         if day in self._names:
             return self._names[day]
-        found = {}
+        file_names = {}
         for name in (name for name in self.names if not self._is_in_week(name, day)):
             try:
-                found[name] = frozenset(os.listdir(self.paths[name][day].parent))
+                file_names[name] = frozenset(os.listdir(self.paths[name][day].parent))
             except FileNotFoundError:
-                found[name] = frozenset()
-        self._names[day] = found
-        return found
+                file_names[name] = frozenset()
+        self._names[day] = file_names
+        return file_names
 
     def _is_in_week(self, name: str, day: int) -> bool:
         """Return whether the rows of a fact and day are fresh in the file of their week."""
@@ -328,8 +328,8 @@ def slices(rows: pa.Table, column: str, numbers: Iterable[int]) -> Iterator[tupl
 
 def together(rows: pa.Table, column: str, numbers: Sequence[int]) -> pa.Table:
     """Return the rows of some numbers, in order, given rows in order of the numbers in `column`."""
-    of = np.asarray(numbers)
-    first, after = np.searchsorted(rows[column].to_numpy(), [of, of + 1])
+    wanted = np.asarray(numbers)
+    first, after = np.searchsorted(rows[column].to_numpy(), [wanted, wanted + 1])
     if np.array_equal(first[1:], after[:-1]):
         return rows.slice(int(first[0]), int(after[-1] - first[0]))
     return pa.concat_tables(rows.slice(int(f), int(n)) for f, n in zip(first, after - first, strict=True))

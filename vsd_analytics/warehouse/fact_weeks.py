@@ -94,14 +94,14 @@ class FactWeeks:
             paths: The file of each day alone, by UTC day number, whether it exists or not.
             is_trusting: Do not open week files whose names are right.
         """
-        found = dict(paths)
+        files = dict(paths)
         for week in self._near(paths):
             prints = fingerprints(week.path)
             own = [day for day in prints if day in paths]
             is_fresh = own and all(prints[day] == _fingerprint(paths[day], day) for day in own)
             if is_fresh and (is_trusting or is_whole(week.path)):
-                found |= dict.fromkeys(own, week.path)
-        return found
+                files |= dict.fromkeys(own, week.path)
+        return files
 
     def split_weeks(self, paths: Mapping[int, Path]) -> None:
         """Write the fresh days of weeks of which other days are stale as files of their own; see `write_days`.
@@ -122,9 +122,9 @@ class FactWeeks:
         paths = {day: self._day_path(day, prints[day]) for day in days if prints.get(day, NO_RECORDS) != NO_RECORDS}
         missing = {day: path for day, path in paths.items() if not is_whole(path)}
         with contextlib.suppress(OSError):
-            if missing and (found := _read(week, self.name)) is not None:
+            if missing and (content := _read(week, self.name)) is not None:
                 for day, path in missing.items():
-                    publish(path, _bytes([found], self.name, [day]), is_synced=False)
+                    publish(path, _bytes([content], self.name, [day]), is_synced=False)
 
     def join(
         self, paths: Mapping[int, Path], *, first_day: int | None, last_day: int | None, without: Collection[int]
@@ -140,7 +140,7 @@ class FactWeeks:
             last_day: Last one, inclusive; None = open.
             without: UTC days whose weeks are not joined.
         """
-        found = dict(paths)
+        files = dict(paths)
         last = max(paths, default=0) - RUNNING_DAYS
         for monday in sorted({monday_of(day) for day in paths}):
             week = range(monday, monday + DAYS)
@@ -151,8 +151,8 @@ class FactWeeks:
             members = list(dict.fromkeys(own.values()))
             if len(members) > 1 or days_besides(members[0], own):
                 joined = self._joined(monday, own, members)
-                found |= {} if joined is None else dict.fromkeys(own, joined)
-        return found
+                files |= {} if joined is None else dict.fromkeys(own, joined)
+        return files
 
     def _joined(self, monday: int, paths: Mapping[int, Path], members: Sequence[Path]) -> Path | None:
         """Return the file of a week after writing it from the files of its days; None where it cannot be."""
@@ -163,10 +163,10 @@ class FactWeeks:
         try:
             if sum(member.stat().st_size for member in members) > BYTES_MAX:
                 return None
-            found = [of for member in members if (of := _read(member, self.name)) is not None]
-            if len(found) < len(members) or len({of.rows.schema for of in found}) > 1:
+            contents = [content for member in members if (content := _read(member, self.name)) is not None]
+            if len(contents) < len(members) or len({content.rows.schema for content in contents}) > 1:
                 return None
-            publish(path, _bytes(found, self.name, list(paths)), is_synced=False)
+            publish(path, _bytes(contents, self.name, list(paths)), is_synced=False)
             sweep_temporaries(folder)
         except OSError:
             return None
@@ -192,13 +192,13 @@ def first_day_of(path: Path) -> int:
 def fingerprints(path: Path) -> dict[int, str]:
     """Return the fingerprints of the days in the file of a week by UTC day number; none for any other file."""
     digits = path.stem.partition("-")[2]
-    found = [digits[k : k + 16] for k in range(0, len(digits), 16)]
-    return dict(enumerate(found, first_day_of(path))) if len(found) == DAYS else {}
+    prints = [digits[k : k + 16] for k in range(0, len(digits), 16)]
+    return dict(enumerate(prints, first_day_of(path))) if len(prints) == DAYS else {}
 
 
 def days_besides(path: Path, days: Collection[int]) -> list[int]:
     """Return the UTC days of whose records the file of a week has rows too, besides some days."""
-    return [day for day, of in fingerprints(path).items() if of != NO_RECORDS and day not in days]
+    return [day for day, fingerprint in fingerprints(path).items() if fingerprint != NO_RECORDS and day not in days]
 
 
 def inputs_in(path: Path, name: str, noted: Mapping[str, Any]) -> dict[int, InputHashes]:
@@ -214,8 +214,8 @@ def day_bytes_of(path: Path, name: str, day: int) -> bytes:
         StoreError: E302, the file is damaged or gone.
     """
     if fingerprints(path):
-        found = _read(path, name) if path.exists() else None
-        data = b"" if found is None else _bytes([found], name, [day])
+        content = _read(path, name) if path.exists() else None
+        data = b"" if content is None else _bytes([content], name, [day])
     else:
         data = path.read_bytes() if path.exists() else b""
     if not is_undamaged(data):
@@ -238,11 +238,13 @@ def _read(path: Path, name: str) -> _FileContent | None:
     return _FileContent(rows, inputs_in(path, name, noted_inputs(data)), spans)
 
 
-def _bytes(found: Sequence[_FileContent], name: str, days: Sequence[int]) -> bytes:
+def _bytes(contents: Sequence[_FileContent], name: str, days: Sequence[int]) -> bytes:
     """Return the bytes of the file of a day, or of several days of a week."""
-    n, inputs = _numbers(name), {k: own for of in found for k, own in of.inputs.items()}
+    n, inputs = _numbers(name), {k: own for content in contents for k, own in content.inputs.items()}
     own = {k: hashes for k, hashes in inputs.items() if k // n in days}
-    spans = {digest: span for of in found for digest, span in of.spans.items() if span[0] // _DAY_MS in days}
+    spans = {
+        digest: span for content in contents for digest, span in content.spans.items() if span[0] // _DAY_MS in days
+    }
     if len(days) > 1:
         noted: Mapping[str, Any] = by_kind(own, monday_of(days[0]) * n)
     else:
@@ -250,9 +252,9 @@ def _bytes(found: Sequence[_FileContent], name: str, days: Sequence[int]) -> byt
     writer = FactWriter(noted, span_metadata(spans))
     column = "utc_day" if name == DAY_FACT else "hour"
     for day in days:
-        for of in found:
-            first, after = np.searchsorted(of.rows[column].to_numpy(), [day * n, day * n + n])
-            writer.add(of.rows.slice(int(first), int(after - first)))
+        for content in contents:
+            first, after = np.searchsorted(content.rows[column].to_numpy(), [day * n, day * n + n])
+            writer.add(content.rows.slice(int(first), int(after - first)))
     return writer.finish()
 
 

@@ -194,22 +194,22 @@ def noted_inputs(data: bytes) -> dict[str, Any]:
 
 def by_kind(inputs: Mapping[int, Mapping[str, str]], first: int) -> dict[str, dict[str, list[int]]]:
     """Return the input hashes of hours, given their numbers and the first of a file, as its metadata notes them."""
-    found: dict[str, dict[str, list[int]]] = {}
+    noted: dict[str, dict[str, list[int]]] = {}
     for hour, hashes in sorted(inputs.items()):
         for kind, value in hashes.items():
-            found.setdefault(kind, {}).setdefault(value, []).append(hour - first)
-    return found
+            noted.setdefault(kind, {}).setdefault(value, []).append(hour - first)
+    return noted
 
 
 def by_hour(noted: Mapping[str, Any], first: int) -> dict[int, dict[str, str]]:
     """Return the input hashes by hour number that the metadata of a file from hour `first` on notes; see `by_kind`."""
-    found: dict[int, dict[str, str]] = {}
+    inputs: dict[int, dict[str, str]] = {}
     for kind, hours_of in noted.items():
         # a file of a version with a file for each hour notes one hash: it holds no hours that could be used again
         for value, hours in hours_of.items() if isinstance(hours_of, dict) else ():
             for hour in hours:
-                found.setdefault(first + int(hour), {})[str(kind)] = str(value)
-    return found
+                inputs.setdefault(first + int(hour), {})[str(kind)] = str(value)
+    return inputs
 
 
 def _place(data: bytes) -> int:

@@ -28,12 +28,12 @@ def components(edges: pa.Table) -> pa.Table:
     for name in keys:
         values = edges[name].combine_chunks().dictionary_encode()
         graph = graph * max(1, len(values.dictionary)) + values.indices.to_numpy()
-    _, seen_at, of = np.unique(np.tile(graph, 2) * span + (node - low), return_index=True, return_inverse=True)
-    least = least_connected(of[:n_edges], of[n_edges:], len(seen_at))  # np.unique sorted the nodes of a graph
+    _, seen_at, numbers = np.unique(np.tile(graph, 2) * span + (node - low), return_index=True, return_inverse=True)
+    least = least_connected(numbers[:n_edges], numbers[n_edges:], len(seen_at))  # np.unique sorted the nodes of a graph
     at = seen_at % max(1, n_edges)
-    found: dict[str, pa.ChunkedArray | pa.Array] = {name: edges[name].take(pa.array(at)) for name in keys}
+    graph_columns: dict[str, pa.ChunkedArray | pa.Array] = {name: edges[name].take(pa.array(at)) for name in keys}
     values = {"node": node[seen_at], "component": node[seen_at][least]}
-    return pa.table({**found, **{name: pa.array(v, pa.int64()) for name, v in values.items()}})
+    return pa.table({**graph_columns, **{name: pa.array(v, pa.int64()) for name, v in values.items()}})
 
 
 def least_connected(node_a: NDArray[np.int64], node_b: NDArray[np.int64], n: int) -> NDArray[np.int64]:

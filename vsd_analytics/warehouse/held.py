@@ -137,15 +137,15 @@ class Held:
         else:
             hour = rows["ts_ms"] // HOUR_MS
             inside = (hour >= first_hour) & (hour <= last_hour)
-        found = {}
+        columns = {}
         for column in relation.columns:
             values = rows[column][inside]
             enum = ENUMS.get(column)
             if values.dtype == object or enum is None:
-                found[column] = pa.array(values, pa.string()) if values.dtype == object else _array(column, values)
+                columns[column] = pa.array(values, pa.string()) if values.dtype == object else _array(column, values)
             else:
-                found[column] = pa.DictionaryArray.from_arrays(_array(column, values), self._names[enum], safe=False)
-        return pa.table(found)
+                columns[column] = pa.DictionaryArray.from_arrays(_array(column, values), self._names[enum], safe=False)
+        return pa.table(columns)
 
     def names_of(self, enum: str) -> pa.Array:
         """Return the names of an enum type, in order."""
@@ -158,13 +158,13 @@ class Held:
         self.con.unregister(f"_{name}")
 
     def _read(self, table: pa.Table) -> Columns:
-        found = {}
+        columns = {}
         for name in table.column_names:
             values = table[name]
             if name in ENUMS and not pa.types.is_dictionary(values.type):
                 values = pc.index_in(values, self._names[ENUMS[name]]).fill_null(-1)
-            found[name] = _values(values)
-        return found
+            columns[name] = _values(values)
+        return columns
 
 
 def none_of(relation: Relation) -> Columns:
@@ -195,15 +195,15 @@ def _array(column: str, values: NDArray[Any]) -> pa.Array:
 
 def _values(column: pa.ChunkedArray) -> NDArray[Any]:
     """Return a column of DuckDB as an array."""
-    kind, found = column.type, column
+    kind, filled = column.type, column
     if pa.types.is_dictionary(kind):
         codes = pa.chunked_array([chunk.indices for chunk in column.chunks], type=kind.index_type)
-        found = codes.cast(pa.int32()).fill_null(-1)
+        filled = codes.cast(pa.int32()).fill_null(-1)
     elif pa.types.is_integer(kind):
-        found = column.cast(pa.int64()).fill_null(NULL)
+        filled = column.cast(pa.int64()).fill_null(NULL)
     elif pa.types.is_boolean(kind):
-        found = column.fill_null(False)
+        filled = column.fill_null(False)
     elif not pa.types.is_floating(kind):
         return np.asarray(column.to_pylist(), dtype=object)
-    values: NDArray[Any] = found.to_numpy()
+    values: NDArray[Any] = filled.to_numpy()
     return values

@@ -75,14 +75,14 @@ def noted_spans(parts: Mapping[Any, Iterable[Part]]) -> dict[bytes, bytes]:
 
     Files that nobody appended to have the bytes they always had.
     """
-    found: dict[str, tuple[int, int]] = {}
+    spans: dict[str, tuple[int, int]] = {}
     for table in TABLES:
         of_hour: dict[int, list[Part]] = {}
         for part in parts[table]:
             of_hour.setdefault(part.hour, []).append(part)
         for shared in (found_parts for found_parts in of_hour.values() if len(found_parts) > 1):
-            found |= {part.digest: span for part in shared if (span := ends_ms(part.path)) is not None}
-    return span_metadata(found)
+            spans |= {part.digest: span for part in shared if (span := ends_ms(part.path)) is not None}
+    return span_metadata(spans)
 
 
 def span_metadata(spans: Spans) -> dict[bytes, bytes]:

@@ -34,9 +34,9 @@ def engines(site: Site, first: date, last: date) -> tuple[str, ...]:
     sealed = sealed_range(site, *hours).hours
     store = _store(site)
     with store.reporting_damage():
-        for table, found in _parts(store, hours).items():
+        for table, table_parts in _parts(store, hours).items():
             ordered: list[tuple[int, Path | tuple[str, ...]]] = [
-                (p.hour, p.path) for p in found if p.hour not in sealed
+                (p.hour, p.path) for p in table_parts if p.hour not in sealed
             ]
             ordered += [(h, names) for h, unit in sealed.items() for names in unit.engines.get(table, ())]
             ordered.sort(key=lambda part: part[0])
@@ -55,7 +55,7 @@ def last_records(site: Site, camera_ids: Collection[str], *, until: date) -> dic
     Raises:
         StoreError: E302, a part is damaged.
     """
-    found: dict[str, datetime] = {}
+    instants: dict[str, datetime] = {}
     hours = _hours(site, until - LOOK_BACK, until)
     sealed = sealed_range(site, *hours).hours
     by_hour: dict[int, list[Path]] = {hour: [] for hour in sealed}
@@ -66,13 +66,13 @@ def last_records(site: Site, camera_ids: Collection[str], *, until: date) -> dic
                 by_hour.setdefault(part.hour, []).append(part.path)
     with store.reporting_damage():
         for hour in sorted(by_hour, reverse=True):
-            if len(found) == len(set(camera_ids)):
+            if len(instants) == len(set(camera_ids)):
                 break
             last_ms = sealed[hour].last_ms if hour in sealed else _last_ms(by_hour[hour])
             for camera_id, ms in last_ms.items():
-                if camera_id in camera_ids and camera_id not in found:
-                    found[camera_id] = datetime.fromtimestamp(ms // 1000, tz=UTC).astimezone(site.zone)
-    return found
+                if camera_id in camera_ids and camera_id not in instants:
+                    instants[camera_id] = datetime.fromtimestamp(ms // 1000, tz=UTC).astimezone(site.zone)
+    return instants
 
 
 def _last_ms(paths: Sequence[Path]) -> dict[str, int]:

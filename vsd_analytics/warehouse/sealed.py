@@ -55,13 +55,13 @@ class SealedRange:
         """
         seals = Seals(site.root / FOLDER, site_id=site.site_id)
         units = {d * 24: u for d, u in self.days.items()} if relation == DAY_FACT else self.hours
-        found: dict[Path, int] = {}
+        hours: dict[Path, int] = {}
         for hour, unit in sorted(units.items()):
             is_after = first_hour is None or hour >= first_hour
             name = relation if relation in unit.facts else formerly_in
             if is_after and (last_hour is None or hour <= last_hour) and name in unit.facts:
-                found.setdefault(seals.fact_path(name, hour, unit), hour)
-        return [(hour, path) for path, hour in found.items()]
+                hours.setdefault(seals.fact_path(name, hour, unit), hour)
+        return [(hour, path) for path, hour in hours.items()]
 
 
 def sealed_range(site: Site, first_hour: int | None, last_hour: int | None) -> SealedRange:
@@ -70,16 +70,16 @@ def sealed_range(site: Site, first_hour: int | None, last_hour: int | None) -> S
     Raises:
         StoreError: E313, a seal is damaged.
     """
-    found = list(Seals(site.root / FOLDER, site_id=site.site_id).seals(first_hour, last_hour))
+    seals = list(Seals(site.root / FOLDER, site_id=site.site_id).seals(first_hour, last_hour))
     return SealedRange(
         {
             hour: unit
-            for seal in found
+            for seal in seals
             for hour, unit in seal.hours.items()
             if (first_hour is None or hour >= first_hour) and (last_hour is None or hour <= last_hour)
         },
-        {seal.day: seal.camera_days for seal in found if seal.camera_days is not None},
-        frozenset(seal.day for seal in found if seal.is_whole),
+        {seal.day: seal.camera_days for seal in seals if seal.camera_days is not None},
+        frozenset(seal.day for seal in seals if seal.is_whole),
     )
 
 

@@ -61,8 +61,8 @@ def root_of_marts(site: Site) -> Path:
 def folders(site: Site) -> list[Path]:
     """Return the folders of all other settings that are stored, the one that was longest not in use first."""
     root = site.root / FOLDER
-    found = [p for p in root.iterdir() if _ID.match(p.name)] if root.is_dir() else []
-    return sorted(found, key=lambda p: (p.stat().st_mtime_ns, p.name))
+    paths = [p for p in root.iterdir() if _ID.match(p.name)] if root.is_dir() else []
+    return sorted(paths, key=lambda p: (p.stat().st_mtime_ns, p.name))
 
 
 def note_use(site: Site) -> None:

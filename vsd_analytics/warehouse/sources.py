@@ -126,7 +126,12 @@ class RelationSources:
             return
         new = {r.name: r for r in marts_by_day([*names, *self._asked]) if r.name not in self._marts}
         weeks = {name: self._days.weeks(relation) for name, relation in new.items()}
-        absent = [_Absent.of(new[n], week) for n, found in weeks.items() for week in found if not is_whole(week.path)]
+        absent = [
+            _Absent.of(new[n], week)
+            for n, week_files in weeks.items()
+            for week in week_files
+            if not is_whole(week.path)
+        ]
         if days := sorted(set[date]().union(*(a.missing for a in absent))):
             behind = facts_behind({a.relation.name for a in absent if a.missing})
             sizes = fact_sizes(self._site, self._built, behind.difference(_FACTS_IN_FILES))
@@ -139,7 +144,9 @@ class RelationSources:
         for a in absent:
             if not a.missing:
                 a.week.reuse(a.older, a.relation.stored_by)
-        self._superseded += [o for found in weeks.values() for w in found if not w.rows for o in others_of(w.path)]
+        self._superseded += [
+            o for week_files in weeks.values() for w in week_files if not w.rows for o in others_of(w.path)
+        ]
         self._marts |= weeks
 
     def of(self, relation: Relation) -> RelationSource:

@@ -127,19 +127,19 @@ def relations(*layers: str) -> Mapping[str, Relation]:
         SqlError: E601, a header is incomplete or relations read each other in a circle.
     """
     paths = [path for layer in layers for path in sorted((shipped("sql") / layer).glob("*.sql"))]
-    found = {r.name: r for r in map(read_relation, paths)}
+    known = {r.name: r for r in map(read_relation, paths)}
     ordered: dict[str, Relation] = {}
 
     def add(name: str, path: tuple[str, ...]) -> None:
         if name in path:
             raise SqlError(f"SQL relations read each other in a circle: {' -> '.join((*path, name))}", code="E601")
-        if name in ordered or name not in found:
+        if name in ordered or name not in known:
             return
-        for needed in () if found[name].layer == "tables" else found[name].reads:  # a table may have its mart's name
+        for needed in () if known[name].layer == "tables" else known[name].reads:  # a table may have its mart's name
             add(needed, (*path, name))
-        ordered[name] = found[name]
+        ordered[name] = known[name]
 
-    for name in found:
+    for name in known:
         add(name, ())
     return ordered
 
@@ -159,13 +159,13 @@ def queried_relations() -> Mapping[str, Relation]:
 def reached(names: Iterable[str], goes_on: Callable[[Relation], bool]) -> list[Relation]:
     """Return the facts and marts among some names and what they read, behind relations that `goes_on` is true for."""
     known, queue = relations("facts", "marts"), list(names)
-    found: dict[str, Relation] = {}
+    needed: dict[str, Relation] = {}
     while queue:
         name = queue.pop()
-        if name in known and name not in found:
-            found[name] = known[name]
+        if name in known and name not in needed:
+            needed[name] = known[name]
             queue += known[name].reads if goes_on(known[name]) else ()
-    return list(found.values())
+    return list(needed.values())
 
 
 def facts_behind(names: Iterable[str]) -> frozenset[str]:
@@ -173,14 +173,14 @@ def facts_behind(names: Iterable[str]) -> frozenset[str]:
 
     Facts that other facts are computed with are not among them; so nothing is written that nobody asked for.
     """
-    found = reached(names, lambda r: r.layer == "marts")
-    return frozenset(r.name for r in found if r.layer == "facts" and r.unit == "hour")
+    needed = reached(names, lambda r: r.layer == "marts")
+    return frozenset(r.name for r in needed if r.layer == "facts" and r.unit == "hour")
 
 
 def marts_by_day(names: Iterable[str]) -> list[Relation]:
     """Return the marts with week files that relations read, or are, not those behind others with week files."""
-    found = {r.name for r in reached(names, lambda r: r.layer == "marts" and not r.stored_by) if r.stored_by}
-    return [r for r in relations("marts").values() if r.name in found]
+    stored_names = {r.name for r in reached(names, lambda r: r.layer == "marts" and not r.stored_by) if r.stored_by}
+    return [r for r in relations("marts").values() if r.name in stored_names]
 
 
 def read_relation(path: Path) -> Relation:
@@ -269,8 +269,8 @@ def figure_headers() -> tuple[FigureHeader, ...]:
     Raises:
         SqlError: E601, a header cannot be parsed, or two headers describe the same figure.
     """
-    found = [f for relation in relations("facts", "marts").values() for f in relation.figures]
-    ordered = sorted(found, key=lambda f: (int(f.metric[1:]), f.relation))
+    headers = [f for relation in relations("facts", "marts").values() for f in relation.figures]
+    ordered = sorted(headers, key=lambda f: (int(f.metric[1:]), f.relation))
     for one, other in pairwise(ordered):
         if one.metric == other.metric:
             raise SqlError(f"{one.relation} and {other.relation} both describe {one.metric}", code="E601")

@@ -50,10 +50,10 @@ class StaffHours:
 
     @cached_property
     def _by_hour(self) -> Mapping[int, list[tuple[int, str, str]]]:
-        found: dict[int, list[tuple[int, str, str]]] = {}
+        by_hour: dict[int, list[tuple[int, str, str]]] = {}
         for row in zip(*(self.rows[c].to_pylist() for c in STAFF.names), strict=True):
-            found.setdefault(row[0], []).append(row)
-        return found
+            by_hour.setdefault(row[0], []).append(row)
+        return by_hour
 
 
 NOBODY: Final = StaffHours(STAFF.empty_table())

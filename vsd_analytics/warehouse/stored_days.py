@@ -59,7 +59,7 @@ def _recorded(site: Site) -> list[Extent]:
         store.fold()
     seals = Seals(site.root / FOLDER, site_id=site.site_id)
     folders = {d for t in TABLES for d in day_folders(store.root, t, site.site_id)}
-    found = []
+    extents = []
     for days in stretches(folders | set(seals.days())):
         # Only days at the ends are opened, so a year of records costs no more than a week.
         ends: list[int] = []
@@ -67,8 +67,8 @@ def _recorded(site: Site) -> list[Extent]:
             ends += next(filter(None, (_hours_of(store, day) for day in order)), [])
         ends += seals.hours(first_day=days[0], last_day=days[-1]) or ()
         if ends:
-            found.append(Extent(_local(site, min(ends) * 3600), _local(site, max(ends) * 3600 + 3599)))
-    return found
+            extents.append(Extent(_local(site, min(ends) * 3600), _local(site, max(ends) * 3600 + 3599)))
+    return extents
 
 
 def _hours_of(store: Store, day: int) -> list[int]:
@@ -82,12 +82,12 @@ def stored_extent(site: Site, *, near: date | None = None) -> Extent | None:
         site: The project.
         near: Only the stretch of records that contains this day or is nearest to it.
     """
-    found = stored_stretches(site)
-    if not found:
+    extents = stored_stretches(site)
+    if not extents:
         return None
     if near is None:
-        return Extent(found[0].first_day, found[-1].last_day)
-    return min(found, key=lambda e: max(e.first_day - near, near - e.last_day, timedelta()))
+        return Extent(extents[0].first_day, extents[-1].last_day)
+    return min(extents, key=lambda e: max(e.first_day - near, near - e.last_day, timedelta()))
 
 
 def has_records(site: Site, first: date, last: date) -> bool:
@@ -118,13 +118,13 @@ def calendar_days(site: Site, first: date, last: date, *, spare_days: int = SPAR
 def days_of(extents: Sequence[Extent], first: date, last: date) -> list[date]:
     """Return the days from `first` to `last`, in order, without those in a gap between two extents."""
     gaps = [(a.last_day, b.first_day) for a, b in pairwise(extents)]
-    found, day = [], first
+    days, day = [], first
     while day <= last:
         after = next((end for start, end in gaps if start < day < end), None)
         if after is None:
-            found.append(day)
+            days.append(day)
         day = day + timedelta(days=1) if after is None else after
-    return found
+    return days
 
 
 def _local(site: Site, second: int) -> date:

@@ -190,10 +190,10 @@ def with_names(
         records: Records by table, as they were read.
         cameras: Cameras of the site.
     """
-    found, names = dict(records), {}
+    tables, names = dict(records), {}
     for enum, others in (("camera_name", pa.array(cameras, pa.string())), ("track_name", pa.array([], pa.string()))):
-        columns = [(table, c) for table, rows in found.items() for c in rows.column_names if ENUMS.get(c) == enum]
-        pieces = [chunk for table, c in columns for chunk in found[table][c].chunks]
+        columns = [(table, c) for table, rows in tables.items() for c in rows.column_names if ENUMS.get(c) == enum]
+        pieces = [chunk for table, c in columns for chunk in tables[table][c].chunks]
         every = pa.concat_arrays([*(piece.dictionary for piece in pieces), others]).dictionary_encode()
         order = pc.sort_indices(every.dictionary)  # texts of Arrow are compared by their bytes, as those of DuckDB
         names[enum] = every.dictionary.take(order)
@@ -203,15 +203,15 @@ def with_names(
         at = 0
         for table, c in columns:
             kind, pieces = pa.dictionary(pa.int32(), pa.string()), []
-            for piece in found[table][c].chunks:
+            for piece in tables[table][c].chunks:
                 own = numbers.slice(at, len(piece.dictionary))
                 is_same = own.equals(in_order.slice(0, len(own)))
                 own = piece.indices if is_same else own.take(piece.indices)
                 pieces.append(pa.DictionaryArray.from_arrays(own, names[enum], safe=False))
                 at += len(piece.dictionary)
-            rows = found[table]
-            found[table] = rows.set_column(rows.column_names.index(c), c, pa.chunked_array(pieces, kind))
-    return found, names
+            rows = tables[table]
+            tables[table] = rows.set_column(rows.column_names.index(c), c, pa.chunked_array(pieces, kind))
+    return tables, names
 
 
 def columns_of(rows: pa.Table, *, is_lean: bool = False) -> Columns:
@@ -221,23 +221,23 @@ def columns_of(rows: pa.Table, *, is_lean: bool = False) -> Columns:
         rows: The records.
         is_lean: Leave columns of 32 bits that are known in every record as they are.
     """
-    found: Columns = {}
+    columns: Columns = {}
     for column in rows.column_names:
         values = rows[column]
         if column in ENUMS:
             chunks = [chunk.indices for chunk in values.chunks]
             numbers = pa.chunked_array(chunks, pa.int32())
-            found[column] = (numbers.fill_null(-1) if numbers.null_count else numbers).to_numpy()
+            columns[column] = (numbers.fill_null(-1) if numbers.null_count else numbers).to_numpy()
         elif 0 < len(values) == values.null_count:  # numbers without memory of their own
             is_float = pa.types.is_floating(values.type)
-            found[column] = np.broadcast_to(np.nan if is_float else np.int64(NULL), len(values))
+            columns[column] = np.broadcast_to(np.nan if is_float else np.int64(NULL), len(values))
         elif column == "ts":
-            found["ts_ms"] = values.cast(pa.int64()).to_numpy()
+            columns["ts_ms"] = values.cast(pa.int64()).to_numpy()
         elif pa.types.is_floating(values.type):
-            found[column] = values.to_numpy(zero_copy_only=False).astype(np.float64)
+            columns[column] = values.to_numpy(zero_copy_only=False).astype(np.float64)
         elif is_lean and not values.null_count:
-            found[column] = values.to_numpy()
+            columns[column] = values.to_numpy()
         else:
             whole = values.cast(pa.int64())
-            found[column] = (whole.fill_null(NULL) if whole.null_count else whole).to_numpy()
-    return found
+            columns[column] = (whole.fill_null(NULL) if whole.null_count else whole).to_numpy()
+    return columns

@@ -49,7 +49,7 @@ def find(
         last_day: Last one, inclusive; None = open.
     """
     first, last = (None if first_day is None else first_day * 24), (None if last_day is None else last_day * 24 + 23)
-    found = [
+    paths = [
         part.path
         for name, root in roots.items()
         for part in list_parts(root, name, site_id, first_hour=first, last_hour=last)
@@ -58,8 +58,8 @@ def find(
     last_monday = None if last is None else last - DAYS * 24 + 1
     for name, root in roots.items():
         weeks = list_parts(root / WEEKS, name, site_id, first_hour=first, last_hour=last_monday)
-        found += [week.path for week in weeks if week.path not in fresh.get(name, {}).values()]
-    return tuple(found)
+        paths += [week.path for week in weeks if week.path not in fresh.get(name, {}).values()]
+    return tuple(paths)
 
 
 def temporaries(root: Path) -> list[Path]:

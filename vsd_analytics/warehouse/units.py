@@ -98,7 +98,7 @@ def hour_unit(
 ) -> Unit:
     """Return the unit of a UTC hour: its parts, those of its neighbours that are `near`, and its other inputs."""
     around = index.between(hour - 1, hour + 1)
-    parts = {t: [p for p in found if p.hour == hour or p in near] for t, found in around.items()}
+    parts = {t: [p for p in table_parts if p.hour == hour or p in near] for t, table_parts in around.items()}
     return _unit(hour, parts, current, depends_on, (hour, hour))
 
 
@@ -120,7 +120,10 @@ def _unit(
     depends_on: FactInputs,
     hours: tuple[int, int],
 ) -> Unit:
-    current = {**current, **{t: text_hash([(p.hour, p.digest) for p in found]) for t, found in parts.items()}}
+    current = {
+        **current,
+        **{t: text_hash([(p.hour, p.digest) for p in table_parts]) for t, table_parts in parts.items()},
+    }
     inputs = depends_on.of_unit(current)
     # The number is part of the fingerprint, so that equal inputs of two hours never share a file name.
     return Unit(number, parts, current, inputs, text_hash([number, sorted(inputs.items())]), hours)

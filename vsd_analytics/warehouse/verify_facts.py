@@ -243,7 +243,7 @@ def _check_days(
     site: Site, of_sealed: Collection[str], of_weeks: Collection[str], *, first_hour: int | None, last_hour: int | None
 ) -> tuple[int, list[StoreFault]]:
     """Return the number of files of sealed days and of weeks of marts, and findings of damage and wrong names."""
-    n, found = 0, []
+    n, faults = 0, []
     first = None if first_hour is None else first_hour - 24  # a local day may begin in the UTC day before
     of_week = None if first is None else first - (DAYS - 1) * 24
     folders = [(DAYS_FOLDER, name, first) for name in sorted(of_sealed)]
@@ -253,10 +253,10 @@ def _check_days(
         for part, data in _read(parts):
             n += 1
             if not is_undamaged(data):
-                found.append(_damaged_fact(part.path))
+                faults.append(_damaged_fact(part.path))
             elif _fingerprint(folder, name, part, noted_inputs(data)) != part.digest:
-                found.append(_other_fact(part.path))
-    return n, found
+                faults.append(_other_fact(part.path))
+    return n, faults
 
 
 def _read(parts: Iterable[Part]) -> Iterator[tuple[Part, bytes]]:

@@ -261,8 +261,8 @@ class Warehouse:
 
     def rows(self, query: str, values: dict[str, Any] | None = None) -> list[dict[str, Any]]:
         """Return a query's rows as dictionaries."""
-        found: list[dict[str, Any]] = self.table(query, values).to_pylist()
-        return found
+        rows: list[dict[str, Any]] = self.table(query, values).to_pylist()
+        return rows
 
     def person_records(self) -> Iterator[pa.Table]:
         """Yield the rows of `located`, a batch of hours at a time, in order of hours: no batch is held.

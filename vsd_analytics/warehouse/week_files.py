@@ -62,15 +62,15 @@ class WeekFile:
 
     def older(self) -> dict[Path, list[date]]:
         """Return undamaged older files of the week, each with the days whose rows it has: those of the same inputs."""
-        found: dict[Path, list[date]] = {}
+        older: dict[Path, list[date]] = {}
         left = dict(self.inputs)
         for path in (p for p in others_of(self.path) if not is_temporary(p)):
             with contextlib.suppress(OSError):
                 data = path.read_bytes()
                 noted = _by_day(self.monday, noted_inputs(data)) if is_undamaged(data) else {}
-                found[path] = [d for d, own in left.items() if noted.get(d) == own]
-                left = {d: own for d, own in left.items() if d not in found[path]}
-        return found
+                older[path] = [d for d, own in left.items() if noted.get(d) == own]
+                left = {d: own for d, own in left.items() if d not in older[path]}
+        return older
 
     def reuse(self, older: Mapping[Path, Sequence[date]], column: str) -> None:
         """Take the rows of days from older files.

@@ -349,8 +349,8 @@ def _said_stays(effect: FixtureEffect, site: Site) -> Reason:
     names = {a.area_id: a.name for a in site.areas}
     moves = [(names[p.place_id], p.stays) for p in effect.places if p.stays is not None and p.place_id in names]
     leave, come = (
-        tuple(Reason("whatif.stays_area", name=name) for name, n_here in counts if n_here > NAMED_SHARE * of)
-        for counts, of in (
+        tuple(Reason("whatif.stays_area", name=name) for name, n_here in counts if n_here > NAMED_SHARE * total)
+        for counts, total in (
             ([(name, stays.n_leave) for name, stays in moves], n),
             ([(name, stays.n_come) for name, stays in moves], n_moved),
         )

@@ -146,9 +146,9 @@ def _passes(records: FloorRecords, is_blocked: Bools, is_near: Bools) -> tuple[I
 def _ends(walk: Ints, is_blocked: Bools) -> tuple[Ints, Ints]:
     """Return the first and the last blocked position of each stretch."""
     at = np.flatnonzero(is_blocked)
-    of = walk[at]
-    starts = np.flatnonzero(np.r_[True, of[1:] != of[:-1]])
-    return at[starts], at[np.r_[starts[1:], of.size] - 1]
+    blocked_walk = walk[at]
+    starts = np.flatnonzero(np.r_[True, blocked_walk[1:] != blocked_walk[:-1]])
+    return at[starts], at[np.r_[starts[1:], blocked_walk.size] - 1]
 
 
 def _with_company(side: Floats, company: Ints, t_s: Floats) -> Floats:

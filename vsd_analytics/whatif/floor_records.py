@@ -338,8 +338,8 @@ def _places(column: pa.ChunkedArray, known: Any) -> Ints:
     """Return the number of each text of a column among known ones; -1 = none."""
     own = _encoded(column)
     place = pc.index_in(own.dictionary.cast(pa.string()), value_set=pa.array(known, pa.string())).fill_null(-1)
-    found: Ints = np.append(np.asarray(place.to_numpy(), np.int64), -1)[own.indices.fill_null(-1).to_numpy()]
-    return found
+    numbers: Ints = np.append(np.asarray(place.to_numpy(), np.int64), -1)[own.indices.fill_null(-1).to_numpy()]
+    return numbers
 
 
 def _numbered(camera: Ints, site_day: Ints, name: Ints, *, since: date, n_cameras: int, n_names: int) -> Ints:

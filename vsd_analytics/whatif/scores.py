@@ -153,7 +153,7 @@ def prediction_answers(
     ]
     rows = [row for one in logged for row in _scores(predictions[one.number - 1], one)]
     due = [row for row in rows if row["is_scored"]]
-    said = Reason(
+    score = Reason(
         "whatif.score", held=sum(row["held"] is True for row in due), scored=len(due), open=len(rows) - len(due)
     )
     first, last = min((p.first for p in predictions), default=today), max((p.last for p in predictions), default=today)
@@ -162,7 +162,7 @@ def prediction_answers(
     holds = HoldsFor(site.site_id, None, first, last)
     return (
         Answer("predictions", PREDICTIONS, tuple(listed), holds),
-        Answer("prediction_scores", SCORES, tuple(rows), holds, notes=((None, said),)),
+        Answer("prediction_scores", SCORES, tuple(rows), holds, notes=((None, score),)),
         Answer("prediction_record", RECORD, tuple(_record(site_record(predictions, logged))), holds),
     )
 
@@ -199,12 +199,12 @@ def _n_weeks(logged: LoggedPrediction) -> int:
 
 
 def _record(record: SiteRecord) -> Iterator[Row]:
-    for of, n_held, n_scored, wider in (
+    for record_of, n_held, n_scored, wider in (
         ("site", record.n_held, record.n_scored, record.wider_by),
         *((kind, held, scored, None) for kind, held, scored in SHIPPED),
     ):
         yield {
-            "record_of": of,
+            "record_of": record_of,
             "n_scored": Value(n_scored),
             "n_held": Value(n_held),
             "held_share": known(n_held / n_scored if n_scored else None, Reason("whatif.not_scored")),

@@ -132,7 +132,7 @@ def moved_stays(
     spots = list(_spots(old, rows, new, edit)) if rows.size else []
     came = list(_came(old, rows, new, spots, within_m)) if spots else []
     days = np.unique(np.r_[old.day, new.day])
-    found: dict[str, MovedStays] = {}
+    moved: dict[str, MovedStays] = {}
     for key, shape in areas.items():
         n_leave = n_different(old.track[stays[inside_of(shape, old.x_m[stays], old.y_m[stays])]])
         reach = shape if shape.is_empty else shape.buffer(within_m)
@@ -141,8 +141,8 @@ def moved_stays(
             time = places[key]
             more_s = [_of_days(shape, left, days) + sum(_of_days(shape, c, days) for c in one) for one in came]
             change = _change(more_s or [_of_days(shape, left, days)], time, within_m)
-            found[key] = MovedStays(n_leave, n_come, change)
-    return found
+            moved[key] = MovedStays(n_leave, n_come, change)
+    return moved
 
 
 def _left(old: FloorRecords, stays: Ints, within_m: float) -> _MoreTime:

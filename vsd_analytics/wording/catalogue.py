@@ -55,8 +55,8 @@ def template(key: str, /, *, plural: float | str | None = None) -> str:
         key: Its table and name.
         plural: How many there are, where the entry has plural forms, or one of these forms.
     """
-    found = catalogue(language())
-    entry = found[f"range.{key}" if _is_of_days(key) else key]
+    entries = catalogue(language())
+    entry = entries[f"range.{key}" if _is_of_days(key) else key]
     if isinstance(entry, str):
         return entry
     if plural is None:
@@ -78,9 +78,9 @@ class DaysText(str):
             text: In full.
             short: For a narrow column.
         """
-        made = super().__new__(cls, text)
-        made.short = short
-        return made
+        days = super().__new__(cls, text)
+        days.short = short
+        return days
 
     def __format__(self, spec: str) -> str:
         return self.short if spec == "short" else super().__format__(spec)
@@ -152,7 +152,7 @@ def _of_figures(language: str) -> dict[str, str]:
     `figures.toml` has them in some languages; the file of a language has those in its own, in `[figures]`.
     """
     shared = {
-        metric: {part: said[language] for part, said in parts.items() if language in said}
+        metric: {part: by_language[language] for part, by_language in parts.items() if language in by_language}
         for metric, parts in wording("figures").items()
     }
     own = wording(language).get("figures", {})
@@ -164,11 +164,11 @@ def _of_figures(language: str) -> dict[str, str]:
 
 
 def _flat(table: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    found: list[tuple[str, Any]] = []
+    entries: list[tuple[str, Any]] = []
     for name, value in table.items():
         key = f"{prefix}{name}"
         if isinstance(value, dict) and not ("other" in value and value.keys() <= FORMS):
-            found += _flat(value, f"{key}.")
+            entries += _flat(value, f"{key}.")
         else:
-            found.append((key, value))
-    return found
+            entries.append((key, value))
+    return entries

@@ -144,14 +144,14 @@ def likely_change(estimate: Estimate, *, is_counted: bool = True) -> str:
     if lo is None or hi is None or not math.isfinite(lo * 100) or not math.isfinite(hi * 100):
         return ""
     low, high = round(lo * 100), round(hi * 100)
-    said = fewer_more if is_counted else less_more
+    change_words = fewer_more if is_counted else less_more
     if low == high:
-        return say("format.likely", change=say("format.no_change") if low == 0 else said(lo))
+        return say("format.likely", change=say("format.no_change") if low == 0 else change_words(lo))
     if lo < 0 and hi < 0:  # "under 1%" where an end is almost no change: the range leaves it out
         return say("format.likely_fewer" if is_counted else "format.likely_less", low=percent(-hi), high=percent(-lo))
     if lo > 0 and hi > 0:
         return say("format.likely_more", low=percent(lo), high=percent(hi))
-    ends = [say("format.no_change") if round(v * 100) == 0 else said(v) for v in (lo, hi)]
+    ends = [say("format.no_change") if round(v * 100) == 0 else change_words(v) for v in (lo, hi)]
     return say("format.likely_between", low=ends[0], high=ends[1])
 
 

@@ -96,10 +96,10 @@ def sections_of(page: str, text: str) -> Iterator[Section]:
         if page in _PAGES_OF_TERMS and (term := _TERM.match(line)) is not None:
             yield Section(page, re.sub(r" \||[*`]", "", term.group(1)), _LINK.sub(r"\1", term.group(2)))
             continue
-        found = None if is_code else _HEADING.match(line)
-        if found is None:
+        match = None if is_code else _HEADING.match(line)
+        if match is None:
             lines.append(line)
             continue
         if body := "\n".join(lines).strip():
             yield Section(page, heading, _LINK.sub(r"\1", body))
-        heading, lines = _LINK.sub(r"\1", found.group(2)), []
+        heading, lines = _LINK.sub(r"\1", match.group(2)), []

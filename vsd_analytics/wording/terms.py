@@ -99,6 +99,6 @@ def moment(at: datetime) -> str:
     return f"{day(at.date())} {fmt.clock(at)}"
 
 
-def day(of: date) -> str:
+def day(local_day: date) -> str:
     """Return how a sentence speaks of a day: Saturday in a week, Sat 14 Nov among other days."""
-    return fmt.date_short(of) if is_about_days() else fmt.weekday(of)
+    return fmt.date_short(local_day) if is_about_days() else fmt.weekday(local_day)

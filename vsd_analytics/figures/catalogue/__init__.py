@@ -113,7 +113,7 @@ def map_figures(inputs: FigureInputs) -> Mapping[str, Figure]:
     hidden = hidden_floor(data, data.this)
     why = data.hidden.why_floor if data.mask.is_on else None
     return {
-        metric: map_figure(inputs.found.maps, metric, unit=figure_unit(metric, rules), hidden=hidden, why_hidden=why)
+        metric: map_figure(inputs.results.maps, metric, unit=figure_unit(metric, rules), hidden=hidden, why_hidden=why)
         for metric in MAPS
     }
 
@@ -121,14 +121,14 @@ def map_figures(inputs: FigureInputs) -> Mapping[str, Figure]:
 def asks_for(data: WeekData) -> frozenset[str]:
     """Return which figures of how the space is used some place of the floor asks for."""
     floor, areas = data.floor, data.areas
-    found = frozenset[str]()
+    figures = frozenset[str]()
     if any(area.has_visits for area in areas):
-        found |= OF_VISITS
+        figures |= OF_VISITS
     if any(area.is_queue for area in areas):
-        found |= OF_QUEUES
+        figures |= OF_QUEUES
     if floor.capacity is not None or any(area.capacity is not None for area in areas):
-        found |= OF_CAPACITIES
-    return found
+        figures |= OF_CAPACITIES
+    return figures
 
 
 def lines_ask_for(data: WeekData) -> frozenset[str]:

@@ -44,35 +44,35 @@ def changes(inputs: FigureInputs) -> tuple[Answer, ...]:
     violations per open hour; the range of ratios without a change; the ratio shrunken towards 1. Notes of a row: what
     speaks against it, and what it takes for granted.
     """
-    found = inputs.found.change_effects
-    if not found:
+    effects = inputs.results.change_effects
+    if not effects:
         none = Value.missing(Reason("logged_change.none"))
         return (inputs.list_answer("changes", CHANGES, (), nothing=none),)
     notes = [
         (k, Reason("joined", reasons=reasons))
-        for k, one in enumerate(found)
+        for k, one in enumerate(effects)
         for reasons in (one.doubts, one.assumptions)
         if reasons
     ]
-    return (inputs.list_answer("changes", CHANGES, [_change(inputs, one) for one in found], *notes),)
+    return (inputs.list_answer("changes", CHANGES, [_change(inputs, one) for one in effects], *notes),)
 
 
-def _change(inputs: FigureInputs, found: BeforeAfterFigure) -> Row:
-    ratio = found.effect or found.alone
-    hidden, few = _why_hidden(inputs, found), Value.missing(None if ratio is None else ratio.reason)
+def _change(inputs: FigureInputs, figure: BeforeAfterFigure) -> Row:
+    ratio = figure.effect or figure.alone
+    hidden, few = _why_hidden(inputs, figure), Value.missing(None if ratio is None else ratio.reason)
     why = hidden or (few if ratio is None or ratio.value is None else None)
-    effect = found.effect
+    effect = figure.effect
     alone = Reason("logged_change.alone")
-    so_far, foreseen = found.running, change_effect(inputs.data, found).foreseen
+    so_far, foreseen = figure.running, change_effect(inputs.data, figure).foreseen
     shrunken = None if effect is None else effect.shrunken
-    violation_rate = found.violation_rate
+    violation_rate = figure.violation_rate
     return {
-        "entry": found.number,
-        "at": found.at,
-        "area_id": found.area_id,
-        "name": found.area_name,
-        "design": found.design,
-        "outcome": None if hidden else found.outcome,
+        "entry": figure.number,
+        "at": figure.at,
+        "area_id": figure.area_id,
+        "name": figure.area_name,
+        "design": figure.design,
+        "outcome": None if hidden else figure.outcome,
         "so_far_change": hidden
         or (Value.missing(alone) if so_far is None else relative(so_far, reason=so_far.reason or ANY)),
         "n_weeks_after": None if hidden or so_far is None else so_far.n_weeks,
@@ -82,13 +82,13 @@ def _change(inputs: FigureInputs, found: BeforeAfterFigure) -> Row:
         "placebo_lo": why or known(None if effect is None else effect.placebo_lo, alone),
         "placebo_hi": why or known(None if effect is None else effect.placebo_hi, alone),
         "shrunken_ratio": why or known(None if shrunken is None else shrunken.value, alone),
-        "n_comparison_areas": len(found.comparison_areas),
-        "is_credible": None if hidden else found.is_credible,
+        "n_comparison_areas": len(figure.comparison_areas),
+        "is_credible": None if hidden else figure.is_credible,
     }
 
 
-def _why_hidden(inputs: FigureInputs, found: BeforeAfterFigure) -> Value | None:
+def _why_hidden(inputs: FigureInputs, figure: BeforeAfterFigure) -> Value | None:
     """Return why nothing is said of a change, as a value; None where something is."""
-    if found.state != "ok":
-        return lack(found.state, found.reason)
-    return Value.missing(inputs.data.mask.why) if is_held_back(inputs.data, found) else None
+    if figure.state != "ok":
+        return lack(figure.state, figure.reason)
+    return Value.missing(inputs.data.mask.why) if is_held_back(inputs.data, figure) else None

@@ -87,15 +87,15 @@ MIXING: Final = (
 @answers("M6", "M9")
 def groups(inputs: FigureInputs) -> tuple[Answer, ...]:
     """Return the share of violations between groups (M9), and rates and time too close in both readings (M6, M9)."""
-    found, data = inputs.found.groups, inputs.data
-    here = {c.camera_id: c.lives for c in found.cameras if c.camera_id in data.ids}
-    own = next((r for r in found.readings if r.floor_id == inputs.floor_id), None)
+    site_groups, data = inputs.results.groups, inputs.data
+    here = {c.camera_id: c.lives for c in site_groups.cameras if c.camera_id in data.ids}
+    own = next((r for r in site_groups.readings if r.floor_id == inputs.floor_id), None)
     why = inputs.why_no_violations
-    if why is None and (found.state != "ok" or own is None):
+    if why is None and (site_groups.state != "ok" or own is None):
         lives = next((lives for lives in here.values() if lives.state != "ok"), None)
-        why = lack(found.state, found.reason) if lives is None else lack(lives.state, lives.reason)
-    share, note = between_groups(found, own, why=why)
-    times = inputs.found.person_time
+        why = lack(site_groups.state, site_groups.reason) if lives is None else lack(lives.state, lives.reason)
+    share, note = between_groups(site_groups, own, why=why)
+    times = inputs.results.person_time
     close = {"all": times.close, "between_groups": times.close_between}
     why_no_time = inputs.why_no_person_time
     rows: list[Row] = [
@@ -114,23 +114,23 @@ def how_long_and_close(inputs: FigureInputs) -> tuple[Answer, ...]:
 
     Columns of `durations`: median, 90 % quantile, and the share of those of `sustained_s` and longer.
     """
-    found, distances = inputs.found.episodes.durations, inputs.found.episodes.distances
+    durations, distances = inputs.results.episodes.durations, inputs.results.episodes.distances
     why = inputs.why_no_violations
-    if why is None and found.median.value is None:
-        why = lack(found.state, found.reason)
-    share = found.long_share
+    if why is None and durations.median.value is None:
+        why = lack(durations.state, durations.reason)
+    share = durations.long_share
     cells: Row = {
-        "duration_median_s": why or measured(found.median, reason=found.reason),
-        "duration_p90_s": why or measured(found.p90, reason=found.reason),
+        "duration_median_s": why or measured(durations.median, reason=durations.reason),
+        "duration_p90_s": why or measured(durations.p90, reason=durations.reason),
         "sustained_share": why or measured(share),
         "sustained_s": inputs.data.site.settings.sustained_s,
-        "n_measured": why or Value(found.n),
+        "n_measured": why or Value(durations.n),
         "n_sustained": Value(share.n),
         "n_shorter": Value(share.of - share.n),
     }
     notes = []
-    if why is None and found.is_at_least and found.cut_share is not None:
-        notes.append(Reason("note.at_least", share=found.cut_share))
+    if why is None and durations.is_at_least and durations.cut_share is not None:
+        notes.append(Reason("note.at_least", share=durations.cut_share))
     rows: list[Row] = [
         {
             "from_m": s.from_m,
@@ -157,7 +157,7 @@ def contacts(inputs: FigureInputs) -> tuple[Answer, ...]:
     too close to in a day, median and 90 % quantile (M31); the share of people with 15 minutes or more too close to one
     other (M34).
     """
-    pairs, met = inputs.found.episodes.contacts, _met(inputs)
+    pairs, met = inputs.results.episodes.contacts, _met(inputs)
     why_pairs = inputs.why_no_time_too_close
     if why_pairs is None and (pairs.n is None or pairs.state != "ok"):
         why_pairs = lack(pairs.state, pairs.reason)
@@ -189,7 +189,7 @@ def _met(inputs: FigureInputs) -> OthersMet | Value:
     """Return whom people met, of this floor's cameras whose track ids last; else why there are none."""
     if inputs.data.hidden.why_floor is not None:
         return inputs.why_few_people or Value.missing(GIVES_AWAY)
-    here = [c for c in inputs.found.groups.cameras if c.camera_id in inputs.data.ids]
+    here = [c for c in inputs.results.groups.cameras if c.camera_id in inputs.data.ids]
     able = [c.camera_id for c in here if c.lives.state == "ok"]
     if not able:
         worst = max(here, key=lambda c: (c.lives.state == "not_measurable", c.exposure_h), default=None)
@@ -204,8 +204,8 @@ def together(inputs: FigureInputs) -> tuple[Answer, ...]:
     `clusters`: how the time people spent in clusters is shared out by the size of the cluster (M21). `gathering_rate`:
     gatherings per 100 recorded open hours; `gatherings`: those with most person-time (M22).
     """
-    found = next((f for f in inputs.found.gatherings.floors if f.floor_id == inputs.floor_id), None)
-    if found is None or inputs.why_no_time_too_close is not None:
+    floor_gatherings = next((f for f in inputs.results.gatherings.floors if f.floor_id == inputs.floor_id), None)
+    if floor_gatherings is None or inputs.why_no_time_too_close is not None:
         none = inputs.why_no_time_too_close or lack("not_enough_data", None)
         cells: Row = {"gatherings_per_100_h": none, "n_gatherings": none, "recorded_h": inputs.recorded_h}
         return (
@@ -213,21 +213,21 @@ def together(inputs: FigureInputs) -> tuple[Answer, ...]:
             inputs.floor_answer("gathering_rate", GATHERING_RATE, cells),
             inputs.list_answer("gatherings", GATHERINGS, (), nothing=none),
         )
-    rate = measured(found.per_100_h)
+    rate = measured(floor_gatherings.per_100_h)
     cells = {
         "gatherings_per_100_h": rate,
-        "n_gatherings": known(found.n, found.per_100_h.reason, found.per_100_h.state),
+        "n_gatherings": known(floor_gatherings.n, floor_gatherings.per_100_h.reason, floor_gatherings.per_100_h.state),
         "recorded_h": inputs.recorded_h,
     }
     return (
-        _clusters(inputs, found),
+        _clusters(inputs, floor_gatherings),
         inputs.floor_answer("gathering_rate", GATHERING_RATE, cells),
-        _longest(inputs, found, rate),
+        _longest(inputs, floor_gatherings, rate),
     )
 
 
-def _clusters(inputs: FigureInputs, found: FloorGatherings) -> Answer:
-    sizes = found.sizes
+def _clusters(inputs: FigureInputs, floor_gatherings: FloorGatherings) -> Answer:
+    sizes = floor_gatherings.sizes
     if sizes.state != "ok":
         return inputs.list_answer("clusters", CLUSTERS, (), nothing=lack(sizes.state, sizes.reason))
     rows: list[Row] = [
@@ -242,17 +242,17 @@ def _clusters(inputs: FigureInputs, found: FloorGatherings) -> Answer:
     return inputs.list_answer("clusters", CLUSTERS, rows)
 
 
-def _longest(inputs: FigureInputs, found: FloorGatherings, rate: Value) -> Answer:
+def _longest(inputs: FigureInputs, floor_gatherings: FloorGatherings, rate: Value) -> Answer:
     mask = inputs.data.mask
     nothing = None
-    if found.n is None or rate.value is None:
+    if floor_gatherings.n is None or rate.value is None:
         nothing = rate
-    elif mask.hides(found.n):
+    elif mask.hides(floor_gatherings.n):
         nothing = Value.missing(Reason("hidden.gatherings", least=mask.below))
     elif not inputs.is_ranked:
         nothing = Value.missing(inputs.why_not_ranked)
     # ranked after the small ones are left out: a gap in the ranks would tell of them
-    shown = [g for g in found.ranked if nothing is None and not mask.hides(g.n_people)][:N_TOP]
+    shown = [g for g in floor_gatherings.ranked if nothing is None and not mask.hides(g.n_people)][:N_TOP]
     rows: list[Row] = [
         {
             "rank": rank,
@@ -267,9 +267,11 @@ def _longest(inputs: FigureInputs, found: FloorGatherings, rate: Value) -> Answe
         }
         for rank, g in enumerate(shown, 1)
     ]
-    if nothing is None and found.top and not rows:
+    if nothing is None and floor_gatherings.top and not rows:
         nothing = Value.missing(Reason("hidden.few_people", least=mask.below))
-    notes = ((None, Reason("note.gatherings", n=found.n)),) if rows and found.n is not None else ()
+    notes = (
+        ((None, Reason("note.gatherings", n=floor_gatherings.n)),) if rows and floor_gatherings.n is not None else ()
+    )
     return inputs.list_answer("gatherings", GATHERINGS, rows, *notes, nothing=nothing)
 
 
@@ -281,23 +283,23 @@ def mixing(inputs: FigureInputs) -> tuple[Answer, ...]:
     close, and that over the chance if they used the floor evenly (layout); time too close over what both explain
     (behaviour); by factor its relative change, and its share of the change of the time too close.
     """
-    found = inputs.found.mixing_now
-    change = inputs.found.mixing if inputs.level.violation_rate.verdict is not None else None
-    if inputs.why_no_time_too_close is not None or found.layout is None or found.behaviour is None:
+    mixing_now = inputs.results.mixing_now
+    change = inputs.results.mixing if inputs.level.violation_rate.verdict is not None else None
+    if inputs.why_no_time_too_close is not None or mixing_now.layout is None or mixing_now.behaviour is None:
         names = [c.name for c in MIXING if c.name != "copresent_pair_h"]
-        why = inputs.why_no_time_too_close or lack(found.state, found.reason)
+        why = inputs.why_no_time_too_close or lack(mixing_now.state, mixing_now.reason)
         cells: Row = {**dict.fromkeys(names, why), "copresent_pair_h": None}
         return (inputs.floor_answer("mixing", MIXING, cells),)
-    reason = found.reason if found.lo is None else None
+    reason = mixing_now.reason if mixing_now.lo is None else None
     if change is not None and change.state != "ok":
         reason = change.reason
-    uniform = found.layout_uniform
+    uniform = mixing_now.layout_uniform
     cells = {
-        "copresent_h": Value(found.copresent_h),
-        "layout_chance": Value(found.layout),
-        "layout_over_uniform": known(found.layout / uniform if uniform else None, found.reason),
-        "behaviour_ratio": Value(found.behaviour, found.lo, found.hi, reason=reason),
-        "copresent_pair_h": found.copresent_h,
+        "copresent_h": Value(mixing_now.copresent_h),
+        "layout_chance": Value(mixing_now.layout),
+        "layout_over_uniform": known(mixing_now.layout / uniform if uniform else None, mixing_now.reason),
+        "behaviour_ratio": Value(mixing_now.behaviour, mixing_now.lo, mixing_now.hi, reason=reason),
+        "copresent_pair_h": mixing_now.copresent_h,
         **_moved(change),
     }
     return (inputs.floor_answer("mixing", MIXING, cells, Reason("note.behaviour")),)

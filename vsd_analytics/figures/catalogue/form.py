@@ -22,7 +22,7 @@ class FigureInputs:
 
     Attributes:
         data: The week.
-        found: The results of `figures.week`, each computed when it is first read.
+        results: Those of `figures.week`, each computed when it is first read.
         coverage: Recorded hours.
         level: Headline numbers, already without what must be held back.
         areas: Areas, likewise.
@@ -31,7 +31,7 @@ class FigureInputs:
     """
 
     data: WeekData
-    found: LazyAnswers
+    results: LazyAnswers
     coverage: Coverage
     level: Level
     areas: Sequence[AreaRow]

@@ -60,16 +60,16 @@ def hours_of_week(inputs: FigureInputs) -> tuple[Answer, ...]:
     `highest_hours`: at most three by each rate, ranked, and those that cannot be distinguished from the first
     (`is_tied`).
     """
-    found = inputs.found.profile
+    hour_profile = inputs.results.profile
     hidden = _hidden_slots(inputs)
-    is_printed = any(hour.state == "ok" for hour in found.rows)
-    rows = [_profile_row(hour, found.reason, (hour.weekday, hour.hour) in hidden) for hour in found.rows]
+    is_printed = any(hour.state == "ok" for hour in hour_profile.rows)
+    rows = [_profile_row(hour, hour_profile.reason, (hour.weekday, hour.hour) in hidden) for hour in hour_profile.rows]
     profile = inputs.list_answer(
         "hour_of_week",
         HOUR_OF_WEEK,
         rows if is_printed else (),
-        *([(None, found.reason)] if found.reason is not None and is_printed else []),
-        nothing=None if is_printed else lack(found.state, found.reason),
+        *([(None, hour_profile.reason)] if hour_profile.reason is not None and is_printed else []),
+        nothing=None if is_printed else lack(hour_profile.state, hour_profile.reason),
     )
     return profile, _highest(inputs, hidden)
 
@@ -103,11 +103,11 @@ def _hidden_slots(inputs: FigureInputs) -> set[tuple[int, int]]:
 def _highest(inputs: FigureInputs, hidden: set[tuple[int, int]]) -> Answer:
     if not inputs.is_ranked:
         return inputs.list_answer("highest_hours", HIGHEST, (), nothing=Value.missing(inputs.why_not_ranked))
-    found = inputs.found.profile
-    peaks = {"violation_rate": found.by_burden, "encounter_rate": found.by_risk}
+    hour_profile = inputs.results.profile
+    peaks = {"violation_rate": hour_profile.by_burden, "encounter_rate": hour_profile.by_risk}
     rows = [row for by, one in peaks.items() for row in _ranked(inputs, by, one, hidden)]
     if not rows:
-        nothing = lack(found.by_burden.state, found.by_burden.reason)
+        nothing = lack(hour_profile.by_burden.state, hour_profile.by_burden.reason)
         return inputs.list_answer("highest_hours", HIGHEST, (), nothing=nothing)
     lacking = [one.reason for one in peaks.values() if one.state != "ok" and one.reason is not None]
     return inputs.list_answer("highest_hours", HIGHEST, rows, *((None, reason) for reason in lacking))
@@ -158,7 +158,7 @@ def unusual_hours(inputs: FigureInputs) -> tuple[Answer, ...]:
         nothing = Value.missing(inputs.why_not_ranked)
         return (inputs.list_answer("unusual_hours", columns, (), nothing=nothing),)
     hidden = {(c.day, c.hour) for c in inputs.when.cells if c.is_masked or c.is_held_back}
-    return (unusual_answer(inputs.found.unusual, inputs.holds_for, hidden=hidden),)
+    return (unusual_answer(inputs.results.unusual, inputs.holds_for, hidden=hidden),)
 
 
 @answers("M25")
@@ -166,7 +166,7 @@ def next_week(inputs: FigureInputs) -> tuple[Answer, ...]:
     """Return the forecast of next week by hour (M25), and how good the last one was."""
     monday = inputs.data.monday + WEEK
     holds = replace(inputs.holds_for, first=monday, last=monday + timedelta(days=6))
-    return forecast_answers(inputs.found.outlook, holds)
+    return forecast_answers(inputs.results.outlook, holds)
 
 
 @answers("M28")
@@ -176,21 +176,21 @@ def trend(inputs: FigureInputs) -> tuple[Answer, ...]:
     A week that is a gap says why; `cameras_missing` recorded too little of it to compare it with the last one, and
     `n_changes` entries of the change log are of it.
     """
-    found = inputs.found.trend
-    if not found.weeks or found.state != "ok":
-        return (inputs.list_answer("trend", TREND, (), nothing=lack(found.state, found.reason)),)
+    floor_trend = inputs.results.trend
+    if not floor_trend.weeks or floor_trend.state != "ok":
+        return (inputs.list_answer("trend", TREND, (), nothing=lack(floor_trend.state, floor_trend.reason)),)
     zone = inputs.data.site.zone
     rows: list[Row] = [
         {
             "week": week.week,
             **_week_rates(inputs, week),
             "recorded_share": known(week.coverage, week.reason),
-            "cameras_missing": tuple(found.cameras[i] for i in week.missing),
-            "n_changes": sum(f"{m.at.astimezone(zone):%G-W%V}" == week.week for m in found.marks),
+            "cameras_missing": tuple(floor_trend.cameras[i] for i in week.missing),
+            "n_changes": sum(f"{m.at.astimezone(zone):%G-W%V}" == week.week for m in floor_trend.marks),
         }
-        for week in found.weeks
+        for week in floor_trend.weeks
     ]
-    why = found.encounter_rate_reason
+    why = floor_trend.encounter_rate_reason
     return (inputs.list_answer("trend", TREND, rows, *([(None, why)] if why is not None else [])),)
 
 

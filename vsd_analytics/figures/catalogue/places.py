@@ -67,7 +67,7 @@ def areas(inputs: FigureInputs) -> tuple[Answer, ...]:
         notes.append((None, inputs.why_not_ranked))
     if not shrunken:
         notes.append((None, _not_shrunken()))
-    borders = {b.area_id: b.note for b in inputs.found.borders if b.note is not None}
+    borders = {b.area_id: b.note for b in inputs.results.borders if b.note is not None}
     notes += [(k, borders[a.area_id]) for k, a in enumerate(shown) if a.area_id in borders]
     return (inputs.list_answer("areas", AREAS, rows, *notes),)
 
@@ -116,13 +116,13 @@ def _area(inputs: FigureInputs, area: AreaRow, shrunken: Pulled | None, floor_m2
 @answers("M20")
 def hotspots(inputs: FigureInputs) -> tuple[Answer, ...]:
     """Return the places with more time too close than their crowd explains, and those that are none any more (M20)."""
-    found = inputs.found.hotspots
+    floor_hotspots = inputs.results.hotspots
     if not inputs.is_ranked:
-        found = replace(
-            found, state="not_enough_data", reason=inputs.why_not_ranked, spots=(), resolved=(), watching=()
+        floor_hotspots = replace(
+            floor_hotspots, state="not_enough_data", reason=inputs.why_not_ranked, spots=(), resolved=(), watching=()
         )
-    now, past, _ = hotspot_answers(found, inputs.holds_for)
-    return tuple(_without_revealing(answer, inputs.found.revealing_spots) for answer in (now, past))
+    now, past, _ = hotspot_answers(floor_hotspots, inputs.holds_for)
+    return tuple(_without_revealing(answer, inputs.results.revealing_spots) for answer in (now, past))
 
 
 def _without_revealing(answer: Answer, revealing: Collection[str]) -> Answer:

@@ -64,7 +64,7 @@ def recording(inputs: FigureInputs) -> tuple[Answer, ...]:
     cameras were silent, from when to when (M2). Of `camera_watch`: which cameras lose or gain people beside their
     neighbours, since when (M29).
     """
-    watched = inputs.found.camera_watch
+    watched = inputs.results.camera_watch
     outages: list[Row] = [
         {
             "outage": number,
@@ -84,14 +84,14 @@ def recording(inputs: FigureInputs) -> tuple[Answer, ...]:
 
 
 def _coverage(inputs: FigureInputs) -> Row:
-    found = inputs.coverage
-    share = Value(found.share) if found.scheduled_h else Value.missing(Reason("site.closed"))
-    return {"recorded_share": share, "scheduled_h": found.scheduled_h}
+    coverage = inputs.coverage
+    share = Value(coverage.share) if coverage.scheduled_h else Value.missing(Reason("site.closed"))
+    return {"recorded_share": share, "scheduled_h": coverage.scheduled_h}
 
 
 def _quality(inputs: FigureInputs) -> Row:
     data, coverage = inputs.data, inputs.coverage
-    tracks = inputs.found.episodes.tracks
+    tracks = inputs.results.episodes.tracks
     first, end = data.this.span_ms
     floor = {"floor": data.floor.floor_id}
     [sums] = data.warehouse.rows(_RECORDS, {**floor, "first": first, "end": end})

@@ -91,29 +91,31 @@ def map_figure(
         hidden: Floor of which no square is given; nor one, of a map that is smoothed, to whose value it adds.
         why_hidden: Why no violations of the floor are shown; None = they are.
     """
-    found: CellMap = getattr(maps, MAPS[metric])
+    floor_map: CellMap = getattr(maps, MAPS[metric])
     if why_hidden is not None and metric != "M16":
         return Figure(unit=unit, state="not_enough_data", reason=why_hidden)
-    if found.grid is None or found.values is None or found.exposure_h is None:
-        state: State = "not_enough_data" if found.state == "ok" else found.state
-        return Figure(unit=unit, state=state, reason=found.reason or NOTHING_OPEN)
-    is_printed = np.isfinite(found.values) & (found.exposure_h * 3600 >= MIN_CELL_S)
+    if floor_map.grid is None or floor_map.values is None or floor_map.exposure_h is None:
+        state: State = "not_enough_data" if floor_map.state == "ok" else floor_map.state
+        return Figure(unit=unit, state=state, reason=floor_map.reason or NOTHING_OPEN)
+    is_printed = np.isfinite(floor_map.values) & (floor_map.exposure_h * 3600 >= MIN_CELL_S)
     if not is_printed.any():
         return Figure(unit=unit, state="not_enough_data", reason=_NO_CELL[metric])
     n_printed = int(is_printed.sum())
-    is_printed &= ~_touching(found.grid, hidden.buffer(_SMOOTHED_M.get(metric, 0.0)))
+    is_printed &= ~_touching(floor_map.grid, hidden.buffer(_SMOOTHED_M.get(metric, 0.0)))
     if not is_printed.any():
         return Figure(unit=unit, state="not_enough_data", reason=Reason("hidden.squares"))
-    clear = found.is_clear if isinstance(found, ExcessMap) else None
+    clear = floor_map.is_clear if isinstance(floor_map, ExcessMap) else None
     rows: list[dict[str, float | bool | None]] = []
     for r, c in zip(*np.nonzero(is_printed), strict=True):
-        x_m, y_m = float(found.grid.x_m(c)), float(found.grid.y_m(r))
-        is_clear = {"is_clear": None if clear is None else bool(clear[r, c])} if isinstance(found, ExcessMap) else {}
-        rows.append({"x_m": x_m, "y_m": y_m, "value": float(found.values[r, c]), **is_clear})
-    notes = [Reason("note.cells", side_m=found.grid.cell_m)]
+        x_m, y_m = float(floor_map.grid.x_m(c)), float(floor_map.grid.y_m(r))
+        is_clear = (
+            {"is_clear": None if clear is None else bool(clear[r, c])} if isinstance(floor_map, ExcessMap) else {}
+        )
+        rows.append({"x_m": x_m, "y_m": y_m, "value": float(floor_map.values[r, c]), **is_clear})
+    notes = [Reason("note.cells", side_m=floor_map.grid.cell_m)]
     if len(rows) < n_printed:
         notes.append(Reason("hidden.squares"))
-    return Figure(unit=unit, rows=tuple(rows), denominator=found.denominator, note=_joined(notes))
+    return Figure(unit=unit, rows=tuple(rows), denominator=floor_map.denominator, note=_joined(notes))
 
 
 def _touching(grid: Grid, shape: BaseGeometry) -> Flags:

@@ -99,21 +99,21 @@ def close_time(inputs: FigureInputs) -> tuple[Answer, ...]:
     Columns: the share of person-time too close to anybody (M6), and to three or more others (M32); person-minutes too
     close to people of other groups, in all and per stay, with the interval of their share (M30).
     """
-    found, why = inputs.found.person_time, inputs.why_no_person_time
-    between = found.close_between
+    person_time, why = inputs.results.person_time, inputs.why_no_person_time
+    between = person_time.close_between
     share = why or measured(between)
-    lives = [c for c in inputs.found.groups.cameras if c.camera_id in inputs.data.ids and c.lives.state == "ok"]
+    lives = [c for c in inputs.results.groups.cameras if c.camera_id in inputs.data.ids and c.lives.state == "ok"]
     n_stays = sum(c.lives.n_tracks for c in lives)
     stay_min = 60 * sum(c.exposure_h for c in lives) / n_stays if n_stays else None
     is_few = inputs.why_few_people is not None
     crowded = None if why else three_or_more(inputs.data.this)
     cells: Row = {
-        "close_time_share": why or measured(found.close),
+        "close_time_share": why or measured(person_time.close),
         "crowded_share": why or measured(crowded),
         "close_person_min": _scaled(share, 60 * between.exposure_h),
         "close_min_per_stay": _scaled(share, stay_min),
         "n_stays": Value(n_stays),
-        "exposure_h": None if is_few else found.close.exposure_h,
+        "exposure_h": None if is_few else person_time.close.exposure_h,
         "crowded_exposure_h": None if crowded is None else crowded.exposure_h,
         "between_exposure_h": None if is_few else between.exposure_h,
     }
@@ -134,27 +134,27 @@ def threshold_sensitivity(inputs: FigureInputs) -> tuple[Answer, ...]:
     `calibration_lo` and `calibration_hi`: the share at the legal distance if all distances are off by what the
     calibrations state.
     """
-    found = inputs.found.sensitivity
+    sensitivity = inputs.results.sensitivity
     if (why := inputs.why_no_time_too_close) is not None:
         return (inputs.list_answer("threshold_sensitivity", THRESHOLDS, (), nothing=why),)
     rows: list[Row] = []
-    for point in found.points:
-        is_legal = math.isclose(point.distance_m, found.distance_m)
-        ends = found.calibration if is_legal else None
+    for point in sensitivity.points:
+        is_legal = math.isclose(point.distance_m, sensitivity.distance_m)
+        ends = sensitivity.calibration if is_legal else None
         rows.append(
             {
                 "distance_m": point.distance_m,
-                "close_time_share": known(point.share, point.reason or found.reason, point.state),
+                "close_time_share": known(point.share, point.reason or sensitivity.reason, point.state),
                 "is_legal_distance": is_legal,
                 "calibration_lo": None if ends is None else ends.lo,
                 "calibration_hi": None if ends is None else ends.hi,
-                "exposure_h": found.exposure_h,
+                "exposure_h": sensitivity.exposure_h,
             }
         )
-    engine = found.engine
+    engine = sensitivity.engine
     is_told = engine is not None and not inputs.data.mask.hides(engine.violation_records)
     notes = [(None, engine.note)] if engine is not None and is_told else []
-    nothing = None if rows else lack(found.state, found.reason)
+    nothing = None if rows else lack(sensitivity.state, sensitivity.reason)
     return (inputs.list_answer("threshold_sensitivity", THRESHOLDS, rows, *notes, nothing=nothing),)
 
 
@@ -182,14 +182,16 @@ def people(inputs: FigureInputs) -> tuple[Answer, ...]:
 
     The interval of person-hours is that of the mean number of people, over the same hours.
     """
-    level, found = inputs.level.people, inputs.found.person_time
-    mean, peak = found.people, None if level.value is None else found.peak
+    level, person_time = inputs.level.people, inputs.results.person_time
+    mean, peak = person_time.people, None if level.value is None else person_time.peak
     why_none = why_no_peak = lack(level.state, level.reason)
     if peak is not None and inputs.data.mask.hides(_n_people(inputs, peak)):
         peak, why_no_peak = None, Value.missing(Reason("hidden.few_people", least=inputs.data.mask.below))
-    ratio = found.exposure_h / mean.value if found.exposure_h is not None and mean.value else None
+    ratio = person_time.exposure_h / mean.value if person_time.exposure_h is not None and mean.value else None
     person_h = (
-        why_none if level.value is None or found.exposure_h is None else _with_limits(found.exposure_h, mean, ratio)
+        why_none
+        if level.value is None or person_time.exposure_h is None
+        else _with_limits(person_time.exposure_h, mean, ratio)
     )
     cells: Row = {
         "person_h": person_h,

@@ -50,15 +50,17 @@ def evened_hours(n: Floats, recorded_h: Floats, *, mask: Mask) -> Floats:
         The same shape; NaN in weeks of which readers may know no hour.
     """
     parts = n.astype(np.float64)
-    for of, h in zip(parts, recorded_h, strict=True):
-        few = [int(k) for k in np.flatnonzero(h > 0) if mask.hides(of[k])]
-        others = sorted((k for k in np.flatnonzero(h > 0) if of[k] > 0 and k not in few), key=lambda k: (of[k], k))
-        while few and others and (len(few) == 1 or mask.hides(of[few].sum())):
+    for week_n, h in zip(parts, recorded_h, strict=True):
+        few = [int(k) for k in np.flatnonzero(h > 0) if mask.hides(week_n[k])]
+        others = sorted(
+            (k for k in np.flatnonzero(h > 0) if week_n[k] > 0 and k not in few), key=lambda k: (week_n[k], k)
+        )
+        while few and others and (len(few) == 1 or mask.hides(week_n[few].sum())):
             few.append(int(others.pop(0)))
-        if len(few) == 1 or (few and mask.hides(of[few].sum())):
-            of[:] = np.nan
+        if len(few) == 1 or (few and mask.hides(week_n[few].sum())):
+            week_n[:] = np.nan
         elif few:
-            of[few] = of[few].sum() * h[few] / h[few].sum()
+            week_n[few] = week_n[few].sum() * h[few] / h[few].sum()
     return parts
 
 
@@ -95,7 +97,7 @@ def crossings_again(answers: Iterable[Answer], site: Site, *, below: int) -> lis
         if (why := next((reason for reason in reasons if reason is not None), None)) is not None:
             held[week] = why
     doors = ("", monday)
-    if doors in told and (of_lines := [why for (_, of), why in held.items() if of == monday]):
+    if doors in told and (of_lines := [why for (_, line_monday), why in held.items() if line_monday == monday]):
         held.setdefault(doors, of_lines[0])  # all doors less the others would tell the line
     leaves = [SharedLine(floor_id, *week, n, site.settings.people) for week, n in told.items() if week not in held]
     remember(site, leaves)

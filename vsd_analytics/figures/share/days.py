@@ -75,9 +75,9 @@ def _usual(level: DayLevel, mask: Mask, *, confidence: float) -> tuple[UsualRang
         return None, Reason("today.not_whole")
     few = len(level.whole_days) < MIN_WEEKS
     days = [rough(round(n), below=mask.below) for n in level.whole_days.values()]
-    found = usual_range([mask.middle if n is None else n for n in days], confidence=confidence)
-    if found is None:
+    usual = usual_range([mask.middle if n is None else n for n in days], confidence=confidence)
+    if usual is None:
         has = len(level.whole_days)
         return None, Reason("today.whole_days", least=MIN_WEEKS, has=has) if few else Reason("today.quiet_days")
     step = 2 * mask.below
-    return replace(found, lo=max(0.0, found.lo - step), hi=found.hi + step), None
+    return replace(usual, lo=max(0.0, usual.lo - step), hi=usual.hi + step), None

@@ -114,16 +114,16 @@ def changed_days(site: Site, n: Mapping[date, float], *, floor_id: str | None) -
         n: Violations by day as they are counted now.
         floor_id: Floor; None = the whole site.
     """
-    found = set()
+    changed = set()
     for week in read(site):
         if floor_id not in (None, week.floor_id):
             continue
         then: dict[date, int] = {}
-        for start, of in week.hours.items():
+        for start, counts in week.hours.items():
             day = datetime.fromtimestamp(int(start) / 1000, site.zone).date()
-            then[day] = then.get(day, 0) + sum(of.values())
-        found |= {day for day, now in n.items() if week.monday <= day <= week.through and then.get(day, 0) != now}
-    return frozenset(found)
+            then[day] = then.get(day, 0) + sum(counts.values())
+        changed |= {day for day, now in n.items() if week.monday <= day <= week.through and then.get(day, 0) != now}
+    return frozenset(changed)
 
 
 def remember(site: Site, weeks: Iterable[SharedWeek | SharedLine]) -> None:
@@ -150,8 +150,8 @@ def _read(path: Path, mtime_ns: int, size: int) -> tuple[SharedWeek | SharedLine
 
 def _as_dict(week: SharedWeek | SharedLine) -> dict[str, Any]:
     if isinstance(week, SharedLine):
-        of = {"week": f"{week.monday:%G-W%V}", "floor": week.floor_id, "line": week.line_id}
-        return {**of, "crossings": week.n, "people": week.people}
+        names = {"week": f"{week.monday:%G-W%V}", "floor": week.floor_id, "line": week.line_id}
+        return {**names, "crossings": week.n, "people": week.people}
     return {
         "week": f"{week.monday:%G-W%V}",
         "through": week.through.isoformat(),
@@ -200,4 +200,4 @@ def _week(line: bytes, number: int) -> SharedWeek | SharedLine:
 
 
 def _parts(value: Mapping[str, Mapping[str, int]]) -> Parts:
-    return {str(key): {str(camera): int(n) for camera, n in of.items()} for key, of in value.items()}
+    return {str(key): {str(camera): int(n) for camera, n in counts.items()} for key, counts in value.items()}

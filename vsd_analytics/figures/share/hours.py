@@ -57,14 +57,14 @@ def _put_mean(person_h: Floats, hidden: Flags, counted: Flags) -> None:
     """
     is_used = counted[:, hidden] & ~np.isnan(person_h[:, hidden])
     is_whole = bool((is_used.all(axis=1) | ~is_used.any(axis=1)).all())
-    for of, is_counted in zip(person_h, is_used, strict=True):
+    for camera_h, is_counted in zip(person_h, is_used, strict=True):
         at = np.flatnonzero(hidden)[is_counted]
-        of[at] = of[at].mean() if is_whole and len(at) else np.nan
+        camera_h[at] = camera_h[at].mean() if is_whole and len(at) else np.nan
 
 
 def _put_parts(n: Floats, hidden: Flags, seen: Flags, counted: Flags) -> None:
     """Put equal parts of each camera's sum into its hidden hours of a week, or NaN where no report tells this sum."""
     is_sum_known = bool(counted[seen].all())  # an hour that enters no rate is in the timetable, and in no total
-    for of, is_counted in zip(n, counted, strict=True):
-        at = np.flatnonzero(hidden & is_counted & ~np.isnan(of))
-        of[at] = equal_parts(round(float(of[at].sum())), len(at)) if is_sum_known else np.nan
+    for camera_n, is_counted in zip(n, counted, strict=True):
+        at = np.flatnonzero(hidden & is_counted & ~np.isnan(camera_n))
+        camera_n[at] = equal_parts(round(float(camera_n[at].sum())), len(at)) if is_sum_known else np.nan

@@ -133,23 +133,23 @@ def people_by_day(period: Period) -> Mapping[str | None, Ints]:
     inside = {a.area_id: shapely.contains_xy(shapely.Polygon(a.polygon), x, y) for a in data.areas}
     of_cells: dict[str | None, Any] = dict(inside.items())
     of_cells[None] = ~np.any(list(inside.values()), axis=0)
-    found: dict[str | None, Ints] = {}
+    people: dict[str | None, Ints] = {}
     for key, is_inside in of_cells.items():
         by_cell: dict[date, int] = {}
         for k in np.flatnonzero(is_inside).tolist():
             by_cell[day[k]] = max(by_cell.get(day[k], 0), int(n[k]))
-        found[key] = np.maximum(_by_days(by_cell, period.days), _at_once(data, period, period.area(key).exposure_h))
-    if not any(data.mask.hides(*n.tolist()) for n in found.values()):
-        return found
+        people[key] = np.maximum(_by_days(by_cell, period.days), _at_once(data, period, period.area(key).exposure_h))
+    if not any(data.mask.hides(*n.tolist()) for n in people.values()):
+        return people
     tracks = data.warehouse.table(
         "select area_id, site_day, n_people from area_people "
         "where floor_id = $floor and site_day between $first and $last",
         days,
     ).to_pylist()
-    for key, n in found.items():
+    for key, n in people.items():
         by_track = {row["site_day"]: row["n_people"] for row in tracks if row["area_id"] == key}
-        found[key] = np.maximum(n, _by_days(by_track, period.days))
-    return found
+        people[key] = np.maximum(n, _by_days(by_track, period.days))
+    return people
 
 
 def people_by_hour_of_day(period: Period, area_id: str) -> Mapping[int, int]:

@@ -136,14 +136,14 @@ def _change(
 ) -> _Change[K]:
     change: dict[K, dict[str, int]] = {}
     for key, n in now.items():
-        of = then.get(name(key), {})
-        change[key] = {c: abs(n.get(c, 0) - of.get(c, 0)) for c in dict.fromkeys((*n, *of))}
+        before = then.get(name(key), {})
+        change[key] = {c: abs(n.get(c, 0) - before.get(c, 0)) for c in dict.fromkeys((*n, *before))}
     was_hidden = frozenset(key for key in now if name(key) in hidden)
     return _Change(change, was_hidden, frozenset(k for k, n in change.items() if not any(n.values())) - was_hidden)
 
 
 def _is_any(changes: Sequence[_Change[K]]) -> bool:
-    return any(n for change in changes for of in change.by_camera.values() for n in of.values())
+    return any(n for change in changes for counts in change.by_camera.values() for n in counts.values())
 
 
 def _until(data: FloorHours, period: Period, now: SharedWeek | None, then: SharedWeek) -> SharedWeek | None:
@@ -194,10 +194,10 @@ def _is_too_little(now: SharedWeek | None, then: SharedWeek, below: int) -> bool
 
 
 def _of_cameras(week: SharedWeek) -> Counter[str]:
-    found: Counter[str] = Counter()
-    for of in week.hours.values():
-        found.update(of)
-    return found
+    totals: Counter[str] = Counter()
+    for counts in week.hours.values():
+        totals.update(counts)
+    return totals
 
 
 def _shared(
@@ -261,7 +261,7 @@ def _held_places(
 
 def by_camera(data: FloorHours, place: Place, n: Array) -> dict[str, int]:
     """Return what each camera that counts in a place counted, from a panel of cameras x days."""
-    return {c: int(of) for c, of, is_able in zip(data.ids, n.sum(axis=1), place.cameras, strict=True) if is_able}
+    return {c: int(total) for c, total, is_able in zip(data.ids, n.sum(axis=1), place.cameras, strict=True) if is_able}
 
 
 def _by_hour(data: FloorHours, period: Period) -> dict[int, dict[str, int]]:
@@ -334,7 +334,7 @@ def _all(held: HeldBack[K], counts: Mapping[K, int]) -> HeldBack[K]:
     return HeldBack(held.small, others, is_total_safe=False)
 
 
-def revealing_spots(data: WeekData, found: FloorHotspots) -> frozenset[str]:
+def revealing_spots(data: WeekData, hotspots: FloorHotspots) -> frozenset[str]:
     """Return the ids of hotspots whose figures would tell a small count of one week.
 
     A window of four weeks and the one before it differ by one week, so a hotspot's figures are held back as long as its
@@ -343,12 +343,12 @@ def revealing_spots(data: WeekData, found: FloorHotspots) -> frozenset[str]:
 
     Args:
         data: The floor; its range holds the window.
-        found: Hotspots of the analysis room.
+        hotspots: Hotspots of the analysis room.
     """
     below = int(data.site.settings.mask_below)
-    monday = found.first - timedelta(days=found.first.weekday())
+    monday = hotspots.first - timedelta(days=hotspots.first.weekday())
     weeks = []
-    while monday <= found.last:
+    while monday <= hotspots.last:
         weeks.append(data.hidden_in(monday))
         monday += WEEK
     hidden = {key for week in weeks for key in (*week.places.small, *week.places.others)}
@@ -364,26 +364,28 @@ def revealing_spots(data: WeekData, found: FloorHotspots) -> frozenset[str]:
         is_on_rest = not shapely.covers(every, shape)
         return any(key in touched if key is not None else is_on_rest for key in hidden)
 
-    spots: list[FloorSpot | ResolvedSpot] = [*found.spots, *found.resolved, *found.watching]
+    spots: list[FloorSpot | ResolvedSpot] = [*hotspots.spots, *hotspots.resolved, *hotspots.watching]
     return frozenset(s.spot_id for s in spots if reveals(s))
 
 
-def shared_spots(found: FloorHotspots, mask: Mask, *, revealing: Collection[str]) -> FloorHotspots:
+def shared_spots(hotspots: FloorHotspots, mask: Mask, *, revealing: Collection[str]) -> FloorHotspots:
     """Return hotspots for a page that leaves the operator's hands: those with a small count are left out.
 
     So are those that would tell a small count of one week, the cells, whose counts would tell them, and the total.
 
     Args:
-        found: The hotspots.
+        hotspots: The hotspots.
         mask: The site's.
         revealing: Ids of hotspots that would tell a small count (`revealing_spots`).
     """
-    spots = tuple(s for s in found.spots if not mask.hides(s.n) and s.spot_id not in revealing)
+    spots = tuple(s for s in hotspots.spots if not mask.hides(s.n) and s.spot_id not in revealing)
     resolved, watching = (
-        tuple(r for r in of if not mask.hides(r.n) and r.spot_id not in revealing)
-        for of in (found.resolved, found.watching)
+        tuple(r for r in listed if not mask.hides(r.n) and r.spot_id not in revealing)
+        for listed in (hotspots.resolved, hotspots.watching)
     )
-    n_held = sum(len(of) for of in (found.spots, found.resolved, found.watching))
+    n_held = sum(len(listed) for listed in (hotspots.spots, hotspots.resolved, hotspots.watching))
     n_held -= len(spots) + len(resolved) + len(watching)
-    notes = (*found.notes, Reason("hidden.hotspots", n=n_held, least=mask.below)) if n_held else found.notes
-    return replace(found, spots=spots, resolved=resolved, watching=watching, notes=notes, n=None, grid=None, cells=None)
+    notes = (*hotspots.notes, Reason("hidden.hotspots", n=n_held, least=mask.below)) if n_held else hotspots.notes
+    return replace(
+        hotspots, spots=spots, resolved=resolved, watching=watching, notes=notes, n=None, grid=None, cells=None
+    )

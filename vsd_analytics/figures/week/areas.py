@@ -50,17 +50,17 @@ def areas(data: WeekData, *, is_compared: bool, rest: str) -> Areas:
     drawn: dict[str | None, Area] = {a.area_id: a for a in data.areas}
     keys = [*drawn, None]
     places = {key: data.area(key) for key in keys}
-    found = {key: estimates.measure(data, place, is_compared=is_compared) for key, place in places.items()}
+    measures = {key: estimates.measure(data, place, is_compared=is_compared) for key, place in places.items()}
     judged = area_changes(data.pair) if is_compared else {}
-    found = {key: _with_verdicts(m, judged[key]) if key in judged else m for key, m in found.items()}
+    measures = {key: _with_verdicts(m, judged[key]) if key in judged else m for key, m in measures.items()}
     now = data.hidden.places
     before = _before(data, places) if is_compared else HeldBack(frozenset(), frozenset(), is_total_safe=True)
-    total = sum(m.violation_rate.value or 0.0 for m in found.values())
+    total = sum(m.violation_rate.value or 0.0 for m in measures.values())
     times = hidden_times(data.this)
     times_before = hidden_times(data.pair.before) if is_compared else {}
     rows = []
     for key in keys:
-        measured, place = found[key], places[key]
+        measured, place = measures[key], places[key]
         violation_rate, encounter_rate = measured.violation_rate, measured.encounter_rate
         change = judged[key].close if key in judged else None
         is_new = False
@@ -126,7 +126,7 @@ def is_material(data: WeekData, area_id: str | None) -> bool:
         own, whole = data.counted_in(area_id)[0], data.whole.n
     weeks = (data.week(), data.week(data.monday - data.span))
     sums = [(float(own[:, w].sum()), float(whole[:, w].sum())) for w in weeks]
-    return any(n > 0 and n >= data.site.settings.material_share * of for n, of in sums)
+    return any(n > 0 and n >= data.site.settings.material_share * total for n, total in sums)
 
 
 def _with_verdicts(measured: estimates.Measured, judged: AreaChanges) -> estimates.Measured:

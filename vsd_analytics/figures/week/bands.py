@@ -89,10 +89,10 @@ def sampled(ring: Ring, *, sharp: Sequence[bool]) -> Ring:
         sharp: For each point, whether the curve runs straight to it and on, as along a wall.
     """
     n = len(ring)
-    found: list[Point] = []
+    curve: list[Point] = []
     for k, (control, is_sharp) in enumerate(zip(ring, sharp, strict=True)):
         if is_sharp:
-            found.append(control)
+            curve.append(control)
             continue
         ends = [((control[0] + p[0]) / 2, (control[1] + p[1]) / 2) for p in (ring[k - 1], ring[(k + 1) % n])]
         for i in range(PER_CURVE):
@@ -100,8 +100,8 @@ def sampled(ring: Ring, *, sharp: Sequence[bool]) -> Ring:
             weights = ((1 - t) ** 2, 2 * t * (1 - t), t**2)
             points = (ends[0], control, ends[1])
             x, y = (sum(w * p[axis] for w, p in zip(weights, points, strict=True)) for axis in (0, 1))
-            found.append((x, y))
-    return tuple(found)
+            curve.append((x, y))
+    return tuple(curve)
 
 
 def project_polygons(

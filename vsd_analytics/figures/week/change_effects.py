@@ -38,7 +38,7 @@ OVER_WEEKS: Final = (
 
 
 def change_effects(
-    data: WeekData, found: Sequence[BeforeAfterFigure], *, shown_days: int = SHOWN_DAYS
+    data: WeekData, figures: Sequence[BeforeAfterFigure], *, shown_days: int = SHOWN_DAYS
 ) -> tuple[LoggedChangeEffect, ...]:
     """Return the logged changes whose weeks before and after reach into the report's week or are still to come.
 
@@ -47,96 +47,96 @@ def change_effects(
 
     Args:
         data: The week.
-        found: What the changes did.
+        figures: What the changes did.
         shown_days: Days back from the week's end from which changes are given.
     """
     return tuple(
         change_effect(data, f)
-        for f in found
+        for f in figures
         if (data.sunday - f.at.astimezone(data.site.zone).date()).days < shown_days
     )
 
 
-def causes(found: MixingChange, *, people_moved_by: tuple[int, ...] = ()) -> Causes:
+def causes(change: MixingChange, *, people_moved_by: tuple[int, ...] = ()) -> Causes:
     """Return crowding, layout and behaviour as relative changes, whose product is the whole, and parts, whose sum is.
 
     Args:
-        found: The change from the week before.
+        change: The change from the week before.
         people_moved_by: The logged changes whose doing the part of people is: `moved_people`.
     """
-    behaviour = found.behaviour
-    if found.state != "ok" or found.close is None or behaviour is None or behaviour.value is None:
-        state = found.state if found.state != "ok" else "not_enough_data"
-        return Causes(state=state, reason=found.reason)
+    behaviour = change.behaviour
+    if change.state != "ok" or change.close is None or behaviour is None or behaviour.value is None:
+        state = change.state if change.state != "ok" else "not_enough_data"
+        return Causes(state=state, reason=change.reason)
     return Causes(
-        close=found.close - 1,
-        people=None if found.crowding is None else found.crowding - 1,
-        layout=None if found.layout is None else found.layout - 1,
+        close=change.close - 1,
+        people=None if change.crowding is None else change.crowding - 1,
+        layout=None if change.layout is None else change.layout - 1,
         behaviour=behaviour.value - 1,
         behaviour_lo=behaviour.change_lo,
         behaviour_hi=behaviour.change_hi,
-        people_part=found.crowding_part,
-        layout_part=found.layout_part,
-        behaviour_part=found.behaviour_part,
+        people_part=change.crowding_part,
+        layout_part=change.layout_part,
+        behaviour_part=change.behaviour_part,
         people_moved_by=people_moved_by,
     )
 
 
-def moved_people(data: WeekData, found: Sequence[BeforeAfterFigure]) -> tuple[int, ...]:
+def moved_people(data: WeekData, figures: Sequence[BeforeAfterFigure]) -> tuple[int, ...]:
     """Return the numbers of the changes of the last two weeks that clearly left fewer people in their areas."""
-    new = [f for f in found if 0 <= (data.sunday - f.at.astimezone(data.site.zone).date()).days < NEW_DAYS]
+    new = [f for f in figures if 0 <= (data.sunday - f.at.astimezone(data.site.zone).date()).days < NEW_DAYS]
     fewer = [f for f in new if f.people is not None and f.people.verdict == "clear_fall"]
     return tuple(f.number for f in fewer if f.state == "ok" and f.is_credible and not is_held_back(data, f))
 
 
-def change_effect(data: WeekData, found: BeforeAfterFigure) -> LoggedChangeEffect:
+def change_effect(data: WeekData, figure: BeforeAfterFigure) -> LoggedChangeEffect:
     """Return what a logged change did, without what would tell a small count."""
-    change = exact_effect(data.site, found)
-    known = None if found.foreseen is None else found.foreseen.known
-    if known is not None and data.is_held_back(found.area_id, *known):
+    change = exact_effect(data.site, figure)
+    known = None if figure.foreseen is None else figure.foreseen.known
+    if known is not None and data.is_held_back(figure.area_id, *known):
         change = replace(change, foreseen=None)
-    if found.state != "ok":
+    if figure.state != "ok":
         return change
-    if not is_held_back(data, found):
-        return replace(change, receivers=_receiving(_shown_receivers(data, found)))
-    hidden = Estimate(value=None, state="not_enough_data", reason=_why_held_back(data, found))
+    if not is_held_back(data, figure):
+        return replace(change, receivers=_receiving(_shown_receivers(data, figure)))
+    hidden = Estimate(value=None, state="not_enough_data", reason=_why_held_back(data, figure))
     none: dict[str, Any] = dict.fromkeys(OVER_WEEKS)
     return replace(
-        change, effect=hidden, people=None if _hides_people(data, found) else change.people, receivers=(),
-        outcome=_outcome_held_back(found), **none,
+        change, effect=hidden, people=None if _hides_people(data, figure) else change.people, receivers=(),
+        outcome=_outcome_held_back(figure), **none,
     )  # fmt: skip
 
 
-def exact_effect(site: Site, found: BeforeAfterFigure) -> LoggedChangeEffect:
+def exact_effect(site: Site, figure: BeforeAfterFigure) -> LoggedChangeEffect:
     """Return what a logged change did, exact: for the operator, or to hide what would tell a small count."""
-    names, windows = {a.area_id: a.name for a in site.areas}, found.windows
+    names, windows = {a.area_id: a.name for a in site.areas}, figure.windows
     measured: dict[str, Any] = dict.fromkeys(("effect", "violation_rate", "people", "burden", "close", "running"))
-    if found.state == "ok":
-        is_known = found.violation_rate is not None and found.violation_rate.value is not None
+    if figure.state == "ok":
+        is_known = figure.violation_rate is not None and figure.violation_rate.value is not None
         measured |= {
-            "effect": _change(found.effect or found.alone),
-            "people": _change(found.people),
-            "violation_rate": _change(found.violation_rate) if is_known else None,
-            **_over_weeks(found),
+            "effect": _change(figure.effect or figure.alone),
+            "people": _change(figure.people),
+            "violation_rate": _change(figure.violation_rate) if is_known else None,
+            **_over_weeks(figure),
         }
     return same_fields(
         LoggedChangeEffect,
-        found,
-        at=found.at.astimezone(site.zone),
-        outcome=found.outcome if found.state == "ok" else "too_early",
-        not_yet=found.not_yet if found.state == "ok" else None,
-        is_credible=found.is_credible and found.state == "ok",
+        figure,
+        at=figure.at.astimezone(site.zone),
+        outcome=figure.outcome if figure.state == "ok" else "too_early",
+        not_yet=figure.not_yet if figure.state == "ok" else None,
+        is_credible=figure.is_credible and figure.state == "ok",
         n_weeks=None if windows is None else windows.n_weeks,
         before=None if windows is None else windows.before,
         after=None if windows is None else windows.after,
-        compared_with=tuple(names.get(a, a) for a in found.comparison_areas),
-        receivers=_receiving(found.receivers),
-        foreseen=_foreseen(site, found),
+        compared_with=tuple(names.get(a, a) for a in figure.comparison_areas),
+        receivers=_receiving(figure.receivers),
+        foreseen=_foreseen(site, figure),
         **measured,
     )
 
 
-def shared_change_answers(data: WeekData, found: BeforeAfterFigure) -> Answers:
+def shared_change_answers(data: WeekData, figure: BeforeAfterFigure) -> Answers:
     """Return the answers on a logged change (`change_answers`) without what would tell a small count.
 
     Where the change is held back, the tables of rates are empty and say why, and `change_places` has no more than the
@@ -144,33 +144,33 @@ def shared_change_answers(data: WeekData, found: BeforeAfterFigure) -> Answers:
 
     Args:
         data: A week; its mask and its hidden counts decide.
-        found: The change.
+        figure: The change.
     """
-    told = Answers(change_answers(found, None, data.site, inputs=data.warehouse.inputs_digest))
-    if found.state != "ok":
+    told = Answers(change_answers(figure, None, data.site, inputs=data.warehouse.inputs_digest))
+    if figure.state != "ok":
         return told
-    if not is_held_back(data, found):
-        shown, received = {r.area_id for r in _shown_receivers(data, found)}, told["change_receivers"]
+    if not is_held_back(data, figure):
+        shown, received = {r.area_id for r in _shown_receivers(data, figure)}, told["change_receivers"]
         rows = tuple(row for row in received.rows if row["area_id"] in shown)
         return Answers((*told, replace(received, rows=rows) if rows else _empty(received, NO_RECEIVER)))
-    why = _why_held_back(data, found)
+    why = _why_held_back(data, figure)
     [entry] = told["logged_change"].rows
     return Answers(
         (
-            _entry_held_back(told["logged_change"], {**entry, "outcome": _outcome_held_back(found)}),
+            _entry_held_back(told["logged_change"], {**entry, "outcome": _outcome_held_back(figure)}),
             *(_empty(told[name], why) for name in _RATES if name in told),
-            _people_only(data, found, told["change_places"], why),
+            _people_only(data, figure, told["change_places"], why),
         )
     )
 
 
-def _foreseen(site: Site, found: BeforeAfterFigure) -> Foreseen | None:
+def _foreseen(site: Site, figure: BeforeAfterFigure) -> Foreseen | None:
     """Return when a change will be clear; None where nothing more is to come."""
-    plan = found.foreseen
+    plan = figure.foreseen
     if plan is None:
         return None
     names = {a.area_id: a.name for a in site.areas}
-    said = Foreseen(
+    foreseen = Foreseen(
         change=plan.effect,
         power=plan.power,
         weeks_max=plan.weeks_max,
@@ -182,11 +182,11 @@ def _foreseen(site: Site, found: BeforeAfterFigure) -> Foreseen | None:
         reason=None if plan.state == "ok" else plan.reason,
     )
     if plan.state != "ok":
-        return said
+        return foreseen
     way = plan.choices[0]
     if way.weeks_after is None:
-        return replace(said, power=way.power)
-    return replace(said, weeks=way.weeks_after, clear_by=clear_by(found, site))
+        return replace(foreseen, power=way.power)
+    return replace(foreseen, weeks=way.weeks_after, clear_by=clear_by(figure, site))
 
 
 def _receiving(receivers: Iterable[Receiver]) -> tuple[ReceivingArea, ...]:
@@ -202,67 +202,67 @@ def _empty(answer: Answer, why: Reason) -> Answer:
     return replace(answer, rows=(), nothing=why, state="not_enough_data")
 
 
-def _people_only(data: WeekData, found: BeforeAfterFigure, places: Answer, why: Reason) -> Answer:
+def _people_only(data: WeekData, figure: BeforeAfterFigure, places: Answer, why: Reason) -> Answer:
     rates = dict.fromkeys(("place_rate_change", "relative_change"), Value.missing(why))
-    people = {"place_people_change": Value.missing(why)} if _hides_people(data, found) else {}
+    people = {"place_people_change": Value.missing(why)} if _hides_people(data, figure) else {}
     return replace(places, rows=tuple({**row, **rates, **people} for row in places.where(place="area")))
 
 
-def _why_held_back(data: WeekData, found: BeforeAfterFigure) -> Reason:
-    return data.mask.why if _is_few(found, data.mask) else GIVES_AWAY
+def _why_held_back(data: WeekData, figure: BeforeAfterFigure) -> Reason:
+    return data.mask.why if _is_few(figure, data.mask) else GIVES_AWAY
 
 
-def _outcome_held_back(found: BeforeAfterFigure) -> Outcome:
-    return "alone" if found.outcome == "alone" else "too_early"
+def _outcome_held_back(figure: BeforeAfterFigure) -> Outcome:
+    return "alone" if figure.outcome == "alone" else "too_early"
 
 
-def _hides_people(data: WeekData, found: BeforeAfterFigure) -> bool:
-    return any(data.hides_time(found.area_id, *span) for span in _spans(found))
+def _hides_people(data: WeekData, figure: BeforeAfterFigure) -> bool:
+    return any(data.hides_time(figure.area_id, *span) for span in _spans(figure))
 
 
-def _shown_receivers(data: WeekData, found: BeforeAfterFigure) -> Iterator[Receiver]:
+def _shown_receivers(data: WeekData, figure: BeforeAfterFigure) -> Iterator[Receiver]:
     """Yield the areas that took people up, but for those whose weeks hide a count."""
-    for area in found.receivers:
-        if not any(data.is_held_back(area.area_id, *span) for span in _spans(found)):
+    for area in figure.receivers:
+        if not any(data.is_held_back(area.area_id, *span) for span in _spans(figure)):
             yield area
 
 
-def _change(found: ChangeEstimate | BeforeAfter | RunningVerdict | None) -> Estimate | None:
-    return None if found is None else change_estimate(found)
+def _change(estimate: ChangeEstimate | BeforeAfter | RunningVerdict | None) -> Estimate | None:
+    return None if estimate is None else change_estimate(estimate)
 
 
-def _over_weeks(found: BeforeAfterFigure) -> dict[str, Any]:
+def _over_weeks(figure: BeforeAfterFigure) -> dict[str, Any]:
     """Return what is known of the time too close: in the area, over all weeks watched, and on the whole floor."""
-    known: dict[str, Any] = {name: _change(getattr(found, name)) for name in ("burden", "close", "running")}
-    if found.running is not None:
-        known |= {"e_value": found.running.e_value, "n_watched": found.running.n_weeks}
-    if found.routes is not None:
-        known |= {"through_people": found.routes.people, "through_closeness": found.routes.closeness}
-    floor, running = found.floor, known["running"]
+    known: dict[str, Any] = {name: _change(getattr(figure, name)) for name in ("burden", "close", "running")}
+    if figure.running is not None:
+        known |= {"e_value": figure.running.e_value, "n_watched": figure.running.n_weeks}
+    if figure.routes is not None:
+        known |= {"through_people": figure.routes.people, "through_closeness": figure.routes.closeness}
+    floor, running = figure.floor, known["running"]
     if floor is not None:
         known["usual_min"] = floor.area_min
         if floor.area_min is not None and running is not None and running.change is not None:
             known["avoided_min"] = -running.change * floor.area_min
     if floor is not None and floor.net.value is not None:
         known["net"] = change_estimate(floor.net)
-        known["contribution"] = floor.net.contributions[floor.places.index(found.area_id)]
-        known["moved_elsewhere"] = None if found.taken_up is None else found.taken_up.share
+        known["contribution"] = floor.net.contributions[floor.places.index(figure.area_id)]
+        known["moved_elsewhere"] = None if figure.taken_up is None else figure.taken_up.share
     return known
 
 
-def is_held_back(data: WeekData, found: BeforeAfterFigure) -> bool:
+def is_held_back(data: WeekData, figure: BeforeAfterFigure) -> bool:
     """Tell whether a change would tell a small count: its own, or one of the area in any of its weeks."""
-    if _is_few(found, data.mask):
+    if _is_few(figure, data.mask):
         return True
-    return any(data.is_held_back(found.area_id, *span) for span in _spans(found))
+    return any(data.is_held_back(figure.area_id, *span) for span in _spans(figure))
 
 
-def _spans(found: BeforeAfterFigure) -> tuple[Days, ...]:
+def _spans(figure: BeforeAfterFigure) -> tuple[Days, ...]:
     """Return first and last day of the weeks before and of those after; nothing where there are none yet."""
-    return () if found.windows is None else (found.windows.before, found.windows.after)
+    return () if figure.windows is None else (figure.windows.before, figure.windows.after)
 
 
-def _is_few(found: BeforeAfterFigure, mask: Mask) -> bool:
-    counts = [] if found.alone is None else [found.alone.n_a, found.alone.n_b]
-    counts += [] if found.effect is None else [found.effect.n_before, found.effect.n_after]
+def _is_few(figure: BeforeAfterFigure, mask: Mask) -> bool:
+    counts = [] if figure.alone is None else [figure.alone.n_a, figure.alone.n_b]
+    counts += [] if figure.effect is None else [figure.effect.n_before, figure.effect.n_after]
     return mask.hides(*counts)

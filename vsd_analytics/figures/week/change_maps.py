@@ -82,12 +82,12 @@ def _places(
         own = rest & shapely.contains_xy(shapely.Polygon(area.polygon), x[None, :], y[:, None])
         inside[area.area_id], rest = own, rest & ~own
     inside[None] = rest
-    found = []
+    places = []
     for row in areas:
         if row.is_masked or row.is_held_back:
             continue
         own = inside[row.area_id]
         amounts = [float(v[own & (v >= STEPS[0])].sum()) * grid.cell_m**2 for v in (fewer, more)]
         if any(amounts):
-            found.append(ChangedPlace(area_id=row.area_id, name=row.name, fewer=amounts[0], more=amounts[1]))
-    return tuple(sorted(found, key=lambda p: (-max(p.fewer, p.more), p.name)))
+            places.append(ChangedPlace(area_id=row.area_id, name=row.name, fewer=amounts[0], more=amounts[1]))
+    return tuple(sorted(places, key=lambda p: (-max(p.fewer, p.more), p.name)))

@@ -122,11 +122,11 @@ class WeekData(FloorHours):
         weeks = {date.fromordinal(day - (day - 1) % 7) for day in recorded}
         held = {monday: self._held(monday) for monday in sorted(weeks)}
         groups = [
-            [frozenset(self.hours.start_ms[list(hours)].tolist()) for hours in of if hours]
-            for of in ([w.hours.small | w.hours.others for w in held.values()], [w.untimed for w in held.values()])
+            [frozenset(self.hours.start_ms[list(hours)].tolist()) for hours in sets if hours]
+            for sets in ([w.hours.small | w.hours.others for w in held.values()], [w.untimed for w in held.values()])
         ]
         warehouse, floor_id = self.warehouse, self.floor.floor_id
-        warehouse.counted_together[floor_id], warehouse.timed_together[floor_id] = (tuple(of) for of in groups)
+        warehouse.counted_together[floor_id], warehouse.timed_together[floor_id] = (tuple(sets) for sets in groups)
         without = [monday for monday, week in held.items() if week.why_floor is not None and monday != self.monday]
         warehouse.withheld_days[floor_id] = frozenset(m + timedelta(days=d) for m in without for d in range(7))
 

@@ -112,8 +112,8 @@ class FloorGrid:
         if self.walkable is None:
             return heat.heat_bands(values, cell_m=self.cell_m, origin_m=self.origin, steps=steps)
         drawn = self.walkable.outlined(values)
-        found = heat.heat_bands(drawn, cell_m=self.cell_m, origin_m=self.origin, steps=steps)
-        return self.walkable.clipped(found, values)
+        bands = heat.heat_bands(drawn, cell_m=self.cell_m, origin_m=self.origin, steps=steps)
+        return self.walkable.clipped(bands, values)
 
     def _sums(self, period: Period, used: Flags) -> tuple[Array, Array]:
         """Return violations, and violations per recorded open hour, by cell."""

@@ -127,9 +127,9 @@ def _judged(
     if level.state == "not_measurable" or change_of is None:
         return _estimate(level)
     change = change_of(data.pair, place, since=since)
-    found = _estimate(level, change, _hours(data, place, since))
+    estimate = _estimate(level, change, _hours(data, place, since))
     is_few = data.mask.hides(change.n_a, change.n_b)
-    return replace(found, reason=Reason("change.few")) if found.reason is not None and is_few else found
+    return replace(estimate, reason=Reason("change.few")) if estimate.reason is not None and is_few else estimate
 
 
 def _hours(data: WeekData, place: Place, since: int | None) -> float:

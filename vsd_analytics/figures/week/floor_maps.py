@@ -125,9 +125,9 @@ def plan_of(data: WeekData) -> MapImage | None:
     return MapImage(data_uri=uri, extent=bounds, is_opaque=has_paper(data.floor.plan))
 
 
-def map_fixtures(found: Sequence[Fixture]) -> tuple[MapFixture, ...]:
+def map_fixtures(fixtures: Sequence[Fixture]) -> tuple[MapFixture, ...]:
     """Return fixtures for drawing."""
-    return tuple(same_fields(MapFixture, f, ring=f.polygon) for f in found)
+    return tuple(same_fields(MapFixture, f, ring=f.polygon) for f in fixtures)
 
 
 def _spots(data: WeekData, grid: FloorGrid, density: Array, areas: Sequence[AreaRow]) -> tuple[MapSpot, ...]:

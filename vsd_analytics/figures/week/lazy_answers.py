@@ -105,9 +105,9 @@ class LazyAnswers:
     def outlook(self) -> forecast.FloorForecast:
         """The next week, and how good the last forecast was (M25)."""
         asked = self._long, self._data.monday
-        found = forecast.forecast(*asked, floor_id=self._floor_id, as_known=self._known_hours)
-        if found.people.state != "ok" or self.gatherings.state != "ok":
-            return found
+        outlook = forecast.forecast(*asked, floor_id=self._floor_id, as_known=self._known_hours)
+        if outlook.people.state != "ok" or self.gatherings.state != "ok":
+            return outlook
         counted = gatherings.gathering_hours(*asked, floor_id=self._floor_id)
         return forecast.forecast(*asked, floor_id=self._floor_id, gatherings=counted, as_known=self._known_hours)
 

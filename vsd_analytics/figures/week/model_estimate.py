@@ -29,10 +29,10 @@ _f, _o = described, optional
 _Section = TypeVar("_Section")
 
 
-def same_fields(section: type[_Section], found: object, **others: Any) -> _Section:
+def same_fields(section: type[_Section], source: object, **others: Any) -> _Section:
     """Return a section of the report whose fields are attributes of the same names; `others` are given or differ."""
-    names = [f.name for f in fields(section) if f.name not in others and hasattr(found, f.name)]  # type: ignore[arg-type]
-    return section(**{name: getattr(found, name) for name in names}, **others)
+    names = [f.name for f in fields(section) if f.name not in others and hasattr(source, f.name)]  # type: ignore[arg-type]
+    return section(**{name: getattr(source, name) for name in names}, **others)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,31 +17,31 @@ HIGHEST: Final = 3
 """Hours named beside the chart; all are in the JSON file."""
 
 
-def outlook(found: forecast.FloorForecast) -> Outlook:
+def outlook(floor_forecast: forecast.FloorForecast) -> Outlook:
     """Return what next week will be like, and how good the last forecast was."""
-    series = found.violations
+    series = floor_forecast.violations
     hours = [same_fields(OutlookHour, r) for r in series.rows if r.value is not None]
-    _, number, _ = found.monday.isocalendar()
+    _, number, _ = floor_forecast.monday.isocalendar()
     return same_fields(
         Outlook,
         series,
-        iso=found.week,
+        iso=floor_forecast.week,
         number=number,
-        monday=found.monday,
+        monday=floor_forecast.monday,
         mean=sum(h.value for h in hours) / len(hours) if hours else None,
         highest=tuple(sorted(hours, key=lambda h: (-h.value, h.day, h.hour))[:HIGHEST]),
         score=_score(series.score),
     )
 
 
-def unusual(found: UnusualWeek, *, when: Timetable) -> UnusualHours:
+def unusual(week: UnusualWeek, *, when: Timetable) -> UnusualHours:
     """Return the hours far from usual; a count the timetable holds back is held back here, too."""
     cells = {(c.day, c.hour): c for c in when.cells if c.fold == 0}
     rows = (
         same_fields(UnusualHour, r, violations=r.violations if _is_printed(cells, r.day, r.hour) else None)
-        for r in found.rows
+        for r in week.rows
     )
-    return same_fields(UnusualHours, found, rows=tuple(rows))
+    return same_fields(UnusualHours, week, rows=tuple(rows))
 
 
 def _is_printed(cells: Mapping[tuple[date, int], HourCell], day: date, hour: int) -> bool:
@@ -49,7 +49,7 @@ def _is_printed(cells: Mapping[tuple[date, int], HourCell], day: date, hour: int
     return cell is not None and cell.violations is not None
 
 
-def _score(found: ForecastScore | None) -> OutlookScore | None:
-    if found is None or found.state != "ok" or found.wape is None or found.wape_naive is None:
+def _score(score: ForecastScore | None) -> OutlookScore | None:
+    if score is None or score.state != "ok" or score.wape is None or score.wape_naive is None:
         return None
-    return OutlookScore(error=found.wape, error_naive=found.wape_naive, hit_rate=found.hit_rate, n_hours=found.n_hours)
+    return OutlookScore(error=score.wape, error_naive=score.wape_naive, hit_rate=score.hit_rate, n_hours=score.n_hours)

@@ -13,29 +13,29 @@ from vsd_analytics.figures.week.results import AreaRow, Level
 from vsd_analytics.stats.estimates import RateEstimate
 
 
-def readings(data: WeekData, found: Groups, *, level: Level, areas: tuple[AreaRow, ...]) -> Readings:
+def readings(data: WeekData, groups: Groups, *, level: Level, areas: tuple[AreaRow, ...]) -> Readings:
     """Return both readings of the floor and its areas, or why there is no second one.
 
     A count within groups can be worked out from the two readings, so it is held back like any other small count.
 
     Args:
         data: The week.
-        found: Who was together.
+        groups: Who was together.
         level: The headline numbers, without what must be held back.
         areas: The areas, likewise.
     """
     mask = data.mask
-    own = next((r for r in found.readings if r.floor_id == data.floor.floor_id), None)
+    own = next((r for r in groups.readings if r.floor_id == data.floor.floor_id), None)
     names = {c.camera_id: c.name for c in data.cameras}
-    left_out = tuple(names[c] for c in found.left_out if c in names)
-    if own is None or found.state != "ok":
-        here = [c.lives for c in found.cameras if c.camera_id in names and c.lives.state != "ok"]
-        why = here[0].reason if here and found.state == "ok" else found.reason
+    left_out = tuple(names[c] for c in groups.left_out if c in names)
+    if own is None or groups.state != "ok":
+        here = [c.lives for c in groups.cameras if c.camera_id in names and c.lives.state != "ok"]
+        why = here[0].reason if here and groups.state == "ok" else groups.reason
         is_unknown = any(lives.state == "not_measurable" for lives in here[:1])
         return Readings(state="not_measurable" if is_unknown else "not_enough_data", reason=why, left_out=left_out)
     if level.violation_rate.value is None or _would_reveal(own, mask=mask):
         return Readings(state="not_enough_data", reason=mask.why, left_out=left_out)
-    share, whole = found.between, Reading(violation_rate=level.violation_rate, encounter_rate=level.encounter_rate)
+    share, whole = groups.between, Reading(violation_rate=level.violation_rate, encounter_rate=level.encounter_rate)
     is_floor = len(data.site.floors) == 1
     return Readings(
         # the first reading is the headline itself where all cameras take part
@@ -44,10 +44,10 @@ def readings(data: WeekData, found: Groups, *, level: Level, areas: tuple[AreaRo
         between_share=share.value if is_floor else None,
         between_lo=share.lo if is_floor else None,
         between_hi=share.hi if is_floor else None,
-        areas=_areas(data, found, areas, mask=mask),
+        areas=_areas(data, groups, areas, mask=mask),
         left_out=left_out,
-        precision_lo=found.accuracy.time_precision[0],
-        recall_lo=found.accuracy.time_recall[0],
+        precision_lo=groups.accuracy.time_precision[0],
+        recall_lo=groups.accuracy.time_recall[0],
     )
 
 
@@ -64,8 +64,8 @@ def _reading(violation_rate: RateEstimate, encounter_rate: RateEstimate, *, mask
     return Reading(violation_rate=printed[0], encounter_rate=printed[1])
 
 
-def _areas(data: WeekData, found: Groups, areas: tuple[AreaRow, ...], *, mask: Mask) -> tuple[AreaReading, ...]:
-    able = {c.camera_id for c in found.cameras if c.lives.state == "ok"}
+def _areas(data: WeekData, groups: Groups, areas: tuple[AreaRow, ...], *, mask: Mask) -> tuple[AreaReading, ...]:
+    able = {c.camera_id for c in groups.cameras if c.lives.state == "ok"}
     places = between_groups_by_area(data.this, able)
     rates = {key: violation_rate_level(data.this, place) for key, place in places.items()}
     between = {key: int(rate.n_events or 0) for key, rate in rates.items()}

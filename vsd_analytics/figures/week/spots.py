@@ -72,7 +72,7 @@ class _Seen:
 
 def spots(
     data: WeekData,
-    found: FloorHotspots,
+    hotspots: FloorHotspots,
     *,
     revealing: Collection[str],
     areas: Sequence[AreaRow],
@@ -83,30 +83,30 @@ def spots(
 
     Args:
         data: The week; its warehouse holds the hotspots' window.
-        found: The hotspots of the analysis room.
+        hotspots: The hotspots of the analysis room.
         revealing: Ids of those whose figures would tell a small count; they are shown without.
         areas: The areas, busiest first.
         maps: The maps, whose numbers the busiest areas take over.
         coverage: What was recorded.
     """
-    chosen = _material(data, found)[:SPOTS_MAX] if found.state == "ok" else []
+    chosen = _material(data, hotspots)[:SPOTS_MAX] if hotspots.state == "ok" else []
     is_tested = bool(chosen)
-    why = None if is_tested else Reason("hotspots.none_stand_out") if found.state == "ok" else found.reason
+    why = None if is_tested else Reason("hotspots.none_stand_out") if hotspots.state == "ok" else hotspots.reason
     if is_tested:
-        cards = [_tested(data, s, areas, coverage, found) for s in chosen]
+        cards = [_tested(data, s, areas, coverage, hotspots) for s in chosen]
         cards = [_without_figures(c) if s.spot_id in revealing else c for c, s in zip(cards, chosen, strict=True)]
     else:
         cards = [_busiest(data, n, a, at, coverage) for n, a, at in _areas(areas, maps)]
     return Spots(
         kind="tested" if is_tested else "busiest",
         reason=why,
-        first=found.first if is_tested else None,
-        last=found.last if is_tested else None,
+        first=hotspots.first if is_tested else None,
+        last=hotspots.last if is_tested else None,
         cards=tuple(cards),
-        n_more=len(found.spots) - len(cards) if is_tested else len(found.spots) if found.state == "ok" else 0,
+        n_more=len(hotspots.spots) - len(cards) if is_tested else len(hotspots.spots) if hotspots.state == "ok" else 0,
         watching=tuple(
             WatchedSpot(name=s.place.area_name or "", area_id=s.place.area_id, changed_on=s.changed_on)
-            for s in found.watching
+            for s in hotspots.watching
         ),
     )
 
@@ -138,17 +138,17 @@ def _at_the_spot(data: WeekData, spot: FloorSpot, evidence: Evidence | None) -> 
     return Estimate(value=rates[0], previous=rates[-1]) if rates[1:] else None
 
 
-def _material(data: WeekData, found: FloorHotspots) -> list[FloorSpot]:
+def _material(data: WeekData, hotspots: FloorHotspots) -> list[FloorSpot]:
     """Return the hotspots that hold a material share of the floor's time too close; the others are in the JSON file."""
-    whole_h = float(data.violation_h[:, data.inside(found.first, found.last)].sum())
-    return [s for s in found.spots if s.violation_h >= data.site.settings.material_share * whole_h]
+    whole_h = float(data.violation_h[:, data.inside(hotspots.first, hotspots.last)].sum())
+    return [s for s in hotspots.spots if s.violation_h >= data.site.settings.material_share * whole_h]
 
 
-def numbered(maps: tuple[FloorMap, ...], found: Spots) -> tuple[FloorMap, ...]:
+def numbered(maps: tuple[FloorMap, ...], week_spots: Spots) -> tuple[FloorMap, ...]:
     """Return the maps with the numbers of tested spots; a picture is in pixels, so it gets none."""
-    if found.kind != "tested":
+    if week_spots.kind != "tested":
         return maps
-    marks = tuple(MapSpot(number=c.number, name=c.name, at=c.at) for c in found.cards if c.at is not None)
+    marks = tuple(MapSpot(number=c.number, name=c.name, at=c.at) for c in week_spots.cards if c.at is not None)
     return tuple(replace(m, spots=() if m.kind == "picture" else marks) for m in maps)
 
 
@@ -158,12 +158,12 @@ def place_shape(place: CellPlace) -> BaseGeometry:
 
 
 def _tested(
-    data: WeekData, spot: FloorSpot, areas: Sequence[AreaRow], coverage: Coverage, found: FloorHotspots
+    data: WeekData, spot: FloorSpot, areas: Sequence[AreaRow], coverage: Coverage, hotspots: FloorHotspots
 ) -> SpotCard:
     place = spot.place
     row = next((a for a in areas if a.area_id == place.area_id and place.area_id is not None), None)
     around = place_shape(place).buffer(data.site.settings.distance_m / 2)  # midpoints of those who stand in it
-    seen = _inside(data, around, found.first)
+    seen = _inside(data, around, hotspots.first)
     evidence, usual = _evidence(data, seen, coverage, row)
     return SpotCard(
         number=spot.number,
@@ -205,13 +205,13 @@ def _areas(areas: Sequence[AreaRow], maps: Sequence[FloorMap]) -> list[tuple[int
     drawn = [a for a in areas if a.area_id is not None and a.violation_rate.value]
     if not any(m.kind != "picture" for m in maps):
         return [(n, a, None) for n, a in enumerate(drawn[:SPOTS_MAX], 1)]
-    found: list[tuple[int, AreaRow, tuple[float, float] | None]] = []
+    numbered_areas: list[tuple[int, AreaRow, tuple[float, float] | None]] = []
     for mark in (s for m in maps for s in m.spots):
         row = next((a for a in drawn if a.name == mark.name), None)
         if row is not None:
             drawn.remove(row)
-            found.append((mark.number, row, mark.at))
-    return found
+            numbered_areas.append((mark.number, row, mark.at))
+    return numbered_areas
 
 
 def _inside(data: WeekData, where: BaseGeometry | str, first: date) -> _Seen:
@@ -293,8 +293,8 @@ def _error_m(used: Calibration, xy: NDArray[np.float64]) -> float | None:
     if not used.error_cells:
         return used.error_m
     stated = {(math.floor(x), math.floor(y)): sd for x, y, sd in used.error_cells}
-    found = [stated.get((x, y), math.nan) for x, y in np.floor(xy).astype(int).tolist()]
-    typical = float(np.median(found))  # NaN where any is not known
+    sds_m = [stated.get((x, y), math.nan) for x, y in np.floor(xy).astype(int).tolist()]
+    typical = float(np.median(sds_m))  # NaN where any is not known
     return None if math.isnan(typical) else typical / math.sqrt(2)
 
 

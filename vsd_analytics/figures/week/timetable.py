@@ -65,8 +65,8 @@ def busiest_day(known: Mapping[tuple[date, int], float]) -> date | None:
         both = [hour for d, hour in known if d == day and (other, hour) in known]
         return bool(both) and sum(known[day, h] for h in both) > sum(known[other, h] for h in both)
 
-    found = [day for day in days if all(is_above(day, other) for other in days if other != day)]
-    return found[0] if len(days) > 1 and found else None
+    busiest = [day for day in days if all(is_above(day, other) for other in days if other != day)]
+    return busiest[0] if len(days) > 1 and busiest else None
 
 
 def _states(data: WeekData) -> dict[int, Mapping[str, Any]]:

@@ -24,7 +24,9 @@ WEEKS: Final = 10
 """Points of the chart: what its width shows legibly."""
 
 
-def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level, same_engine_since: date | None = None) -> Trend:
+def trend(
+    data: WeekData, floor_trend: analysis.FloorTrend, *, level: Level, same_engine_since: date | None = None
+) -> Trend:
     """Return the last ten weeks.
 
     The last of them is the week of the report itself, so that the page never has two values for one figure. A
@@ -33,7 +35,7 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level, same_engi
 
     Args:
         data: The week.
-        found: The weeks of the analysis room.
+        floor_trend: The weeks of the analysis room.
         level: The headline numbers, without what must be held back.
         same_engine_since: Monday of the first week that the engine of this week counted; None = all weeks.
     """
@@ -42,15 +44,15 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level, same_engi
         _week(
             week,
             mask=data.mask,
-            cameras=found.cameras,
+            cameras=floor_trend.cameras,
             own=level if week.monday == data.monday else None,
             why_hidden=data.hidden_in(week.monday).why_floor,
         )
-        for week in found.weeks
+        for week in floor_trend.weeks
     )
     shown = weeks[-WEEKS:]
     first = shown[0].monday if shown else data.monday
-    marks = [m for m in found.marks if m.at.astimezone(data.site.zone).date() >= first]
+    marks = [m for m in floor_trend.marks if m.at.astimezone(data.site.zone).date() >= first]
     confidence = float(data.site.settings.confidence)
     since = same_engine_since or date.min
     alike = [w for w in weeks if not w.missing and w.monday >= since]
@@ -72,10 +74,10 @@ def trend(data: WeekData, found: analysis.FloorTrend, *, level: Level, same_engi
         usual_close=_usual([w.close for w in alike], level.close_time_share, confidence=confidence, most=1.0),
         target_violation_rate=_target(data.floor.target_per_open_h, level.violation_rate),
         holidays=holidays,
-        left_out=found.left_out,
-        state=found.state,
-        reason=found.reason,
-        encounter_rate_reason=found.encounter_rate_reason,
+        left_out=floor_trend.left_out,
+        state=floor_trend.state,
+        reason=floor_trend.reason,
+        encounter_rate_reason=floor_trend.encounter_rate_reason,
     )
 
 
@@ -99,10 +101,10 @@ def _usual(
 ) -> Usual | None:
     """Return the usual range of the weeks but the last, and where this week lies; None where either is unknown."""
     before = [e.value for e in weeks[:-1] if e is not None and e.value is not None]
-    found = usual_range(before, confidence=confidence, most=most)
-    if found is None or now is None or now.value is None:
+    usual = usual_range(before, confidence=confidence, most=most)
+    if usual is None or now is None or now.value is None:
         return None
-    return Usual(lo=found.lo, hi=found.hi, n_weeks=found.n_weeks, position=found.position(now.value))
+    return Usual(lo=usual.lo, hi=usual.hi, n_weeks=usual.n_weeks, position=usual.position(now.value))
 
 
 def _target(value: float | None, now: Estimate | None) -> Target | None:

@@ -47,8 +47,8 @@ def stated_floor(data: WeekData, cameras: Iterable[Camera]) -> BaseGeometry:
 
     `camera_views` ends a view where a pixel is too coarse; such a calibration tells how uncertain it is instead.
     """
-    found = [used for camera in cameras if (used := in_force(data, camera)) is not None]
-    return shapely.union_all([_square(x, y) for used in found for x, y, _ in used.error_cells])
+    calibrations = [used for camera in cameras if (used := in_force(data, camera)) is not None]
+    return shapely.union_all([_square(x, y) for used in calibrations for x, y, _ in used.error_cells])
 
 
 def _square(x: float, y: float) -> shapely.Polygon:

@@ -117,7 +117,7 @@ class Walkable:
             bands: Outlines of `outlined`.
             density: The density itself, by cell.
         """
-        found = []
+        clipped = []
         for band in bands:
             kept: list[Polygon] = []
             rows, columns = np.nonzero(self.is_free & (density >= band.lower))
@@ -131,8 +131,8 @@ class Walkable:
                 polygons = [p for p in parts if p.geom_type == "Polygon"]
                 kept += [_rings(p) for p in polygons if shapely.contains_xy(p, x, y).any()]
             if kept:
-                found.append(replace(band, polygons=tuple(sorted(kept))))
-        return tuple(found)
+                clipped.append(replace(band, polygons=tuple(sorted(kept))))
+        return tuple(clipped)
 
     def _block(self, polygon: shapely.Polygon) -> None:
         """Block the cells and steps of one fixture; only those near it are looked at."""

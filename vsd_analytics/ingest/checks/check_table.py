@@ -39,6 +39,6 @@ CHECKS: Final[tuple[SourceCheck, ...]] = (
 
 def warnings_of(case: Case) -> tuple[SourceWarning, ...]:
     """Return what looks wrong, almost sure mistakes first; fixes name no option that the format does not read."""
-    found = chain.from_iterable(check.warnings(case) for check in CHECKS)
-    warnings = (replace(warning, fix=usable(warning.fix, case.uses)) for warning in found)
+    proposed = chain.from_iterable(check.warnings(case) for check in CHECKS)
+    warnings = (replace(warning, fix=usable(warning.fix, case.uses)) for warning in proposed)
     return tuple(sorted(warnings, key=lambda warning: not warning.is_sure))

@@ -91,9 +91,14 @@ class Ways:
         """Return some of the records."""
         if is_wanted.all():
             return self
-        of = is_wanted
+        chosen = is_wanted
         return Ways(
-            self.row[of], self.camera_no[of], self.track_no[of], self.ts_ms[of], self.places[of], self.is_metric
+            self.row[chosen],
+            self.camera_no[chosen],
+            self.track_no[chosen],
+            self.ts_ms[chosen],
+            self.places[chosen],
+            self.is_metric,
         )
 
     @cached_property

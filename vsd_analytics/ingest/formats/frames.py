@@ -299,13 +299,13 @@ class MessageRows:
             ("observations", self._persons, self._n_persons),
             ("pairs", self._pairs, self._n_pairs),
         )
-        for name, found, n_of_frame in parts:
-            if not found:
+        for name, chunks, n_of_frame in parts:
+            if not chunks:
                 continue
             counts = np.array([n or 0 for n in n_of_frame], dtype=np.int64)
             of_row = np.repeat(np.arange(len(counts)), counts)
             at = pa.array(of_row)
-            columns: dict[str, Any] = {c: pa.concat_arrays([part[c] for part in found]) for c in found[0]}
+            columns: dict[str, Any] = {c: pa.concat_arrays([part[c] for part in chunks]) for c in chunks[0]}
             if name == "observations":
                 columns["person"] = np.arange(len(of_row)) - np.repeat(np.cumsum(counts) - counts, counts)
             tables[name] = raw_table(

@@ -27,60 +27,60 @@ _SPREAD: Final = 0.8
 """Records that are spread over this share of the file's time cannot be cut off it."""
 
 
-def same_again(site: Site, camera: Camera, here: Recording, found: Match, *, factor: float = 1.0) -> SourceWarning:
+def same_again(site: Site, camera: Camera, here: Recording, matched: Match, *, factor: float = 1.0) -> SourceWarning:
     """Return the warning of a recording, or a part of one, that is stored already: W230.
 
     Args:
         site: The site.
         camera: Camera of the records.
         here: The records.
-        found: Which of them are stored.
+        matched: Which of them are stored.
         factor: How many times as large their places are.
     """
-    other, record = found.other, found.record[found.is_near]
+    other, record = matched.other, matched.record[matched.is_near]
     names = [other.cameras[no] for no in np.unique(other.camera[record]).tolist()]
-    near_ms = here.ts_ms[found.is_near]
+    near_ms = here.ts_ms[matched.is_near]
     of_whom = f"camera{'' if len(names) == 1 else 's'} {', '.join(names)}"
     as_whom = "" if camera.camera_id in names else f" and comes as camera {camera.camera_id}"
-    how = _apart(found) + (f", and {_rounded(factor)} times as large" if factor != 1 else "")
-    if found.share >= SAME_SHARE:
+    how = _apart(matched) + (f", and {_rounded(factor)} times as large" if factor != 1 else "")
+    if matched.share >= SAME_SHARE:
         return _refused(
-            f"the same recording is stored already, for {of_whom}{as_whom}: {found.share:.0%} of its records are at "
+            f"the same recording is stored already, for {of_whom}{as_whom}: {matched.share:.0%} of its records are at "
             f"the same places at the same times{how}",
             "people would be counted twice",
-            _leave_out(site, found),
+            _leave_out(site, matched),
         )
     first, last = time_text(site, near_ms.min()), time_text(site, near_ms.max())
     is_spread = np.ptp(near_ms) >= _SPREAD * np.ptp(here.ts_ms)
     return _refused(
-        f"a part of it is stored already, for {of_whom}{as_whom}: {found.share:.0%} of its records, from {first} to "
+        f"a part of it is stored already, for {of_whom}{as_whom}: {matched.share:.0%} of its records, from {first} to "
         f"{last}, are at the same places at the same times{how}",
         "people would be counted twice" + (", and no cut parts them" if is_spread else " in that time"),
-        _leave_out(site, found) if is_spread else "cut the file there, and import the rest",
+        _leave_out(site, matched) if is_spread else "cut the file there, and import the rest",
     )
 
 
-def same_beside(site: Site, found: Match, away_m: float) -> SourceWarning:
+def same_beside(site: Site, matched: Match, away_m: float) -> SourceWarning:
     """Return the warning of people whom the same camera has a little further, as after a new calibration: W230."""
     return _refused(
-        f"the same recording is stored already, {away_m:.2g} m away: {found.share:.0%} of its records are there at the "
-        f"same times{_apart(found)}, and {found.chance:.0%} by chance",
+        f"the same recording is stored already, {away_m:.2g} m away: {matched.share:.0%} of its records are there at "
+        f"the same times{_apart(matched)}, and {matched.chance:.0%} by chance",
         "people would be counted twice, once at each place",
-        _leave_out(site, found),
+        _leave_out(site, matched),
     )
 
 
-def second_view(camera: Camera, here: Recording, found: Match, *, has_view: Mapping[str, bool]) -> SourceWarning:
+def second_view(camera: Camera, here: Recording, matched: Match, *, has_view: Mapping[str, bool]) -> SourceWarning:
     """Return the warning of two cameras that see the same people: W231.
 
     Args:
         camera: Camera of the records.
         here: The records.
-        found: Which of them another camera sees.
+        matched: Which of them another camera sees.
         has_view: Whether vsd.toml says what each camera sees.
     """
-    other = found.other
-    no = by_number(other.camera[found.record[found.is_near]])[0]
+    other = matched.other
+    no = by_number(other.camera[matched.record[matched.is_near]])[0]
     name = other.cameras[no]
     lines = [
         f'under [[camera]] id = "{c}": view = {view}'
@@ -88,8 +88,9 @@ def second_view(camera: Camera, here: Recording, found: Match, *, has_view: Mapp
         if not has_view[c]
     ]
     return SourceWarning(
-        f"cameras {camera.camera_id} and {name} see the same people: at one time, {found.share:.0%} of the records "
-        f"of {camera.camera_id} have one of {name} within {found.within_m:g} m, and {found.chance:.0%} at other times",
+        f"cameras {camera.camera_id} and {name} see the same people: at one time, {matched.share:.0%} of the records "
+        f"of {camera.camera_id} have one of {name} within {matched.within_m:g} m, and {matched.chance:.0%} at other "
+        "times",
         "vsd.toml does not say what each camera sees, so whoever is seen by both counts twice in all figures",
         f"add what each camera sees to vsd.toml: {'; '.join(lines)}",
         code="W231",
@@ -117,10 +118,10 @@ def other_unit(camera: Camera, change: UnitChange, where: str, *, is_inside: boo
     )
 
 
-def with_other_times(site: Site, line: ImportLine, found: Match, lag_ms: int) -> SourceWarning:
+def with_other_times(site: Site, line: ImportLine, matched: Match, lag_ms: int) -> SourceWarning:
     """Return the warning of a recording that an import brought with other times: W230."""
     return _refused(
-        f"the same recording is stored already, with other times: import {line.id}; {found.share:.0%} of the records "
+        f"the same recording is stored already, with other times: import {line.id}; {matched.share:.0%} of the records "
         f"are at the same places {_span(lag_ms)} {'later' if lag_ms > 0 else 'earlier'}",
         "people would be at the same places again, and be counted twice",
         f"take the first import back with `{_purge(site, line.id)}`, and import again",
@@ -162,9 +163,9 @@ def _refused(what: str, why: str, fix: str) -> SourceWarning:
     return SourceWarning(what, why, fix, is_sure=True, code="W230")
 
 
-def _leave_out(site: Site, found: Match) -> str:
+def _leave_out(site: Site, matched: Match) -> str:
     """Return what to do about the same people, with the imports that brought them first."""
-    owners = [found.other.owners[no] for no in by_number(found.other.owner[found.record[found.is_near]])]
+    owners = [matched.other.owners[no] for no in by_number(matched.other.owner[matched.record[matched.is_near]])]
     purges = [f"`{_purge(site, owner)}`" for owner in owners[:5] if owner]
     instead = f"; to have it in place of what is stored: {', '.join(purges)}, and import again" if purges else ""
     return f"leave it out{instead}"
@@ -174,8 +175,8 @@ def _purge(site: Site, import_id: str) -> str:
     return purge_command(Store(site.root / "store", site_id=site.site_id), import_id)
 
 
-def _apart(found: Match) -> str:
-    return "" if abs(found.lag_ms) < 5 else f", {found.lag_ms / 1000:+g} s apart"
+def _apart(matched: Match) -> str:
+    return "" if abs(matched.lag_ms) < 5 else f", {matched.lag_ms / 1000:+g} s apart"
 
 
 def _rounded(value: float) -> str:

@@ -175,7 +175,7 @@ class Near:
         """
         squares = np.floor(places / self.side_m).astype(np.int64)
         rows: list[Ints] = []
-        found: list[Ints] = []
+        positions: list[Ints] = []
         low = np.clip(from_ms - self._first_ms, 0, self._range_ms - 1)
         high = np.clip(to_ms - self._first_ms + 1, 0, self._range_ms - 1)
         for dx in (-1, 0, 1):
@@ -189,8 +189,8 @@ class Near:
                 end = np.searchsorted(self._rank, no[asked] * self._range_ms + high[asked])
                 n = end - begin
                 rows.append(np.repeat(asked, n))
-                found.append(np.arange(int(n.sum())) - np.repeat(np.cumsum(n) - n, n) + np.repeat(begin, n))
-        row, record = np.concatenate(rows), self._order[np.concatenate(found)]
+                positions.append(np.arange(int(n.sum())) - np.repeat(np.cumsum(n) - n, n) + np.repeat(begin, n))
+        row, record = np.concatenate(rows), self._order[np.concatenate(positions)]
         away_m = np.hypot(*(places[row] - self.recording.places[record]).T)
         is_near = away_m <= within_m
         return row[is_near], record[is_near], away_m[is_near]
@@ -278,9 +278,9 @@ def best_match(
     for lag_ms in lags_ms:
         for within_m in distances_m:
             for around_s in (_CLOSE_S, _AROUND_S):
-                found = match(here, there, lag_ms=lag_ms, within_m=within_m, around_s=around_s)
-                if best is None or found.excess > best.excess + 0.02:
-                    best = found
+                candidate = match(here, there, lag_ms=lag_ms, within_m=within_m, around_s=around_s)
+                if best is None or candidate.excess > best.excess + 0.02:
+                    best = candidate
                 if best.excess > 0.97:
                     return best
     return best
@@ -303,18 +303,18 @@ def match_beside(here: Recording, stored: Recording) -> tuple[Match, float] | No
     )
     way = np.median(ways[square.ravel() == np.argmax(n)], axis=0)
     way = np.median(ways[np.hypot(*(ways - way).T) <= COARSE_M], axis=0)
-    found = best_match(here.shifted(-way), stored, lags_ms=[0], distances_m=[COARSE_M, FINEST_MAX_M])
-    if found is None or not found.is_near.any():
+    matched = best_match(here.shifted(-way), stored, lags_ms=[0], distances_m=[COARSE_M, FINEST_MAX_M])
+    if matched is None or not matched.is_near.any():
         return None
     # in a crowd there is somebody at any distance, whatever the direction
     for x, y in ((-way[1], way[0]), -way, (way[1], -way[0])):
-        turned = best_match(here.shifted(-np.array([x, y])), stored, lags_ms=[0], distances_m=[found.within_m])
-        if turned is not None and turned.share > found.chance:
-            found = replace(found, chance=turned.share)
-    tracks = here.track[found.is_near], found.other.track[found.record[found.is_near]]
+        turned = best_match(here.shifted(-np.array([x, y])), stored, lags_ms=[0], distances_m=[matched.within_m])
+        if turned is not None and turned.share > matched.chance:
+            matched = replace(matched, chance=turned.share)
+    tracks = here.track[matched.is_near], matched.other.track[matched.record[matched.is_near]]
     if max(len(np.unique(t)) for t in tracks) < BESIDE_TRACKS:
         return None
-    return found, float(np.hypot(*way))
+    return matched, float(np.hypot(*way))
 
 
 def fine_m(*recordings: Recording) -> float:
@@ -341,16 +341,16 @@ def lags_of(
     ever_ms = round(1000 * longest_s) if longest_s is not None else 1 << 45
     mark, record, _ = here.pairs(marks, marks_ms - ever_ms, marks_ms + ever_ms, within_m=within_m)
     lag_ms = here.recording.ts_ms[record] - marks_ms[mark]
-    found: list[tuple[int, int]] = []
+    candidates: list[tuple[int, int]] = []
     for offset_ms in (0, 500):  # a lag at the edge of one second is in the middle of the other
         second = (lag_ms + offset_ms) // 1000
         each = np.unique(np.column_stack([second, mark]), axis=0)[:, 0]
         seconds, n = np.unique(each, return_counts=True)
         for at in np.argsort(-n, kind="stable")[: 3 * n_most].tolist():
             inside = lag_ms[second == seconds[at]]
-            found.append((int(np.median(inside)), int(n[at])))
+            candidates.append((int(np.median(inside)), int(n[at])))
     chosen: list[tuple[int, int]] = []
-    for lag, n_marks in sorted(found, key=lambda f: -f[1]):
+    for lag, n_marks in sorted(candidates, key=lambda f: -f[1]):
         if all(abs(lag - other) > 1500 for other, _ in chosen):
             chosen.append((lag, n_marks))
     return chosen[:n_most]

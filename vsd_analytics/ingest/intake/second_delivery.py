@@ -195,28 +195,28 @@ class Door:
         marks = own.some(300) if len(own) else close.some(300)
         lags = [0, *(lag for lag, n in lags_of(Near(here, side_m=fine), marks.ts_ms, marks.places,
                                                within_m=fine, longest_s=LAG_MAX_S) if n >= 5)]  # fmt: skip
-        found = best_match(here, close, lags_ms=lags, distances_m=[fine])
-        if found is not None and not _is_own(camera, here, found):
-            is_again = _is_own_again(found) if _has_own(found, camera) else _is_other_again(here, close, found)
-            found = found if is_again else None
-        if found is None:
-            found = best_match(here, own, lags_ms=lags, distances_m=[max(fine, COARSE_M)])
-            if found is not None and not (_is_own(camera, here, found) or _is_own_again(found)):
-                found = None
-        if (found is None or found.share < SAME_SHARE) and (beside := match_beside(here, own)) is not None:
+        matched = best_match(here, close, lags_ms=lags, distances_m=[fine])
+        if matched is not None and not _is_own(camera, here, matched):
+            is_again = _is_own_again(matched) if _has_own(matched, camera) else _is_other_again(here, close, matched)
+            matched = matched if is_again else None
+        if matched is None:
+            matched = best_match(here, own, lags_ms=lags, distances_m=[max(fine, COARSE_M)])
+            if matched is not None and not (_is_own(camera, here, matched) or _is_own_again(matched)):
+                matched = None
+        if (matched is None or matched.share < SAME_SHARE) and (beside := match_beside(here, own)) is not None:
             shifted, away_m = beside
-            if _is_there(shifted, SURE) and (found is None or shifted.share > 1.2 * found.share):
+            if _is_there(shifted, SURE) and (matched is None or shifted.share > 1.2 * matched.share):
                 return [same_beside(self.site, shifted, away_m)]
-        if found is not None:
-            return [same_again(self.site, camera, here, found)]
+        if matched is not None:
+            return [same_again(self.site, camera, here, matched)]
         for factor in _OTHER_UNITS:
             scaled = Recording(here.ts_ms, here.places / factor, here.camera, here.track, here.owner, here.cameras)
             within = min(max(fine / factor, fine), COARSE_M)
-            found = best_match(scaled, own, lags_ms=lags[:1], distances_m=[within])
-            if found is not None and _is_there(found, SURE):
-                return [same_again(self.site, camera, here, found, factor=factor)]
+            matched = best_match(scaled, own, lags_ms=lags[:1], distances_m=[within])
+            if matched is not None and _is_there(matched, SURE):
+                return [same_again(self.site, camera, here, matched, factor=factor)]
         seen = there.at(is_other)
-        return [self._second_view(camera, here, found)] if (found := _seen_by(here, seen)) is not None else []
+        return [self._second_view(camera, here, matched)] if (matched := _seen_by(here, seen)) is not None else []
 
     def _at_other_times(self, table: TableName, asked: KeyedRecords, dense: Recording) -> list[SourceWarning]:
         """Compare records with earlier imports, whatever the times of these are, by their landmarks."""
@@ -241,9 +241,9 @@ class Door:
             shifted = Recording(here.ts_ms - lag_ms, here.places, here.camera, here.track, here.owner, here.cameras)
             rows = self._stored(table, shifted)
             stored = rows_of(self.site, table, rows, keyed_ms=np.zeros(0, dtype=np.int64)).recording
-            found = best_match(shifted, stored, lags_ms=[0], distances_m=[fine_m(here, stored)])
-            if found is not None and _is_there(found, SURE / 2):
-                return [with_other_times(self.site, line, found, lag_ms)]
+            matched = best_match(shifted, stored, lags_ms=[0], distances_m=[fine_m(here, stored)])
+            if matched is not None and _is_there(matched, SURE / 2):
+                return [with_other_times(self.site, line, matched, lag_ms)]
         return []
 
     def _beside_each_other(self, asked: Recording, dense: KeyedRecords) -> Iterator[SourceWarning]:
@@ -258,8 +258,8 @@ class Door:
             here = recording.of_camera(camera.camera_id).some(CAMERA_MAX)
             if len(here) < RECORDS_MIN or not len(there):
                 continue
-            if (found := _seen_by(here, there)) is not None:
-                yield self._second_view(camera, here, found)
+            if (matched := _seen_by(here, there)) is not None:
+                yield self._second_view(camera, here, matched)
                 return
 
     def _other_units(self, table: TableName, dense: KeyedRecords) -> Iterator[SourceWarning]:
@@ -290,9 +290,9 @@ class Door:
         )
         return None if rows is None else rows.recording.at(rows.is_metric)
 
-    def _second_view(self, camera: Camera, here: Recording, found: Match) -> SourceWarning:
+    def _second_view(self, camera: Camera, here: Recording, matched: Match) -> SourceWarning:
         has_view = {c.camera_id: self._has_view(c.camera_id) for c in self.site.cameras}
-        return second_view(camera, here, found, has_view=has_view)
+        return second_view(camera, here, matched, has_view=has_view)
 
     def _without_views(self, camera: Camera) -> list[Camera]:
         """Return the other cameras of a floor beside which it may count people twice."""
@@ -309,60 +309,60 @@ class Door:
 
 def _seen_by(here: Recording, there: Recording) -> Match | None:
     """Return how many people one other camera sees, of several; None where it is none."""
-    found = best_match(here, there, lags_ms=[0], distances_m=VIEWS_M)
-    if found is None or not _is_there(found, VIEW_SHARE):
+    matched = best_match(here, there, lags_ms=[0], distances_m=VIEWS_M)
+    if matched is None or not _is_there(matched, VIEW_SHARE):
         return None
-    no = by_number(found.other.camera[found.record[found.is_near]])[0]
+    no = by_number(matched.other.camera[matched.record[matched.is_near]])[0]
     # the people of many cameras together are near by chance more often
-    found = best_match(here, there.at(there.camera == no), lags_ms=[0], distances_m=VIEWS_M)
-    return found if found is not None and _is_there(found, VIEW_SHARE) else None
+    matched = best_match(here, there.at(there.camera == no), lags_ms=[0], distances_m=VIEWS_M)
+    return matched if matched is not None and _is_there(matched, VIEW_SHARE) else None
 
 
-def _is_own_again(found: Match) -> bool:
+def _is_own_again(matched: Match) -> bool:
     """Return whether it is a recording of the camera again: of coarse places, lags are tried until many are near."""
-    is_tried = found.within_m > COARSE_M and abs(found.lag_ms) >= 5
-    return _is_there(found, SURE if is_tried else SHARE_MIN)
+    is_tried = matched.within_m > COARSE_M and abs(matched.lag_ms) >= 5
+    return _is_there(matched, SURE if is_tried else SHARE_MIN)
 
 
-def _is_other_again(here: Recording, close: Recording, found: Match) -> bool:
+def _is_other_again(here: Recording, close: Recording, matched: Match) -> bool:
     """Return whether it is the recording of other cameras again, and no second view of the same people.
 
     Two cameras that round coarsely have somebody at one place, too, but places that were rounded alike are equal.
     """
-    if abs(found.lag_ms) <= UNSHIFTED_MS and found.within_m > CLEAR_M:
-        equal = match(here, Near(close, side_m=FINE_M), lag_ms=found.lag_ms, within_m=FINE_M, around_s=SAME_INSTANT_S)
-        if equal.share < EQUAL_SHARE and (found.within_m > COARSE_M or here.rounding_m() == close.rounding_m()):
+    if abs(matched.lag_ms) <= UNSHIFTED_MS and matched.within_m > CLEAR_M:
+        equal = match(here, Near(close, side_m=FINE_M), lag_ms=matched.lag_ms, within_m=FINE_M, around_s=SAME_INSTANT_S)
+        if equal.share < EQUAL_SHARE and (matched.within_m > COARSE_M or here.rounding_m() == close.rounding_m()):
             return False
-    return _is_there(found, SURE)
+    return _is_there(matched, SURE)
 
 
-def _is_there(found: Match, least: float) -> bool:
+def _is_there(matched: Match, least: float) -> bool:
     """Return whether so many records are there as nobody meets by chance."""
-    n = len(found.is_near)
-    is_more = found.share >= 1.5 * found.chance or found.excess >= SURE
-    return found.excess >= least and found.excess * n >= RECORDS_MIN / 2 and is_more
+    n = len(matched.is_near)
+    is_more = matched.share >= 1.5 * matched.chance or matched.excess >= SURE
+    return matched.excess >= least and matched.excess * n >= RECORDS_MIN / 2 and is_more
 
 
-def _is_own(camera: Camera, here: Recording, found: Match) -> bool:
+def _is_own(camera: Camera, here: Recording, matched: Match) -> bool:
     """Return whether nearly everybody is where the same camera has somebody at the same time: no camera sees two there.
 
     This tells of people who do not move, whom other times have at the same places.
     """
-    if abs(found.lag_ms) > UNSHIFTED_MS or found.within_m > COARSE_M:
+    if abs(matched.lag_ms) > UNSHIFTED_MS or matched.within_m > COARSE_M:
         return False
-    own_ms = found.other.of_camera(camera.camera_id).ts_ms
+    own_ms = matched.other.of_camera(camera.camera_id).ts_ms
     if not len(own_ms):
         return False
     at = np.searchsorted(own_ms, here.ts_ms).clip(0, len(own_ms) - 1)
     away_ms = np.minimum(np.abs(own_ms[at] - here.ts_ms), np.abs(own_ms[at - 1] - here.ts_ms))
     is_seen = away_ms <= 1000
-    return int(is_seen.sum()) >= RECORDS_MIN and bool(found.is_near[is_seen].mean() >= 0.9)
+    return int(is_seen.sum()) >= RECORDS_MIN and bool(matched.is_near[is_seen].mean() >= 0.9)
 
 
-def _has_own(found: Match, camera: Camera) -> bool:
-    record = found.record[found.is_near]
-    own = _no(found.other, camera.camera_id)
-    return bool(len(record)) and bool(np.mean(found.other.camera[record] == own) > 0.2)
+def _has_own(matched: Match, camera: Camera) -> bool:
+    record = matched.record[matched.is_near]
+    own = _no(matched.other, camera.camera_id)
+    return bool(len(record)) and bool(np.mean(matched.other.camera[record] == own) > 0.2)
 
 
 def _no(recording: Recording, camera_id: str) -> int:

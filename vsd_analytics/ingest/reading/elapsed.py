@@ -72,8 +72,8 @@ def elapsed_instants(values: pa.Array, *, start_ms: int, unit: float) -> Instant
     if is_text.any():
         at = np.flatnonzero(is_text)
         texts = trimmed(values).take(pa.array(at)).to_pylist()
-        found = [elapsed_ms(text or "", unit) for text in texts]
-        elapsed[at] = [math.nan if ms is None else ms for ms in found]
+        times_ms = [elapsed_ms(text or "", unit) for text in texts]
+        elapsed[at] = [math.nan if ms is None else ms for ms in times_ms]
     is_wrong = ~(np.abs(elapsed) < LONGEST_MS)
     ms = np.rint(np.where(is_wrong, 0, elapsed) + start_ms).astype(np.int64)
     return Instants(np.where(is_wrong, 0, ms), is_wrong)

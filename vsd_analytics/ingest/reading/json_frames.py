@@ -120,16 +120,18 @@ def json_frames(message: Mapping[str, Any], paths: MessagePaths, options: Ingest
         entries = [inner for _, thing in entries for inner in _entries(thing, front, paths.persons)]
     bad: BadRowError | None = None
     for key, entry in entries:
-        found = value_at(entry, rest) if rest else entry
-        if found is None and options.no_list_is_nobody:
+        persons = value_at(entry, rest) if rest else entry
+        if persons is None and options.no_list_is_nobody:
             yield JsonFrame(message, entry, key, [])
-        elif not isinstance(found, dict | list):
-            bad = bad or BadRowError("bad-message", _no_list(entry if rest else message, rest or paths.persons, found))
-        elif any(not isinstance(p, dict | list) for p in (found.values() if isinstance(found, dict) else found)):
+        elif not isinstance(persons, dict | list):
+            bad = bad or BadRowError(
+                "bad-message", _no_list(entry if rest else message, rest or paths.persons, persons)
+            )
+        elif any(not isinstance(p, dict | list) for p in (persons.values() if isinstance(persons, dict) else persons)):
             detail = f"a person at {paths.persons[:80]!r} is neither an object nor a list"
             bad = bad or BadRowError("bad-message", detail)
         else:
-            people = list(found.items()) if isinstance(found, dict) else [(None, person) for person in found]
+            people = list(persons.items()) if isinstance(persons, dict) else [(None, person) for person in persons]
             yield JsonFrame(message, entry, key, people)
     if bad is not None:
         raise bad

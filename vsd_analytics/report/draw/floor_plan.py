@@ -164,18 +164,18 @@ def _scale(shown: FloorMap, frame: Frame, rules: Rules) -> list[Markup]:
     if radius > MAX_FOOT_RADIUS:
         x, centre = frame.width - radius - 8, frame.height - radius - 8
     parts = [el("circle", cx=round(x, 1), cy=round(centre, 1), r=round(max(radius, 1.5), 1), **line)]
-    said = say("where.across", distance=fmt.distance(rules.distance_m, rules.distance_unit))
+    label = say("where.across", distance=fmt.distance(rules.distance_m, rules.distance_unit))
     words = "pt i" if frame.width > 0.6 * MAP_WIDTH else "pt i nar"  # a narrow floor is not shrunk on a phone
     if radius > MAX_FOOT_RADIUS:
-        parts.append(_text(said, x - radius - 10, centre + 5, class_="pt i halo", fill=INK, anchor="end"))
+        parts.append(_text(label, x - radius - 10, centre + 5, class_="pt i halo", fill=INK, anchor="end"))
     else:
         if radius > 6:
             parts.append(el("path", d=f"M{x - radius:.1f} {y}h{2 * radius:.1f}", **line))
-        parts.append(_text(said, x + radius + 10, y + 5, class_=words, fill=INK))
+        parts.append(_text(label, x + radius + 10, y + 5, class_=words, fill=INK))
     if shown.scale_bar_m:
         width = shown.scale_bar_m * frame.scale
         right = frame.width - 1
         parts.append(el("path", d=f"M{right - width:.1f} {y - 6}v8h{width:.1f}v-8", **line))
-        said = fmt.distance(shown.scale_bar_m, rules.distance_unit)
-        parts.append(_text(said, right - width - 10, y + 5, class_=words, fill=INK, anchor="end"))
+        label = fmt.distance(shown.scale_bar_m, rules.distance_unit)
+        parts.append(_text(label, right - width - 10, y + 5, class_=words, fill=INK, anchor="end"))
     return parts

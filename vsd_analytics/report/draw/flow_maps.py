@@ -156,13 +156,13 @@ def line_paths(
     hidden = shapely.Polygon() if not floor.unseen else shapely.union_all(
         [shapely.Polygon(frame.ring(p[0]), [frame.ring(r) for r in p[1:]]).buffer(0) for p in floor.unseen]
     )  # fmt: skip
-    found = []
+    paths = []
     for line in sorted(shown, key=lambda i: -i.per_open_h):
         wide = max(NARROWEST, WIDEST * line.per_open_h / top) * unit
         shape = _curve(middles[line.start], middles[line.end], wide, unit).difference(hidden)
         rings = [list(p.exterior.coords) for p in shapely.get_parts(shape) if isinstance(p, shapely.Polygon)]
-        found.append((line, straight_path(rings)))
-    return found
+        paths.append((line, straight_path(rings)))
+    return paths
 
 
 def _arrow(at: Point, arrow: Arrow, half: float, unit: float) -> str:

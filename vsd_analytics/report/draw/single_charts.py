@@ -42,12 +42,12 @@ class Drawing:
 
 
 def text(
-    said: str, x: float, y: float, *, size: float = 15, fill: str = INK, weight: int = 400, anchor: str = "start"
+    words: str, x: float, y: float, *, size: float = 15, fill: str = INK, weight: int = 400, anchor: str = "start"
 ) -> Markup:
     """Draw one line of text, with its base line at y."""
     return el(
         "text",
-        said,
+        words,
         x=round(x, 1),
         y=round(y, 1),
         font_size=size,
@@ -57,11 +57,11 @@ def text(
     )
 
 
-def wrapped(said: str, *, width: float, size: float) -> list[str]:
+def wrapped(words: str, *, width: float, size: float) -> list[str]:
     """Return a text as lines that fit a width; words longer than a line are cut."""
     room = max(4, int(width / (CHAR_EM * size)))
     lines: list[str] = []
-    for word in said.split():
+    for word in words.split():
         pieces = [word[i : i + room] for i in range(0, len(word), room)]
         for piece in pieces:
             if lines and len(lines[-1]) + 1 + len(piece) <= room:
@@ -71,9 +71,9 @@ def wrapped(said: str, *, width: float, size: float) -> list[str]:
     return lines
 
 
-def cut(said: str, *, width: float, size: float, n_lines: int = 1) -> list[str]:
+def cut(words: str, *, width: float, size: float, n_lines: int = 1) -> list[str]:
     """Return at most `n_lines` lines of a text; three dots end what was left out."""
-    lines = wrapped(said, width=width, size=size)
+    lines = wrapped(words, width=width, size=size)
     if len(lines) <= n_lines:
         return lines
     return [*lines[: n_lines - 1], lines[n_lines - 1][:-1].rstrip() + "…"]
@@ -178,14 +178,14 @@ def _cell(cell: Cell, x: float, y: float, width: float, height: float) -> Markup
     dashes = "5 3" if "part" in words else "2 3" if "low" in words else None
     ink = WHITE if step == 5 else MUTED if words & {"cl", "hb"} else INK
     place = {"x": round(x, 1), "y": round(y, 1), "width": round(width, 1), "height": round(height, 1)}
-    said = text(cell.text, x + width / 2, y + height / 2 + 5, size=14.5, fill=ink, anchor="middle")
+    label = text(cell.text, x + width / 2, y + height / 2 + 5, size=14.5, fill=ink, anchor="middle")
     if "hatch" in words:
         return el("rect", fill="url(#hat)", stroke=RULE, **place)
     if words & {"cl", "nx"}:
-        return said
+        return label
     if dashes:
-        return el("rect", fill=fill, stroke=ink, stroke_width=1.8, stroke_dasharray=dashes, **place) + said
-    return el("rect", fill=fill, stroke=RULE if not step or "hb" in words else "none", **place) + said
+        return el("rect", fill=fill, stroke=ink, stroke_width=1.8, stroke_dasharray=dashes, **place) + label
+    return el("rect", fill=fill, stroke=RULE if not step or "hb" in words else "none", **place) + label
 
 
 def changed(page: Page, *, width: float) -> Drawing | None:
@@ -256,8 +256,8 @@ def data(page: Page, *, width: float) -> Drawing | None:
     days = [d.day for d in page.strips[0].camera.days]
     parts = [text(say("data.camera"), 0, 16, size=14, fill=MUTED, weight=700), _rule(26, width)]
     for d, day in enumerate(days):
-        said = f"{fmt.day_short(day)} {day.day}"
-        parts.append(text(said, left + (d + 0.5) * slot, 16, size=14, fill=MUTED, weight=700, anchor="middle"))
+        label = f"{fmt.day_short(day)} {day.day}"
+        parts.append(text(label, left + (d + 0.5) * slot, 16, size=14, fill=MUTED, weight=700, anchor="middle"))
     parts.append(text(say("data.week"), width, 16, size=14, fill=MUTED, weight=700, anchor="end"))
     y = 26.0
     for row in page.strips:
@@ -266,8 +266,8 @@ def data(page: Page, *, width: float) -> Drawing | None:
         for d, (day_, drawing) in enumerate(zip(row.camera.days, row.strips, strict=True)):
             x = left + d * slot + 7
             parts.append(placed(drawing, x=x, y=y + 10, width=slot - 14, height=13))
-            said = fmt.percent_short(day_.share) if day_.share is not None else say("when.cell_closed")
-            parts.append(text(said, x + (slot - 14) / 2, y + 40, size=13, fill=MUTED, anchor="middle"))
+            label = fmt.percent_short(day_.share) if day_.share is not None else say("when.cell_closed")
+            parts.append(text(label, x + (slot - 14) / 2, y + 40, size=13, fill=MUTED, anchor="middle"))
         parts.append(text(fmt.percent_short(row.camera.share), width, y + 31, weight=700, anchor="end"))
         y += row_h
         parts.append(_rule(y, width))
@@ -295,7 +295,7 @@ def weeks(page: Page, *, width: float) -> Drawing | None:
         parts.append(placed(panel.wide, x=0, y=y + 24, width=width, height=height))
         y += 24 + height + 18
     notes = [say("trend.read"), *([say("trend.read_gap")] if view.has_gaps else [])]
-    marks = [say("figure.mark", letter=letter, at=at, text=said) for letter, at, said in view.marks]
+    marks = [say("figure.mark", letter=letter, at=at, text=words) for letter, at, words in view.marks]
     return Drawing(
         title=view.heading,
         unit=say("mail.span", week=page.report.week.number, first=page.span[0], last=page.span[1]),

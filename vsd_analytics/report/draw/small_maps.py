@@ -107,8 +107,8 @@ def mini_change(
     taken: list[shapely.Geometry] = []
     for kind, bands in (("fewer", shown.fewer), ("more", shown.more)):
         sign = "+" if kind == "more" else fmt.MINUS
-        said = [shapely.Polygon(frame.ring(a.ring)) for a in named if (numbers or {})[a.area_id].startswith(sign)]
-        signs, places = _signs(bands, frame, strong=shown.steps[1], is_plus=kind == "more", said=said)
+        signed = [shapely.Polygon(frame.ring(a.ring)) for a in named if (numbers or {})[a.area_id].startswith(sign)]
+        signs, places = _signs(bands, frame, strong=shown.steps[1], is_plus=kind == "more", said=signed)
         drawn += signs
         taken += places
     gone = moved_away(floor, shown)
@@ -205,9 +205,9 @@ def _scene_floor(shown: FloorMap, floor: FloorMap, frame: Frame, rules: Rules, n
 def _bar(across_m: float, frame: Frame, rules: Rules) -> Markup:
     """Draw a scale bar into the lower right corner, on a ground of its own."""
     length_m = nice_length_m(across_m, unit=rules.distance_unit)
-    said = fmt.distance(length_m, rules.distance_unit)
+    label = fmt.distance(length_m, rules.distance_unit)
     long, high = length_m / across_m * frame.width, 1.5 * SCENE_FONT
-    text = draw.text_width(said, SCENE_FONT)
+    text = draw.text_width(label, SCENE_FONT)
     wide = long + text + 34
     x, y = frame.width - wide, frame.height - high
     end, line = frame.width - 12, frame.height - 0.44 * high
@@ -216,7 +216,7 @@ def _bar(across_m: float, frame: Frame, rules: Rules) -> Markup:
         [
             el("rect", class_="bg", fill=WHITE, x=round(x), y=round(y), width=round(wide) + 1, height=round(high) + 1),
             el("path", class_="sc", fill="none", stroke=INK, stroke_width=3, d=path),
-            el("text", said, class_="bt", fill=INK, font_size=SCENE_FONT, x=round(x + 10), y=round(line + 4)),
+            el("text", label, class_="bt", fill=INK, font_size=SCENE_FONT, x=round(x + 10), y=round(line + 4)),
         ]
     )
 
@@ -269,8 +269,8 @@ def _numbers(
     taken, drawn = list(taken), []
     whole = shapely.box(0, 0, frame.width, frame.height)
     for area in areas:
-        said = numbers[area.area_id]
-        wide, high = draw.text_width(said, NUMBER_FONT) / 2 + 2, NUMBER_FONT / 2
+        number = numbers[area.area_id]
+        wide, high = draw.text_width(number, NUMBER_FONT) / 2 + 2, NUMBER_FONT / 2
         shape = shapely.Polygon(frame.ring(area.ring))
         x0, y0, x1, y1 = shape.bounds
         middle = shape.representative_point()
@@ -281,7 +281,7 @@ def _numbers(
         box = next(iter(free), boxes[0])
         taken.append(box)
         x, y = box.centroid.x, box.centroid.y
-        drawn.append(centred(said, x, y, class_="cn halo", fill=INK, size=NUMBER_FONT, weight=700))
+        drawn.append(centred(number, x, y, class_="cn halo", fill=INK, size=NUMBER_FONT, weight=700))
     return drawn
 
 
@@ -315,5 +315,5 @@ def _signs(
 
 
 def _shapes(band: MapBand, frame: Frame) -> list[shapely.Polygon]:
-    made = [shapely.Polygon(frame.ring(p[0]), [frame.ring(r) for r in p[1:]]).buffer(0) for p in band.polygons]
-    return [part for shape in made for part in shapely.get_parts(shape) if part.area > 0]
+    shapes = [shapely.Polygon(frame.ring(p[0]), [frame.ring(r) for r in p[1:]]).buffer(0) for p in band.polygons]
+    return [part for shape in shapes for part in shapely.get_parts(shape) if part.area > 0]

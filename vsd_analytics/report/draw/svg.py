@@ -29,12 +29,12 @@ FEWER, MORE, BAR, RECORDED, BAND = "#1f6f9f", "#b8553f", "#a39d90", "#6793b0", "
 
 def el(tag: str, content: str | Markup = "", /, **attributes: str | float | None) -> Markup:
     """Return one element; underscores in attribute names become hyphens, None leaves an attribute out."""
-    said = "".join(
+    attribute_text = "".join(
         f' {name.rstrip("_").replace("_", "-")}="{escape(_short(value))}"'
         for name, value in attributes.items()
         if value is not None
     )
-    return Markup(f"<{tag}{said}>{escape(content)}</{tag}>" if content else f"<{tag}{said}/>")
+    return Markup(f"<{tag}{attribute_text}>{escape(content)}</{tag}>" if content else f"<{tag}{attribute_text}/>")
 
 
 def drawing(
@@ -54,12 +54,12 @@ def drawing(
 
 
 def centred(
-    said: str, x: float, y: float, *, class_: str, fill: str, size: float, weight: int | None = None, turn: str = ""
+    words: str, x: float, y: float, *, class_: str, fill: str, size: float, weight: int | None = None, turn: str = ""
 ) -> Markup:
     """Return a line of text around a point, turned by the transformation `turn`."""
     middle = {"text_anchor": "middle", "dominant_baseline": "central"}
     look: Look = {"class_": class_, "fill": fill, "font_size": size, "font_weight": weight}
-    return el("text", said, **look, **middle, x=round(x), y=round(y), transform=turn or None)
+    return el("text", words, **look, **middle, x=round(x), y=round(y), transform=turn or None)
 
 
 def chart_text(

@@ -113,8 +113,8 @@ def spark(trend: Trend | None, measure: Measure) -> Markup:
 
 def known(week: TrendWeek, measure: Measure) -> Estimate | None:
     """Return what a week measured of violations or of time too close; None where it has no value."""
-    found = week.violation_rate if measure == "violation_rate" else week.close
-    return found if found is not None and found.value is not None else None
+    estimate = week.violation_rate if measure == "violation_rate" else week.close
+    return estimate if estimate is not None and estimate.value is not None else None
 
 
 def _step(top: float) -> float:
@@ -211,6 +211,6 @@ def _dots(
         ring: Look = {"stroke": INK, "stroke_width": 1.6, "stroke_dasharray": "2 2" if is_other[i] else None}
         parts.append(el("circle", class_=style, fill=fill, **ring, cx=x, cy=round(y, 1), r=r))
         if is_last:
-            said = fmt.number(e.value) if measure == "violation_rate" else fmt.percent(e.value)
-            parts.append(chart_text(said, x + 13, y + 5, anchor="start", class_="tv", font_weight="700"))
+            label = fmt.number(e.value) if measure == "violation_rate" else fmt.percent(e.value)
+            parts.append(chart_text(label, x + 13, y + 5, anchor="start", class_="tv", font_weight="700"))
     return parts

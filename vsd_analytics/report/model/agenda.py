@@ -36,15 +36,17 @@ OWN: Final = timedelta(weeks=26)
 """An answer so near to a week answers its own question; ids of questions come again each year."""
 
 
-def agenda(report: WeekReport, data: WeekData, found: FloorHotspots | None) -> Agenda:
+def agenda(report: WeekReport, data: WeekData, hotspots: FloorHotspots | None) -> Agenda:
     """Return what this week may ask, and what earlier weeks asked.
 
     Args:
         report: The report with its areas and numbered spots.
         data: The week.
-        found: The hotspots its cards were made from; None = there are none.
+        hotspots: The hotspots its cards were made from; None = there are none.
     """
-    return Agenda(places=_places(report, data, found), asked=past_questions(data), busiest_before=_busiest_before(data))
+    return Agenda(
+        places=_places(report, data, hotspots), asked=past_questions(data), busiest_before=_busiest_before(data)
+    )
 
 
 def changed_on(data: WeekData) -> dict[str, date]:
@@ -75,12 +77,12 @@ def past_questions(data: WeekData) -> tuple[PastQuestion, ...]:
     known = {a.question: a for a in answers if end - MEMORY <= a.at < end}
     own = {a.question: a for a in answers if end - OWN <= a.at < end + OWN}
     changes = {(e.question, e.at): number for number, e in enumerate(read_log(site), 1) if e.question is not None}
-    found = []
+    questions = []
     for one in asked:
         answer = (own if one.monday == data.monday else known).get(one.question_id)
         if answer is None and one.monday == data.monday:
             continue
-        found.append(
+        questions.append(
             same_fields(
                 PastQuestion,
                 one,
@@ -92,13 +94,13 @@ def past_questions(data: WeekData) -> tuple[PastQuestion, ...]:
                 change=None if answer is None else changes.get((one.question_id, answer.at)),
             )
         )
-    return tuple(found)
+    return tuple(questions)
 
 
-def _places(report: WeekReport, data: WeekData, found: FloorHotspots | None) -> tuple[PlaceToAsk, ...]:
+def _places(report: WeekReport, data: WeekData, hotspots: FloorHotspots | None) -> tuple[PlaceToAsk, ...]:
     """Return the material areas, the rest of the floor last: most time beyond its crowd first, then most violations."""
     cards = {c.area_id: c for c in reversed(report.spots.cards)} if report.spots is not None else {}
-    spots = {} if found is None else {s.number: place_shape(s.place) for s in found.spots}
+    spots = {} if hotspots is None else {s.number: place_shape(s.place) for s in hotspots.spots}
     is_tested = report.spots is not None and report.spots.kind == "tested"
     shapes = {area_id: spots.get(c.number) for area_id, c in cards.items()} if is_tested else {}
     changed = changed_on(data)
@@ -154,11 +156,11 @@ def _weeks_before(data: WeekData) -> tuple[date, date]:
 
 def _busiest_before(data: WeekData) -> tuple[str, ...]:
     """Return the busiest area of each week before, the latest first; weeks in which it had few are left out."""
-    found = []
+    busiest = []
     for k in range(1, BUSIEST_WEEKS + 1):
         inside = data.week(data.monday - k * WEEK)
         sums = {a.area_id: float(data.area(a.area_id).n[:, inside].sum()) for a in data.areas}
         best = busiest_area(data, {k: n for k, n in sums.items() if n}, total=float(data.whole.n[:, inside].sum()))
         if best is not None and not data.mask.hides(round(sums[best])):
-            found.append(best)
-    return tuple(found)
+            busiest.append(best)
+    return tuple(busiest)

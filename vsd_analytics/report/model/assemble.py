@@ -91,10 +91,10 @@ def measured(
         data = WeekData(_made(warehouse), floor=floor, monday=first, last=last, clock=clock, released=released)
         if data.is_shared_otherwise:
             raise _shared_otherwise(first, site.settings.people, data.people_shared)
-        found = LazyAnswers(data)
-        report = _report(data, floor, found, now, has_context=has_context or site.settings.show_context)
+        answers = LazyAnswers(data)
+        report = _report(data, floor, answers, now, has_context=has_context or site.settings.show_context)
         if not data.is_released:
-            report = (add_week_sections if data.is_week else add_days_sections)(report, data, found)
+            report = (add_week_sections if data.is_week else add_days_sections)(report, data, answers)
         report = add_maps(report, data)
         data.remember_shared()
         return report
@@ -107,13 +107,13 @@ def _released(site: Site, floor: Floor, monday: date, clock: datetime) -> Releas
         UsageError: E105, nothing yet.
     """
     closed = min(last_closed_day(site, clock), monday + WEEK - DAY)
-    found = None
+    released = None
     if closed >= monday:
         with open_warehouse(site, monday, closed, threads=THREADS) as warehouse:
-            found = release(FloorHours(warehouse, floor=floor), monday, closed)
-    if found is None:
+            released = release(FloorHours(warehouse, floor=floor), monday, closed)
+    if released is None:
         raise not_yet(monday)
-    return found
+    return released
 
 
 def _shared_otherwise(monday: date, people: str, people_then: str) -> ReportError:
@@ -153,10 +153,12 @@ def _first_day(site: Site, monday: date) -> date:
     return max(earliest, min(stored, monday - WEEK))
 
 
-def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | None, *, has_context: bool) -> WeekReport:
+def _report(
+    data: WeekData, floor: Floor, answers: LazyAnswers, now: datetime | None, *, has_context: bool
+) -> WeekReport:
     site, settings = data.site, data.site.settings
     sent = engines(site, data.monday, data.sunday)
-    coverage = recording.coverage(data, found.camera_watch)
+    coverage = recording.coverage(data, answers.camera_watch)
     is_alike = data.is_week or data.span % WEEK == timedelta()
     has_before = is_alike and bool(data.hours.recorded_s[:, data.week(data.monday - data.span)].any())
     has_before = has_before and data.hidden_before.why_floor not in NOT_AGAIN  # its people and times would tell
@@ -172,7 +174,7 @@ def _report(data: WeekData, floor: Floor, found: LazyAnswers, now: datetime | No
     level = floor_level(data, is_compared=is_compared, areas=areas)
     has_ranking = is_ranked and level.violation_rate.value != 0
     made_at = _made_at(data, now)
-    inputs = FigureInputs(data, found, coverage, level, areas.rows, hours.when, is_ranked)
+    inputs = FigureInputs(data, answers, coverage, level, areas.rows, hours.when, is_ranked)
     shared = shared_answers(inputs, metrics=SO_FAR if data.is_released else None, has_context=has_context)
     return WeekReport(
         site=SiteRef(

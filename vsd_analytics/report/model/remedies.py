@@ -82,13 +82,13 @@ def remedies(
     own = [_own(area.ask)] if area is not None and area.ask else []
     if is_unsure:
         return (_asked("check", name, when), *own, *(_asked(key, name, when) for key in ("spread", "fewer")))
-    found = ["queue"] if is_queue or named == "queue" else []
-    found += [f"move-{f.fixture_id}" for f in movable]
-    if shape is not None and is_aisle_end(shape, near) and found[:1] != ["queue"]:
-        found.append("one_way")  # a queue beside shelves stays a queue
-    found += [named, "spread", "fewer"]
+    keys = ["queue"] if is_queue or named == "queue" else []
+    keys += [f"move-{f.fixture_id}" for f in movable]
+    if shape is not None and is_aisle_end(shape, near) and keys[:1] != ["queue"]:
+        keys.append("one_way")  # a queue beside shelves stays a queue
+    keys += [named, "spread", "fewer"]
     names = {f"move-{f.fixture_id}": f.name for f in movable}
-    return (*own, *(_asked(key, name, when, names.get(key, "")) for key in dict.fromkeys(found)))
+    return (*own, *(_asked(key, name, when, names.get(key, "")) for key in dict.fromkeys(keys)))
 
 
 def rest_of_floor(when: str) -> tuple[Remedy, ...]:

@@ -19,64 +19,64 @@ from vsd_analytics.report.model.spot_names import with_words
 from vsd_analytics.report.model.week import WeekReport
 
 
-def add_week_sections(report: WeekReport, data: WeekData, found: LazyAnswers) -> WeekReport:
+def add_week_sections(report: WeekReport, data: WeekData, answers: LazyAnswers) -> WeekReport:
     """Return the report with its spots, readings, logged changes, causes, weeks, outlook, self-check and unusual hours.
 
     What a week cannot tell stays None: nothing is ranked or judged in a week without data, too incomplete, or empty.
     """
-    made = replace(
+    extended = replace(
         report,
         trend=trend_weeks.trend(
             data,
-            found.trend,
+            answers.trend,
             level=report.level,
-            same_engine_since=trend_weeks.same_engine_since(data, found.trend.weeks),
+            same_engine_since=trend_weeks.same_engine_since(data, answers.trend.weeks),
         ),
-        outlook=outlook.outlook(found.outlook),
-        selfcheck=_self_check(found.self_check),
+        outlook=outlook.outlook(answers.outlook),
+        selfcheck=_self_check(answers.self_check),
     )
-    made = replace(made, agenda=agenda(made, data, None))
-    made = replace(made, logged_changes=logged_changes(data, found))
+    extended = replace(extended, agenda=agenda(extended, data, None))
+    extended = replace(extended, logged_changes=logged_changes(data, answers))
     if report.state in ("no_data", "too_incomplete") or report.level.violation_rate.state == "not_measurable":
-        return made
-    made = replace(
-        made,
-        change_effects=change_effects.change_effects(data, found.change_effects),
+        return extended
+    extended = replace(
+        extended,
+        change_effects=change_effects.change_effects(data, answers.change_effects),
         causes=change_effects.causes(
-            found.mixing, people_moved_by=change_effects.moved_people(data, found.change_effects)
+            answers.mixing, people_moved_by=change_effects.moved_people(data, answers.change_effects)
         )
         if report.state == "normal"
         else None,
-        unusual=outlook.unusual(found.unusual, when=report.when),
+        unusual=outlook.unusual(answers.unusual, when=report.when),
     )
     if not report.level.violation_rate.value:
-        return made
+        return extended
     numbers = spots.spots(
         data,
-        found.hotspots,
-        revealing=found.revealing_spots,
+        answers.hotspots,
+        revealing=answers.revealing_spots,
         areas=report.areas,
         maps=report.maps,
         coverage=report.coverage,
     )
-    chosen = with_words(numbers, data, found.hotspots)
-    made = replace(made, spots=chosen)
+    chosen = with_words(numbers, data, answers.hotspots)
+    extended = replace(extended, spots=chosen)
     return replace(
-        made,
-        agenda=agenda(made, data, found.hotspots),
-        readings=readings.readings(data, found.groups, level=report.level, areas=report.areas),
+        extended,
+        agenda=agenda(extended, data, answers.hotspots),
+        readings=readings.readings(data, answers.groups, level=report.level, areas=report.areas),
         maps=spots.numbered(report.maps, chosen),
     )
 
 
-def add_days_sections(report: WeekReport, data: WeekData, found: LazyAnswers) -> WeekReport:
+def add_days_sections(report: WeekReport, data: WeekData, answers: LazyAnswers) -> WeekReport:
     """Return the report of days that are no week with what such days can tell: readings and causes."""
     if report.state in ("no_data", "too_incomplete") or not report.level.violation_rate.value:
         return report
     return replace(
         report,
-        causes=change_effects.causes(found.mixing, people_moved_by=()) if report.state == "normal" else None,
-        readings=readings.readings(data, found.groups, level=report.level, areas=report.areas),
+        causes=change_effects.causes(answers.mixing, people_moved_by=()) if report.state == "normal" else None,
+        readings=readings.readings(data, answers.groups, level=report.level, areas=report.areas),
     )
 
 
@@ -99,11 +99,12 @@ def add_maps(report: WeekReport, data: WeekData) -> WeekReport:
     )
 
 
-def _self_check(found: FloorSelfCheck) -> SelfCheck:
+def _self_check(check: FloorSelfCheck) -> SelfCheck:
     """Return how often the report's verdicts are false alarms here."""
-    measured = {"both": found.both, "violation_rate": found.violation_rate, "encounter_rate": found.encounter_rate}
+    measured = {"both": check.both, "violation_rate": check.violation_rate, "encounter_rate": check.encounter_rate}
     shares = {
-        name: None if of is None else same_fields(FalseAlarmShare, of, share=of.value) for name, of in measured.items()
+        name: None if alarms is None else same_fields(FalseAlarmShare, alarms, share=alarms.value)
+        for name, alarms in measured.items()
     }
-    expected, lo, hi = found.false_a_year or (None, None, None)
-    return same_fields(SelfCheck, found, **shares, false_a_year=expected, false_a_year_lo=lo, false_a_year_hi=hi)
+    expected, lo, hi = check.false_a_year or (None, None, None)
+    return same_fields(SelfCheck, check, **shares, false_a_year=expected, false_a_year_lo=lo, false_a_year_hi=hi)

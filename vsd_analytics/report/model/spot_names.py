@@ -24,21 +24,23 @@ NEAR_AREA_M: Final = 3.0
 """A hotspot outside all areas is named after one that is at most this far away."""
 
 
-def with_words(made: Spots, data: WeekData, found: FloorHotspots) -> Spots:
+def with_words(spots: Spots, data: WeekData, hotspots: FloorHotspots) -> Spots:
     """Return the spots with names and questions.
 
     Args:
-        made: Their figures, numbered in order.
+        spots: Their figures, numbered in order.
         data: The week.
-        found: The hotspots they were made from, in the same order where they are tested ones.
+        hotspots: The hotspots they were made from, in the same order where they are tested ones.
     """
-    if made.kind == "tested":
-        places = {s.number: s.place for s in found.spots}  # a card may be left out between two hotspots
-        cards = tuple(_tested(data, card, places[card.number]) for card in made.cards)
+    if spots.kind == "tested":
+        places = {s.number: s.place for s in hotspots.spots}  # a card may be left out between two hotspots
+        cards = tuple(_tested(data, card, places[card.number]) for card in spots.cards)
     else:
-        cards = tuple(_busiest(data, card) for card in made.cards)
-    watching = (replace(one, name=place_name(s.place)) for one, s in zip(made.watching, found.watching, strict=True))
-    return replace(made, cards=cards, watching=tuple(watching))
+        cards = tuple(_busiest(data, card) for card in spots.cards)
+    watching = (
+        replace(one, name=place_name(s.place)) for one, s in zip(spots.watching, hotspots.watching, strict=True)
+    )
+    return replace(spots, cards=cards, watching=tuple(watching))
 
 
 def place_name(place: CellPlace) -> str:
@@ -78,7 +80,7 @@ def _asked(
     day = changed_on(data).get(area.area_id) if area is not None else None
     if day is not None:
         return say("ask.watched", date=fmt.date_short(day)), ""
-    made = rules.remedies(
+    remedies = rules.remedies(
         name,
         shape,
         area=area,
@@ -87,9 +89,9 @@ def _asked(
         is_unsure=evidence is not None and evidence.sureness == "low",
     )
     if area is None:
-        return made[0].short, made[0].text
+        return remedies[0].short, remedies[0].text
     past = past_questions(data)
-    for r in made:
+    for r in remedies:
         same = any((p.place, p.remedy) == (area.area_id, r.key) for p in past)
         asked = rules.Candidate(place=area.area_id, remedy=r.key, text=r.text, again=r.again, area_id=area.area_id)
         if rules.wording(asked, past, monday=data.monday) is not None:

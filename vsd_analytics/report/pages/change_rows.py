@@ -68,20 +68,22 @@ def _row(
     if is_masked:
         estimate = Estimate(value=None, verdict="too_little_data", reason=Reason("hidden.area"))
     clear = estimate.verdict in CLEAR
-    said = say("changed.not_measurable") if estimate.state == "not_measurable" else terms.verdict_words(estimate)
+    words = say("changed.not_measurable") if estimate.state == "not_measurable" else terms.verdict_words(estimate)
     unknown = estimate.change is None
     span = fmt.range_signed(estimate)
     detail = span or reason_text(estimate.reason)
     if estimate.reason == GIVES_AWAY:
-        said, detail = say("changed.held"), say("changed.held_text")
+        words, detail = say("changed.held"), say("changed.held_text")
     elif is_brief and span and estimate.verdict == "cannot_tell":
-        said, detail = span, ""
+        words, detail = span, ""
     return ChangeRow(
         name=name,
         previous=fmt.number(estimate.previous),
         value=fmt.number(estimate.value),
         bar=svg.change_bar(estimate, limit=limit),
-        words=say("changed.clear", verdict=said, change=fmt.signed(estimate.change)) if clear and not unknown else said,
+        words=say("changed.clear", verdict=words, change=fmt.signed(estimate.change))
+        if clear and not unknown
+        else words,
         detail=detail,
         direction=terms.direction(estimate.verdict),
         is_total=is_total,

@@ -35,13 +35,13 @@ def came_of(change: JudgedChange | None, *, day: date | None = None) -> str:
     match change.outcome:
         case "site_wide":
             return ""
-        case "too_early" | "alone" as said:
+        case "too_early" | "alone" as outcome:
             if change.foreseen is not None and change.foreseen.reason is not None:
                 return _untestable(change.foreseen)
             reason = reason_text(change.reason if change.running is None else change.running.reason).rstrip(".")
             early = say("came_of.early", reason=reason) if reason else say("came_of.nothing")
             return " ".join(
-                part for part in (say("came_of.alone") if said == "alone" else early, ahead(change, day)) if part
+                part for part in (say("came_of.alone") if outcome == "alone" else early, ahead(change, day)) if part
             )
         case "works":
             return say("came_of.works", story=story(change))
@@ -58,9 +58,9 @@ def story(change: JudgedChange) -> str:
     if running is None:
         raise AssertionError("a change with an effect has a running verdict")
     why = reason_text(change.not_yet).rstrip(".")
-    said = "works" if change.outcome == "fell" and not why else change.outcome
+    outcome = "works" if change.outcome == "fell" and not why else change.outcome
     return say(
-        f"came_of.story_{said}",
+        f"came_of.story_{outcome}",
         why=terms.capital(why),
         effect=_effect(change, running),
         areas=terms.joined(change.compared_with),
@@ -86,19 +86,19 @@ def ahead(change: JudgedChange, day: date | None) -> str:
         change: A change that is not clear yet.
         day: Last day of what the output shows.
     """
-    found = change.foreseen
-    if found is None:
+    foreseen = change.foreseen
+    if foreseen is None:
         return ""
-    if found.reason is not None:
-        return _untestable(found)
-    size, power = fmt.percent(abs(found.change)), fmt.percent(found.power)
-    way = "fall" if found.change < 0 else "rise"
-    if found.clear_by is None:
-        few = "few_" if found.n_areas < MIN_AREAS else ""
-        n = found.n_areas
-        return say(f"foreseen.never_{few}{way}", plural=n, n=n, size=size, power=power, weeks=found.weeks_max)
-    is_over = day is not None and found.clear_by <= day
-    week = found.clear_by.isocalendar().week
+    if foreseen.reason is not None:
+        return _untestable(foreseen)
+    size, power = fmt.percent(abs(foreseen.change)), fmt.percent(foreseen.power)
+    way = "fall" if foreseen.change < 0 else "rise"
+    if foreseen.clear_by is None:
+        few = "few_" if foreseen.n_areas < MIN_AREAS else ""
+        n = foreseen.n_areas
+        return say(f"foreseen.never_{few}{way}", plural=n, n=n, size=size, power=power, weeks=foreseen.weeks_max)
+    is_over = day is not None and foreseen.clear_by <= day
+    week = foreseen.clear_by.isocalendar().week
     return say(f"foreseen.{'was' if is_over else 'will_be'}_{way}", size=size, power=power, week=week)
 
 
@@ -184,11 +184,11 @@ def _more(area: ReceivingArea) -> str:
     return say("came_of.took_up_range", low=low, high=fmt.signed(area.change_hi))
 
 
-def _untestable(found: Foreseen) -> str:
+def _untestable(foreseen: Foreseen) -> str:
     """Return why no week will tell, and what would: an area to compare with, or days with and without the change."""
-    why = reason_text(found.reason).rstrip(".")
-    near = [_left_out(reason) for reason in found.left_out[:NEAR_MAX]]
-    is_alone = found.reason is not None and found.reason.code == "logged_change.no_comparison"
+    why = reason_text(foreseen.reason).rstrip(".")
+    near = [_left_out(reason) for reason in foreseen.left_out[:NEAR_MAX]]
+    is_alone = foreseen.reason is not None and foreseen.reason.code == "logged_change.no_comparison"
     if is_alone and near:
         why = say("foreseen.no_area", areas="; ".join(near))
     return say("foreseen.untestable_area" if is_alone else "foreseen.untestable_weeks", why=why)

@@ -102,8 +102,8 @@ def _lines(answers: Answers, series: str) -> Iterator[str]:
                 plain=fmt.signed(plain.value),
             )  # fmt: skip
     for name, column, key in _PER:
-        found = answers.get(name)
-        for each in () if found is None else found.where(series=series):
+        answer = answers.get(name)
+        for each in () if answer is None else answer.where(series=series):
             value = value_of(each, column)
             if value.value is not None:
                 low, high = (fmt.number(end) for end in (value.lo, value.hi))

@@ -62,8 +62,8 @@ def changed(report: WeekReport) -> str:
         return say("titles.changed_one", area=clear[0])
     if len(clear) > 3:
         return say("titles.changed_many", n=len(clear))
-    said = terms.joined(clear)
-    return say("titles.changed", areas=f"{said[:1].upper()}{said[1:]}")
+    names = terms.joined(clear)
+    return say("titles.changed", areas=f"{names[:1].upper()}{names[1:]}")
 
 
 def data(report: WeekReport) -> str:
@@ -94,6 +94,6 @@ def changed_places(shown: ChangeMaps) -> str:
 
 def _named(amounts: Sequence[tuple[float, ChangedPlace]]) -> str:
     """Return the places that changed most, in words; "" when none did."""
-    found = sorted((item for item in amounts if item[0] > 0), key=lambda item: (-item[0], item[1].name))
-    kept = [p for n, p in found if n >= NAMED_SHARE * found[0][0]][:NAMED_MAX]
+    ranked = sorted((item for item in amounts if item[0] > 0), key=lambda item: (-item[0], item[1].name))
+    kept = [p for n, p in ranked if n >= NAMED_SHARE * ranked[0][0]][:NAMED_MAX]
     return terms.joined(say("maps.rest") if p.area_id is None else p.name for p in kept)

@@ -27,8 +27,8 @@ def figures_by_id(report: WeekReport) -> Mapping[str, Figure]:
     """
     held = {column.figure for answer in report.answers for column in answer.columns} - {""}
     units = {metric: figure_unit(metric, report.rules) for metric in held}
-    found = {metric: _with_texts(figure_of(metric, report.answers, unit=unit)) for metric, unit in units.items()}
-    return dict(sorted({**report.figures, **found}.items(), key=lambda entry: int(entry[0][1:])))
+    figures = {metric: _with_texts(figure_of(metric, report.answers, unit=unit)) for metric, unit in units.items()}
+    return dict(sorted({**report.figures, **figures}.items(), key=lambda entry: int(entry[0][1:])))
 
 
 def _with_texts(figure: Figure) -> Figure:

@@ -134,15 +134,15 @@ def _headline(rows: Sequence[Row]) -> str:
 
 def _said(rows: Sequence[Row]) -> tuple[str, ...]:
     """Return sentences on lines above and below their usual range."""
-    said = []
+    sentences = []
     for side in ("above", "below"):
         names = [str(row["name"]) for row in rows if _position(row) == side]
         if names:
             shown = terms.joined(f"“{n}”" for n in names) if len(names) <= NAMED_MAX else fmt.count(len(names))
-            said.append(terms.capital(say(f"footfall.{side}", plural=len(names), n=shown)) + ".")
-    if not said and any(_position(row) == "within" for row in rows):
-        said.append(say("footfall.all_usual"))
-    return (*said, say("footfall.twice")) if len(rows) > 1 else tuple(said)
+            sentences.append(terms.capital(say(f"footfall.{side}", plural=len(names), n=shown)) + ".")
+    if not sentences and any(_position(row) == "within" for row in rows):
+        sentences.append(say("footfall.all_usual"))
+    return (*sentences, say("footfall.twice")) if len(rows) > 1 else tuple(sentences)
 
 
 def _special(answer: Answer) -> tuple[str, ...]:
@@ -206,11 +206,11 @@ def _weeks(rows: Sequence[Row]) -> LineWeeksView:
         )
         for day, value in values
     ]  # fmt: skip
-    said = "; ".join(f"{row['week']}: {fmt.number(value.value)}" for row, (_, value) in zip(rows, values, strict=True))
+    weeks = "; ".join(f"{row['week']}: {fmt.number(value.value)}" for row, (_, value) in zip(rows, values, strict=True))
     return LineWeeksView(
         name=name,
         said="",
-        chart=line_chart(days, width=NARROW, label=say("footfall.week_label", name=name, weeks=said)),
+        chart=line_chart(days, width=NARROW, label=say("footfall.week_label", name=name, weeks=weeks)),
     )
 
 

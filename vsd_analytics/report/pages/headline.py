@@ -286,8 +286,8 @@ def _normal_lead(report: WeekReport) -> list[Span]:
                 Span(text=say("lead.clear", change=fmt.fewer_more(violation_rate.change), since=since, likely=likely))
             )
         case "about_same" | "cannot_tell":
-            said = say("lead.in_brackets", text=likely) if likely else ""
-            spans.append(Span(text=say("lead.not_clear", since=since, likely=said)))
+            in_brackets = say("lead.in_brackets", text=likely) if likely else ""
+            spans.append(Span(text=say("lead.not_clear", since=since, likely=in_brackets)))
         case _:
             spans.append(Span(text=say("lead.unknown", since=since)))
     spans += [*_usual(report), *_close_spans(report)]

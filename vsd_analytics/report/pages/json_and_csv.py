@@ -212,8 +212,8 @@ def _spot(card: SpotCard, kind: str, *, is_rate_shown: bool) -> tuple[Any, ...]:
     )
 
 
-def _state(found: Estimate | None) -> str | None:
-    return None if found is None else found.state
+def _state(estimate: Estimate | None) -> str | None:
+    return None if estimate is None else estimate.state
 
 
 def _csv(columns: tuple[str, ...], rows: list[tuple[Any, ...]]) -> str:

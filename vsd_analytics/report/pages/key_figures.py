@@ -90,8 +90,8 @@ def _change(report: WeekReport, estimate: Estimate, *, is_counted: bool = True) 
     if report.state != "normal" or estimate.state != "ok":
         return "", "same"
     if estimate.verdict in ("clear_fall", "clear_rise"):
-        said = fmt.fewer_more if is_counted else fmt.less_more
-        return said(estimate.change), terms.direction(estimate.verdict)
+        written = fmt.fewer_more if is_counted else fmt.less_more
+        return written(estimate.change), terms.direction(estimate.verdict)
     return terms.verdict_words(estimate), "same"
 
 
@@ -110,16 +110,16 @@ def _against(
 
 def _between(report: WeekReport) -> str:
     """Return how often by the second reading; empty where there is none."""
-    found = report.readings
-    if found is None or found.between is None or found.all is None:
+    readings = report.readings
+    if readings is None or readings.between is None or readings.all is None:
         return ""
-    between, every = found.between.violation_rate, found.all.violation_rate
+    between, every = readings.between.violation_rate, readings.all.violation_rate
     if between.value is None or every.value is None:
         return ""
     rate = fmt.number(between.value)
-    if not found.left_out:
+    if not readings.left_out:
         return say("tiles.between", rate=rate)
-    without = terms.joined(terms.camera_name(c) for c in found.left_out)
+    without = terms.joined(terms.camera_name(c) for c in readings.left_out)
     return say("tiles.between_part", rate=rate, all=fmt.number(every.value), cameras=without)
 
 

@@ -124,13 +124,13 @@ def _said(row: Row) -> tuple[str, ...]:
     if _has_one_number(row):
         both = value_of(row, "n_both")
         if both.value is None:
-            said = [say("lines.unknown", reason=_why(both))]
+            sentences = [say("lines.unknown", reason=_why(both))]
         else:
-            said = [say("lines.both", n=fmt.count(both.value), left=row["left"], right=row["right"])]
+            sentences = [say("lines.both", n=fmt.count(both.value), left=row["left"], right=row["right"])]
     elif len(reasons) == 1 and all(value.value is None for value in values):
-        said = [say("lines.unknown", reason=reasons.pop())]
+        sentences = [say("lines.unknown", reason=reasons.pop())]
     else:
-        said = [
+        sentences = [
             say(f"lines.no_{side}", side=row[side], reason=_why(value))
             if value.value is None
             else say(f"lines.{side}", side=row[side], n=fmt.count(value.value))
@@ -138,8 +138,8 @@ def _said(row: Row) -> tuple[str, ...]:
         ]
     share = row["recorded_open_share"]
     if isinstance(share, float):
-        said.append(say("lines.recorded" if share == 1 else "lines.recorded_part", share=fmt.percent(share)))
-    return tuple(said)
+        sentences.append(say("lines.recorded" if share == 1 else "lines.recorded_part", share=fmt.percent(share)))
+    return tuple(sentences)
 
 
 def _inside(doors: Answer | None, days: Answer | None) -> tuple[tuple[InsideRow, ...], tuple[str, ...]]:

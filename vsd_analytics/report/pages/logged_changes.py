@@ -54,10 +54,10 @@ def _line(past: PastQuestion, report: WeekReport) -> AskedLine:
     date = "" if past.answered_at is None else fmt.date_short(past.answered_at.date())
     kind = (past.answer or "later").replace("-", "_")
     by = say("asked.by", name=past.by) if past.by else ""
-    said = "" if past.answer_text in ("", past.text) else say("asked.said", text=fmt.ended(past.answer_text))
+    remark = "" if past.answer_text in ("", past.text) else say("asked.said", text=fmt.ended(past.answer_text))
     return AskedLine(
         asked=say("asked.week", week=past.number, question=past.text),
-        answer=say(f"asked.{kind}", date=date, by=by) + said,
+        answer=say(f"asked.{kind}", date=date, by=by) + remark,
         result=came_of(change, day=report.week.sunday) if past.change is not None else "",
     )
 

@@ -146,10 +146,10 @@ def is_pooled(row: Row) -> bool:
 
 def doubts(between: Rows) -> list[str]:
     """Return sentences on what is not known of the rows of `flow`, or does not fit."""
-    said = []
+    sentences = []
     if unknown := dict.fromkeys(str(r["name"]) for r in between if not is_known(r)):
-        said.append(say("maps.flow_unknown", places=terms.joined(unknown)))
-    return said + _misfits(between) + _partial(between)
+        sentences.append(say("maps.flow_unknown", places=terms.joined(unknown)))
+    return sentences + _misfits(between) + _partial(between)
 
 
 def _misfits(between: Rows) -> list[str]:
@@ -170,19 +170,19 @@ def rows_of(answers: Answers, name: str) -> Rows:
 
 def _said(between: Rows, cells: Rows) -> list[str]:
     """Return how to read the drawings, and what is not known or does not fit."""
-    said = [say("maps.flow_read" if cells else "maps.flow_sub_lines")]
+    sentences = [say("maps.flow_read" if cells else "maps.flow_sub_lines")]
     if unknown := dict.fromkeys(str(r["name"]) for r in between if not is_known(r)):
-        said.append(say("maps.flow_lost", places=terms.joined(unknown)))
-    return said + _misfits(between)
+        sentences.append(say("maps.flow_lost", places=terms.joined(unknown)))
+    return sentences + _misfits(between)
 
 
 def _detail(report: WeekReport, between: Rows, cells: Rows) -> list[str]:
     """Return what an arrow is, and of whom the shares of the table are."""
-    said = []
+    sentences = []
     if cells:
         cell = fmt.distance(cell_side_m(cells), report.rules.distance_unit)
-        said.append(say("maps.flow_sub", cell=cell, people=report.rules.mask_below))
-    return said + _partial(between)
+        sentences.append(say("maps.flow_sub", cell=cell, people=report.rules.mask_below))
+    return sentences + _partial(between)
 
 
 def _row(row: Row) -> tuple[str, ...]:

@@ -65,15 +65,15 @@ def find_chromium(
     """
     for named, source in ((environ.get(VARIABLE), VARIABLE), (configured, "[report] chromium")):
         if named:
-            found = which(str(named))
-            if found is None:
+            program = which(str(named))
+            if program is None:
                 raise ReportError(
                     f"{source} names {str(named)!r}, which is no program",
                     code="E520",
                     fix=f"name a Chromium or Chrome there, or take {source} out and one is looked for",
                 )
-            return Path(found)
-    on_path = next((found for found in map(which, NAMES) if found), None)
+            return Path(program)
+    on_path = next((program for program in map(which, NAMES) if program), None)
     return Path(on_path) if on_path else next((app for app in mac_apps if app.is_file()), None)
 
 
@@ -105,7 +105,7 @@ def print_pdf(html: str, *, chromium: Path, made_at: datetime, timeout_s: float 
         page, target = folder / "page.html", folder / "page.pdf"
         page.write_text(html, encoding="utf-8")
         sandbox = ["--no-sandbox"] if os.geteuid() == 0 else []  # Chromium has no sandbox for root
-        said = _run(
+        last_line = _run(
             [
                 *(str(chromium), *_FLAGS, *sandbox),
                 *(f"--user-data-dir={folder / 'profile'}", f"--print-to-pdf={target}", page.as_uri()),
@@ -116,14 +116,14 @@ def print_pdf(html: str, *, chromium: Path, made_at: datetime, timeout_s: float 
         )
         data = target.read_bytes() if target.is_file() else b""
     if not data.startswith(b"%PDF-") or b"%%EOF" not in data[-64:]:
-        raise _failed(chromium, f"it wrote no PDF: {said}")
+        raise _failed(chromium, f"it wrote no PDF: {last_line}")
     return dated(renumbered(data), at=made_at)
 
 
 def dated(pdf: bytes, *, at: datetime) -> bytes:
     """Return a PDF with its dates set to an instant; every other byte stays where it is."""
     stamp = f"{at.astimezone(UTC):%Y%m%d%H%M%S}+00'00'".encode()
-    return _DATE.sub(lambda found: (found[1] + stamp + b")").ljust(len(found[0])), pdf)
+    return _DATE.sub(lambda match: (match[1] + stamp + b")").ljust(len(match[0])), pdf)
 
 
 def renumbered(pdf: bytes) -> bytes:
@@ -132,7 +132,7 @@ def renumbered(pdf: bytes) -> bytes:
     The browser numbers them as it comes to them, some runs with gaps; every other byte stays where it is.
     """
     rank = {name: b"node%08d" % i for i, name in enumerate(sorted(set(_NODE.findall(pdf))), start=1)}
-    return _NODE.sub(lambda found: rank[found[0]], pdf)
+    return _NODE.sub(lambda match: rank[match[0]], pdf)
 
 
 def _run(command: list[str], *, environ: Mapping[str, str], timeout_s: float) -> str:

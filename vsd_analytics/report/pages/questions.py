@@ -131,10 +131,10 @@ def places_to_ask(report: WeekReport) -> tuple[PlaceToAsk, ...]:
     if spot.area_id is None:
         return (PlaceToAsk(place=REST, name=spot.name, remedies=rest_of_floor(around_hour(report))),)
     card = next((c for c in (report.spots.cards if report.spots else ()) if c.area_id == spot.area_id), None)
-    made = remedies(spot.name, None, area=None, fixtures=(), when=above_all_hour(report))
+    choices = remedies(spot.name, None, area=None, fixtures=(), when=above_all_hour(report))
     if card is not None and card.question:
-        made = (Remedy(key=made[0].key, text=card.question, again=made[0].again, short=card.ask), *made[1:])
-    return (PlaceToAsk(place=spot.area_id, area_id=spot.area_id, name=spot.name, remedies=made),)
+        choices = (Remedy(key=choices[0].key, text=card.question, again=choices[0].again, short=card.ask), *choices[1:])
+    return (PlaceToAsk(place=spot.area_id, area_id=spot.area_id, name=spot.name, remedies=choices),)
 
 
 def _still_open(past: Sequence[PastQuestion]) -> Iterator[PastQuestion]:

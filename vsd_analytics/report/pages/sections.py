@@ -116,10 +116,10 @@ class Listed:
 
 def trend(report: WeekReport) -> TrendView | None:
     """Return the weeks; None without any."""
-    found = report.trend
-    if found is None or not found.weeks:
+    weekly_trend = report.trend
+    if weekly_trend is None or not weekly_trend.weeks:
         return None
-    weeks = found.weeks
+    weeks = weekly_trend.weeks
     panels = []
     for measure in ("violation_rate", "close"):
         n = sum(known(w, measure) is not None for w in weeks)
@@ -128,7 +128,7 @@ def trend(report: WeekReport) -> TrendView | None:
     notes = []
     if len(weeks) == 1:
         notes.append(say("trend.one"))
-    if found.state != "ok":
+    if weekly_trend.state != "ok":
         notes.append(say("trend.too_few"))
     if year := year_line(report.answers):
         notes.append(year)
@@ -136,13 +136,13 @@ def trend(report: WeekReport) -> TrendView | None:
     why = None if report.outlook is None else report.outlook.reason
     if ahead is not None and not ahead.lines and not _is_named_by_trend(report, why, "forecast.weeks"):
         notes += ahead.notes
-    if found.left_out and panels and report.state != "no_data":
-        cameras = terms.joined(terms.camera_name(c) for c in found.left_out)
+    if weekly_trend.left_out and panels and report.state != "no_data":
+        cameras = terms.joined(terms.camera_name(c) for c in weekly_trend.left_out)
         key = "trend.left_out_little" if report.is_little_recorded else "trend.left_out"
-        notes.append(say(key, plural=len(found.left_out), cameras=cameras))
+        notes.append(say(key, plural=len(weekly_trend.left_out), cameras=cameras))
     marks = [
         (m.label, fmt.instant_short(m.at), f"{fmt.ended(m.text)} {m.area_name + '.' if m.area_name else ''}".strip())
-        for m in found.marks
+        for m in weekly_trend.marks
     ]
     return TrendView(
         heading=say("trend.title" if len(weeks) == 10 else "trend.title_so_far"),
@@ -152,7 +152,7 @@ def trend(report: WeekReport) -> TrendView | None:
         rows=tuple(_row(w) for w in weeks),
         differs=_differs(report),
         has_gaps=any(w.violation_rate is None for w in weeks),
-        has_usual=found.usual_violation_rate is not None or found.usual_close is not None,
+        has_usual=weekly_trend.usual_violation_rate is not None or weekly_trend.usual_close is not None,
         has_others=any(w.missing for w in weeks),
     )
 
@@ -179,22 +179,25 @@ def trend_title(report: WeekReport, measure: Measure) -> str:
 
 def causes(report: WeekReport) -> BarTable | None:
     """Return what moved the time spent close, as one sentence with three bars; None where it is not computed."""
-    found = report.causes
-    if found is None or report.previous is None or not report.level.violation_rate.value:
+    decomposition = report.causes
+    if decomposition is None or report.previous is None or not report.level.violation_rate.value:
         return None
     distance = fmt.distance(report.rules.distance_m, report.rules.distance_unit)
     title, sub = say("causes.title"), say("causes.sub", distance=distance, before=report.previous.number)
-    if found.close is None:
-        return BarTable(title=title, sub=sub, notes=(say("causes.none", reason=_because(found.reason)),))
-    if not _is_clear(report, found.close):
+    if decomposition.close is None:
+        return BarTable(title=title, sub=sub, notes=(say("causes.none", reason=_because(decomposition.reason)),))
+    if not _is_clear(report, decomposition.close):
         return BarTable(
             title=title, sub=sub, notes=(say("causes.unclear", distance=distance, before=report.previous.number),)
         )
     parts = {
-        "people": Estimate(value=None, change=found.people),
-        "layout": Estimate(value=None, change=found.layout),
+        "people": Estimate(value=None, change=decomposition.people),
+        "layout": Estimate(value=None, change=decomposition.layout),
         "behaviour": Estimate(
-            value=None, change=found.behaviour, change_lo=found.behaviour_lo, change_hi=found.behaviour_hi
+            value=None,
+            change=decomposition.behaviour,
+            change_lo=decomposition.behaviour_lo,
+            change_hi=decomposition.behaviour_hi,
         ),
     }
     limit = svg.change_limit(parts.values())
@@ -208,42 +211,44 @@ def causes(report: WeekReport) -> BarTable | None:
         )
         for name, e in parts.items()
     )
-    return BarTable(title=title, sub=sub, axis=svg.change_axis(limit), rows=rows, sentence=_cause(found, distance))
+    return BarTable(
+        title=title, sub=sub, axis=svg.change_axis(limit), rows=rows, sentence=_cause(decomposition, distance)
+    )
 
 
 def change_effects(report: WeekReport) -> BarTable | None:
     """Return the effects of logged changes with their bars, and what they rest on; None without any effect."""
-    found = [r for r in report.change_effects if r.state == "ok" and _measured(r)]
-    if not found:
+    effects = [r for r in report.change_effects if r.state == "ok" and _measured(r)]
+    if not effects:
         return None
-    limit = svg.change_limit(e for r in found for _, e in _measured(r))
+    limit = svg.change_limit(e for r in effects for _, e in _measured(r))
     return BarTable(
         title=say("change_effects.title"),
         sub=say("change_effects.sub", confidence=fmt.percent(report.rules.confidence)),
         axis=svg.change_axis(limit),
-        rows=tuple(row for r in found for row in _change_effect(r, limit)),
-        notes=tuple(dict.fromkeys(say(f"change_effects.assumes_{r.design}") for r in found)),
+        rows=tuple(row for r in effects for row in _change_effect(r, limit)),
+        notes=tuple(dict.fromkeys(say(f"change_effects.assumes_{r.design}") for r in effects)),
     )
 
 
 def outlook(report: WeekReport) -> Listed | None:
     """Return the section on the next week's forecast; None where violations cannot be counted."""
-    found = report.outlook
-    if found is None or report.level.violation_rate.state == "not_measurable":
+    forecast = report.outlook
+    if forecast is None or report.level.violation_rate.state == "not_measurable":
         return None
     sub = say("next.sub")
-    if not found.highest:
-        return Listed(notes=(say("next.why", week=found.number, reason=_because(found.reason)),))
+    if not forecast.highest:
+        return Listed(notes=(say("next.why", week=forecast.number, reason=_because(forecast.reason)),))
     lines = []
-    for h in found.highest:
+    for h in forecast.highest:
         hour = f"{fmt.weekday(h.day)} {fmt.hour_label(h.hour)}"
         is_ranged = h.lo is not None and h.hi is not None
         key = "next.hour_range" if is_ranged else "next.hour"
         lines.append(say(key, hour=hour, rate=fmt.number(h.value), low=fmt.number(h.lo), high=fmt.number(h.hi)))
-    top = found.highest[0]
+    top = forecast.highest[0]
     hour = f"{fmt.weekday(top.day)} {fmt.hour_label(top.hour)}"
-    notes = [say("next.mean", rate=fmt.number(found.mean)), say("next.range")]
-    score = found.score
+    notes = [say("next.mean", rate=fmt.number(forecast.mean)), say("next.range")]
+    score = forecast.score
     if score is None:
         notes.append(say("next.no_score"))
     else:
@@ -251,20 +256,20 @@ def outlook(report: WeekReport) -> Listed | None:
         if score.hit_rate is not None:
             notes.append(say("next.score_hit", share=fmt.percent(score.hit_rate), n=fmt.count(score.n_hours)))
     return Listed(
-        title=say("titles.outlook", hour=hour, week=found.number), sub=sub, lines=tuple(lines), notes=tuple(notes)
+        title=say("titles.outlook", hour=hour, week=forecast.number), sub=sub, lines=tuple(lines), notes=tuple(notes)
     )
 
 
 def unusual(report: WeekReport) -> Listed | None:
     """Return the hours far from usual; None where none could be judged, or the only one is in the lead already."""
-    found = report.unusual
-    if found is None or (found.n_unusual == 1 and found.first is not None):
+    unusual_hours = report.unusual
+    if unusual_hours is None or (unusual_hours.n_unusual == 1 and unusual_hours.first is not None):
         return None
     sub = say("when.unusual_sub")
-    if found.state != "ok" and _is_named_by_trend(report, found.reason, "unusual.weeks"):
+    if unusual_hours.state != "ok" and _is_named_by_trend(report, unusual_hours.reason, "unusual.weeks"):
         return None
-    if found.state != "ok":
-        return Listed(notes=(say("when.unusual_why", reason=_because(found.reason)),))
+    if unusual_hours.state != "ok":
+        return Listed(notes=(say("when.unusual_why", reason=_because(unusual_hours.reason)),))
     lines = [
         say(
             "when.unusual_row" if r.violations is not None else "when.unusual_row_held",
@@ -274,26 +279,26 @@ def unusual(report: WeekReport) -> Listed | None:
             low=fmt.number(r.lo),
             high=fmt.number(r.hi),
         )
-        for r in found.rows
+        for r in unusual_hours.rows
     ]
-    n = found.n_unusual
+    n = unusual_hours.n_unusual
     title = say("titles.unusual", plural=n, n=n) if n else say("titles.unusual_none")
     return Listed(title=title, sub=sub, lines=tuple(lines))
 
 
 def readings_note(report: WeekReport) -> str:
     """Return how far the second reading can be trusted, or why there is none; empty where nothing is counted."""
-    found = report.readings
-    if found is None:
+    readings = report.readings
+    if readings is None:
         return ""
-    if found.between is None:
-        return say("reading.none", reason=_because(found.reason))
-    precision, recall = fmt.percent(found.precision_lo), fmt.percent(found.recall_lo)
-    if found.between_share is None:
+    if readings.between is None:
+        return say("reading.none", reason=_because(readings.reason))
+    precision, recall = fmt.percent(readings.precision_lo), fmt.percent(readings.recall_lo)
+    if readings.between_share is None:
         return say("reading.note_plain", precision=precision, recall=recall)
-    share = fmt.percent(found.between_share)
-    if found.between_lo is not None and found.between_hi is not None:
-        low, high = fmt.percent(found.between_lo), fmt.percent(found.between_hi)
+    share = fmt.percent(readings.between_share)
+    if readings.between_lo is not None and readings.between_hi is not None:
+        low, high = fmt.percent(readings.between_lo), fmt.percent(readings.between_hi)
         share = say("reading.share", share=share, low=low, high=high)
     return say("reading.note", share=share, precision=precision, recall=recall)
 
@@ -304,21 +309,21 @@ def _because(reason: Reason | None) -> str:
 
 
 def _panel(report: WeekReport, measure: Measure) -> TrendPanel:
-    found = report.trend
-    assert found is not None
-    ends = {"first": found.weeks[0].number, "last": found.weeks[-1].number}
+    weekly_trend = report.trend
+    assert weekly_trend is not None
+    ends = {"first": weekly_trend.weeks[0].number, "last": weekly_trend.weeks[-1].number}
     label = say(f"trend.label_{measure}", **ends)
     sub = say(f"trend.sub_{measure}", distance=fmt.distance(report.rules.distance_m, report.rules.distance_unit))
     return TrendPanel(
         title=say(f"trend.{measure}", title=trend_title(report, measure)),
         sub=sub
         + (
-            _target(found.target_violation_rate)
-            if measure == "violation_rate" and found.target_violation_rate is not None
+            _target(weekly_trend.target_violation_rate)
+            if measure == "violation_rate" and weekly_trend.target_violation_rate is not None
             else ""
         ),
-        wide=chart(found, measure, width=WIDE, label=label),
-        narrow=chart(found, measure, width=NARROW, label=label),
+        wide=chart(weekly_trend, measure, width=WIDE, label=label),
+        narrow=chart(weekly_trend, measure, width=NARROW, label=label),
     )
 
 
@@ -372,9 +377,13 @@ def _is_clear(report: WeekReport, close: float) -> bool:
     return way in (report.level.violation_rate.verdict, None if share is None else share.verdict)
 
 
-def _cause(found: Causes, distance: str) -> str:
-    close = found.close or 0.0
-    parts = {"people": found.people or 0.0, "layout": found.layout or 0.0, "behaviour": found.behaviour or 0.0}
+def _cause(decomposition: Causes, distance: str) -> str:
+    close = decomposition.close or 0.0
+    parts = {
+        "people": decomposition.people or 0.0,
+        "layout": decomposition.layout or 0.0,
+        "behaviour": decomposition.behaviour or 0.0,
+    }
     same_way = {k: v for k, v in parts.items() if v * close > 0}
     name, size = max(same_way.items(), key=lambda item: abs(item[1]), default=("", 0.0))
     if abs(size) < SMALL_MOVE:
@@ -386,17 +395,17 @@ def _cause(found: Causes, distance: str) -> str:
     return say("causes.sentence", change=fmt.less_more(close), distance=distance, largest=largest)
 
 
-def _measured(found: LoggedChangeEffect) -> list[tuple[str, Estimate]]:
+def _measured(effect: LoggedChangeEffect) -> list[tuple[str, Estimate]]:
     """Return the effect of a change, and the change of the whole floor; other figures of it are in the JSON file."""
-    figures = (("running", found.running), ("net", found.net))
+    figures = (("running", effect.running), ("net", effect.net))
     return [(kind, e) for kind, e in figures if e is not None and e.change is not None]
 
 
-def _change_effect(found: LoggedChangeEffect, limit: float) -> tuple[BarRow, ...]:
+def _change_effect(effect: LoggedChangeEffect, limit: float) -> tuple[BarRow, ...]:
     """Return what a change did, below whom it is compared with and what speaks against the comparison."""
-    n = found.n_weeks or 0
-    parts = [say(f"change_effects.{found.design}", plural=n, n=n, areas=terms.joined(found.compared_with))]
-    people = found.people
+    n = effect.n_weeks or 0
+    parts = [say(f"change_effects.{effect.design}", plural=n, n=n, areas=terms.joined(effect.compared_with))]
+    people = effect.people
     if people is not None and people.change is not None:
         is_same = round(people.change * 100) == 0
         parts.append(
@@ -404,11 +413,11 @@ def _change_effect(found: LoggedChangeEffect, limit: float) -> tuple[BarRow, ...
             if is_same
             else say("change_effects.people", change=fmt.fewer_more(people.change))
         )
-    if found.doubts:
-        parts.append(say("change_effects.doubt", doubts="; ".join(reason_text(d).rstrip(".") for d in found.doubts)))
-    about = say("change_effects.what", area=found.area_name, date=fmt.date_short(found.at.date()))
-    rows = [BarRow(name=fmt.ended(found.text), note=" ".join([about, *parts]), is_head=True)]
-    for kind, e in _measured(found):
+    if effect.doubts:
+        parts.append(say("change_effects.doubt", doubts="; ".join(reason_text(d).rstrip(".") for d in effect.doubts)))
+    about = say("change_effects.what", area=effect.area_name, date=fmt.date_short(effect.at.date()))
+    rows = [BarRow(name=fmt.ended(effect.text), note=" ".join([about, *parts]), is_head=True)]
+    for kind, e in _measured(effect):
         is_judged = kind == "running"  # a change has one verdict
         clear = is_judged and e.verdict in ("clear_fall", "clear_rise")
         verdict = terms.verdict_words(e) if is_judged else fmt.signed(e.change)

@@ -114,8 +114,8 @@ def literal(drawing: str) -> Markup:
     is_picture = 'class="map-pic"' in drawing
     known = _LITERAL | (_ON_PICTURE if is_picture else {})
 
-    def said(found: re.Match[str]) -> str:
-        return "".join(known.get(word, "") for word in found[1].split())
+    def said(match: re.Match[str]) -> str:
+        return "".join(known.get(word, "") for word in match[1].split())
 
     return Markup(_CLASS.sub(said, str(drawing)))
 

@@ -82,28 +82,28 @@ def cards(report: WeekReport, *, question: str = "") -> Cards | None:
         report: The report.
         question: The question of the week, which the page asks at its top: its card does not repeat it.
     """
-    found = report.spots
-    if found is None or not found.cards:
+    spots = report.spots
+    if spots is None or not spots.cards:
         return None
-    n = len(found.cards)
+    n = len(spots.cards)
     number = {2: say("spots.two"), 3: say("spots.three")}.get(n, str(n))
-    if found.kind == "tested":
+    if spots.kind == "tested":
         title = say("spots.tested", plural=n, n=number)
-        first, last = (fmt.date_short(d) if d is not None else "" for d in (found.first, found.last))
+        first, last = (fmt.date_short(d) if d is not None else "" for d in (spots.first, spots.last))
         sub = say("spots.sub_tested", plural=n, first=first, last=last)
     else:
         title = say("spots.busiest_recorded" if report.silent_cameras else "spots.busiest", plural=n, n=number)
-        why = reason_text(found.reason).rstrip(".")
+        why = reason_text(spots.reason).rstrip(".")
         sub = say("spots.sub_busiest", reason=why) if why else say("spots.sub_busiest_plain")
-    made = tuple(
-        _card(replace(c, ask="") if c.ask and c.ask.rstrip("?") in question else c, report) for c in found.cards
+    spot_cards = tuple(
+        _card(replace(c, ask="") if c.ask and c.ask.rstrip("?") in question else c, report) for c in spots.cards
     )
     return Cards(
         title=title,
         sub=sub,
-        cards=made,
-        watching=tuple(dict.fromkeys(watched(s.name, s.changed_on) for s in found.watching)),
-        more=say("spots.more", plural=found.n_more, n=found.n_more) if found.n_more else "",
+        cards=spot_cards,
+        watching=tuple(dict.fromkeys(watched(s.name, s.changed_on) for s in spots.watching)),
+        more=say("spots.more", plural=spots.n_more, n=spots.n_more) if spots.n_more else "",
         has_pictures=any(p.camera_name is not None for p in report.spot_pictures),
     )
 
@@ -171,8 +171,8 @@ def _change(violation_rate: Estimate | None, report: WeekReport) -> tuple[str, s
     if report.state != "normal" or report.previous is None or violation_rate is None:
         return "", "same"
     if violation_rate.verdict in ("clear_fall", "clear_rise") and violation_rate.change is not None:
-        said = say("spots.change", change=fmt.fewer_more(violation_rate.change), week=report.previous.number)
-        return said, terms.direction(violation_rate.verdict)
+        words = say("spots.change", change=fmt.fewer_more(violation_rate.change), week=report.previous.number)
+        return words, terms.direction(violation_rate.verdict)
     key = "no_change" if violation_rate.verdict in ("about_same", "cannot_tell") else "little"
     return say(f"spots.cap_{key}", week=report.previous.number), "same"
 
@@ -210,12 +210,12 @@ def spot_scene(report: WeekReport, number: int) -> Markup:
         report: The report.
         number: Number of the spot.
     """
-    found = next((p for p in report.spot_pictures if p.number == number), None)
+    picture = next((p for p in report.spot_pictures if p.number == number), None)
     floor = next((m for m in report.maps if m.kind != "picture"), None)
-    if found is None or floor is None:
+    if picture is None or floor is None:
         return Markup("")
-    if found.camera_name is None:
+    if picture.camera_name is None:
         label = say("spots.floor_label", floor=floor.title, number=number)
     else:
-        label = say("spots.picture_label", camera=terms.camera_name(found.camera_name), number=number)
-    return small_maps.scene(found, floor, rules=report.rules, name=f"spot{number}", label=label)
+        label = say("spots.picture_label", camera=terms.camera_name(picture.camera_name), number=number)
+    return small_maps.scene(picture, floor, rules=report.rules, name=f"spot{number}", label=label)

@@ -133,11 +133,11 @@ def joined(rows: Sequence[TimetableRow]) -> tuple[TimetableRow, ...]:
     """Return the rows with runs of three or more that hold no data on any day written as one."""
     joined: list[TimetableRow] = []
     for is_blank, run in groupby(rows, key=lambda r: all(c.style in ("hatch", "cl", "nx") for c in r.cells)):
-        found = list(run)
-        alike = len({r.cells for r in found}) == 1
-        if is_blank and alike and len(found) >= 3:
-            found = [replace(found[0], until=found[-1].label)]
-        joined += found
+        run_rows = list(run)
+        alike = len({r.cells for r in run_rows}) == 1
+        if is_blank and alike and len(run_rows) >= 3:
+            run_rows = [replace(run_rows[0], until=run_rows[-1].label)]
+        joined += run_rows
     return tuple(joined)
 
 

@@ -41,7 +41,7 @@ class CompiledTemplates(FileSystemBytecodeCache):
 def environment() -> Environment:
     """Return the templates, with the filters of `format`; an undefined name is an error, text of HTML is escaped."""
     folder = shipped("reports") / "templates"
-    made = Environment(
+    templates = Environment(
         loader=FileSystemLoader(folder),
         bytecode_cache=CompiledTemplates(folder),
         undefined=StrictUndefined,
@@ -50,6 +50,6 @@ def environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    made.filters.update(fmt.FILTERS, reason=reason_text, wrap=fmt.plain_lines)
-    made.globals.update(say=say, say_html=say_html, html_tag=html_tag)
-    return made
+    templates.filters.update(fmt.FILTERS, reason=reason_text, wrap=fmt.plain_lines)
+    templates.globals.update(say=say, say_html=say_html, html_tag=html_tag)
+    return templates

@@ -73,8 +73,8 @@ def _is_news(change: LoggedChangeEffect, report: WeekReport) -> bool:
 
 def _results(report: WeekReport, *, is_new: bool) -> list[Thing]:
     """Return the results of changes after which there is clearly less time too close, the latest first."""
-    found = (c for c in reversed(report.change_effects) if _is_news(c, report) == is_new and _is_material(c, report))
-    return [_change_that_fell(c) for c in found if c.outcome in FALLS]
+    changes = (c for c in reversed(report.change_effects) if _is_news(c, report) == is_new and _is_material(c, report))
+    return [_change_that_fell(c) for c in changes if c.outcome in FALLS]
 
 
 def _is_material(change: LoggedChangeEffect, report: WeekReport) -> bool:
@@ -93,9 +93,9 @@ def _worked(report: WeekReport) -> Thing:
     falls = [a for a in report.areas if a.violation_rate.verdict == "clear_fall" and a.is_material]
     if falls:
         best = min(falls, key=lambda a: a.violation_rate.change or 0.0)
-        made = next((c for c in reversed(report.change_effects) if c.area_name == best.name), None)
-        if made is not None and made.outcome not in FALLS:
-            return _fell_since(best, made, report)
+        latest = next((c for c in reversed(report.change_effects) if c.area_name == best.name), None)
+        if latest is not None and latest.outcome not in FALLS:
+            return _fell_since(best, latest, report)
         title = say("things.fell", area=best.name)
         return Thing(kind="worked", title=title, text=_against(best.violation_rate, since), target="changed")
     old = _results(report, is_new=False)
@@ -123,8 +123,8 @@ def _worked(report: WeekReport) -> Thing:
 def _fell_since(area: AreaRow, change: LoggedChangeEffect, report: WeekReport) -> Thing:
     """Return what is known of an area that fell since last week, after a change that is not shown to have done it."""
     since = _against(area.violation_rate, week_before(report))
-    said = came_of(change, day=report.week.sunday)
-    text = f"{since} {say('things.of_change', at=fmt.date_short(change.at.date()), said=said)}"
+    outcome = came_of(change, day=report.week.sunday)
+    text = f"{since} {say('things.of_change', at=fmt.date_short(change.at.date()), said=outcome)}"
     return Thing(kind="worked", title=say("things.fell_since", area=area.name), text=text, target="changed")
 
 

@@ -83,32 +83,32 @@ class TodayWords:
     made_by: str
 
 
-def today_words(found: Today, site: Site) -> TodayWords:
+def today_words(today: Today, site: Site) -> TodayWords:
     """Return the card in words, in the language in force.
 
     Args:
-        found: The numbers.
+        today: The numbers.
         site: The site.
     """
     floors = {f.floor_id: f.name for f in site.floors}
-    title = say("today.yesterday", day=fmt.date_short(found.at.date() - timedelta(days=1)))
-    yesterday = _day(found.yesterday, title=title)
+    title = say("today.yesterday", day=fmt.date_short(today.at.date() - timedelta(days=1)))
+    yesterday = _day(today.yesterday, title=title)
     days: tuple[DayWords, ...] = (yesterday,)
-    until = None if found.so_far is None else found.so_far.until_hour
+    until = None if today.so_far is None else today.so_far.until_hour
     title = say("today.today") if until is None else say("today.so_far", clock=fmt.hour_label(until))
-    if not found.is_of_closed_days:
-        days = yesterday, _day(found.so_far, title=title)
-    closed = [say("today.closed_days")] if found.is_of_closed_days else []
+    if not today.is_of_closed_days:
+        days = yesterday, _day(today.so_far, title=title)
+    closed = [say("today.closed_days")] if today.is_of_closed_days else []
     chance = [say("today.chance")] if any(d.position for d in days) else []
     return TodayWords(
         site=site.name,
-        floor=floors.get(found.floor_id or "", "") if len(floors) > 1 else "",
-        as_of=say("today.as_of", day=fmt.date_long(found.at.date()), clock=fmt.clock(found.at)),
-        headline=_headline(found, days, site),
+        floor=floors.get(today.floor_id or "", "") if len(floors) > 1 else "",
+        as_of=say("today.as_of", day=fmt.date_long(today.at.date()), clock=fmt.clock(today.at)),
+        headline=_headline(today, days, site),
         days=days,
-        unusual=() if found.is_of_closed_days else _unusual(found),
-        silent=_silent(found, site),
-        ahead=_ahead(found),
+        unusual=() if today.is_of_closed_days else _unusual(today),
+        silent=_silent(today, site),
+        ahead=_ahead(today),
         notes=(say("today.as_usual", n=HISTORY_WEEKS), *chance, *closed),
         made_by=say("today.made_by", version=VERSION),
     )
@@ -119,18 +119,18 @@ def hour_words(hour: TodayHour | Unusual) -> str:
     return f"{fmt.weekday(hour.day)} {fmt.hour_label(hour.hour)}"
 
 
-def _headline(found: Today, days: tuple[DayWords, ...], site: Site) -> str:
+def _headline(today: Today, days: tuple[DayWords, ...], site: Site) -> str:
     """Name what matters most: no data, an unusual hour, a day outside its range; else that all is as usual."""
-    if found.silent and len(found.silent) == found.n_cameras:
+    if today.silent and len(today.silent) == today.n_cameras:
         return say("today.h_all_silent")
-    if found.silent:
-        return say("today.h_silent", plural=len(found.silent), cameras=_names(found.silent, site))
-    if found.unusual.rows and not found.is_of_closed_days:
-        return say("today.h_unusual", hour=hour_words(found.unusual.rows[0]))
+    if today.silent:
+        return say("today.h_silent", plural=len(today.silent), cameras=_names(today.silent, site))
+    if today.unusual.rows and not today.is_of_closed_days:
+        return say("today.h_unusual", hour=hour_words(today.unusual.rows[0]))
     for day, when in reversed([*zip(days, ("today.on_yesterday", "today.on_today"), strict=False)]):
         if day.position in ("above", "below"):
             return say(f"today.h_{day.position}", when=say(when))
-    if found.yesterday is None and found.so_far is None:
+    if today.yesterday is None and today.so_far is None:
         return say("today.h_closed")
     return say("today.h_within" if any(day.position for day in days) else "today.h_unknown")
 
@@ -173,12 +173,12 @@ def _value(level: DayLevel) -> str:
     return say("today.about", n=n) if level.is_rough and level.violations else n
 
 
-def _unusual(found: Today) -> tuple[str, ...]:
-    if found.unusual.state != "ok":
-        return (say("today.unusual_unknown", reason=reason_text(found.unusual.reason)),)
-    if not found.unusual.rows:
-        return (say("today.unusual_none", plural=found.unusual.n_tested, n=found.unusual.n_tested),)
-    return tuple(_unusual_hour(row) for row in found.unusual.rows[:UNUSUAL_SHOWN])
+def _unusual(today: Today) -> tuple[str, ...]:
+    if today.unusual.state != "ok":
+        return (say("today.unusual_unknown", reason=reason_text(today.unusual.reason)),)
+    if not today.unusual.rows:
+        return (say("today.unusual_none", plural=today.unusual.n_tested, n=today.unusual.n_tested),)
+    return tuple(_unusual_hour(row) for row in today.unusual.rows[:UNUSUAL_SHOWN])
 
 
 def _unusual_hour(row: Unusual) -> str:
@@ -186,9 +186,9 @@ def _unusual_hour(row: Unusual) -> str:
     return fmt.ended(say("when.unusual_row", hour=hour_words(row), n=fmt.count(row.violations), low=low, high=high))
 
 
-def _silent(found: Today, site: Site) -> tuple[str, ...]:
+def _silent(today: Today, site: Site) -> tuple[str, ...]:
     together: dict[tuple[date | None, int | None], list[SilentCamera]] = {}
-    for camera in found.silent:
+    for camera in today.silent:
         together.setdefault((camera.last_day, camera.last_hour), []).append(camera)
     lines = [_silent_since(cameras, site) for cameras in together.values()]
     return (*lines, say("today.silent_why")) if lines else ()
@@ -208,17 +208,17 @@ def _silent_since(cameras: Sequence[SilentCamera], site: Site) -> str:
     )
 
 
-def _ahead(found: Today) -> tuple[str, ...]:
+def _ahead(today: Today) -> tuple[str, ...]:
     """Name the fullest hours until tomorrow night; the hours of one day are compared with each other only there."""
-    if all(h.is_over for h in found.hours):
+    if all(h.is_over for h in today.hours):
         return (say("today.ahead_closed"),)
-    if found.forecast_state != "ok":
-        return (say("today.ahead_none", reason=reason_text(found.forecast_reason)),)
-    if not found.ahead:
+    if today.forecast_state != "ok":
+        return (say("today.ahead_none", reason=reason_text(today.forecast_reason)),)
+    if not today.ahead:
         return (say("today.ahead_none", reason=say("today.ahead_unknown")),)
-    fullest = max(found.ahead, key=lambda h: (h.people or 0.0, -h.day.toordinal(), -h.hour))
+    fullest = max(today.ahead, key=lambda h: (h.people or 0.0, -h.day.toordinal(), -h.hour))
     lines = [_expected("today.ahead_people", fullest, fullest.people, fullest.people_lo, fullest.people_hi)]
-    counted = [h for h in found.ahead if h.usual is not None]
+    counted = [h for h in today.ahead if h.usual is not None]
     if counted:
         worst = max(counted, key=lambda h: (h.usual or 0.0, -h.day.toordinal(), -h.hour))
         lines.append(_expected("today.ahead_violations", worst, worst.usual, worst.lo, worst.hi))
@@ -265,34 +265,34 @@ class TodayPage:
     is_exact: bool
 
 
-def make_today_page(found: Today, site: Site, *, is_made_up: bool = False) -> TodayPage:
+def make_today_page(today: Today, site: Site, *, is_made_up: bool = False) -> TodayPage:
     """Return what the templates show, in the language in force; see `TodayPage`.
 
     Args:
-        found: The numbers.
+        today: The numbers.
         site: The site.
         is_made_up: The data are those of `vsd demo`.
     """
-    card = today_words(found, site)
+    card = today_words(today, site)
     style = shipped_style("report.css") + shipped_style("today.css")
     days = {
-        found.at.date() + timedelta(days=k): say(f"today.day_{name}") for k, name in enumerate(("today", "tomorrow"))
+        today.at.date() + timedelta(days=k): say(f"today.day_{name}") for k, name in enumerate(("today", "tomorrow"))
     }
-    days[found.at.date() - timedelta(days=1)] = say("today.day_yesterday")
-    unusual = {(row.day, row.hour) for row in found.unusual.rows}
+    days[today.at.date() - timedelta(days=1)] = say("today.day_yesterday")
+    unusual = {(row.day, row.hour) for row in today.unusual.rows}
     return TodayPage(
         card=card,
-        title=say("today.title", site=site.name, day=fmt.date_short(found.at.date()), headline=card.headline),
-        at=found.at,
+        title=say("today.title", site=site.name, day=fmt.date_short(today.at.date()), headline=card.headline),
+        at=today.at,
         style=Markup(style),
         style_hash=policy_hash(style),
         chart=Markup()
-        if found.is_of_closed_days
-        else day_hours(found.hours, names=days, unusual=unusual, label=say("today.chart_label")),
-        has_missing=any(h.is_over and h.violations is None for h in found.hours),
+        if today.is_of_closed_days
+        else day_hours(today.hours, names=days, unusual=unusual, label=say("today.chart_label")),
+        has_missing=any(h.is_over and h.violations is None for h in today.hours),
         has_unusual=bool(unusual),
         is_made_up=is_made_up,
-        is_exact=not found.is_of_closed_days,
+        is_exact=not today.is_of_closed_days,
     )
 
 

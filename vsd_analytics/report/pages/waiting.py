@@ -147,9 +147,9 @@ def _capacity(row: Row) -> str:
         minutes = None if surplus.value is None else surplus.value * _MINUTE_S
         more = {"full": fmt.percent(full.value), "over": fmt.percent(over.value), "surplus": fmt.number(minutes)}
         more |= {"low": fmt.percent(full.lo), "high": fmt.percent(full.hi)}
-    said = say(key, plural=None, **place, people=fmt.number(people.value), busy=fmt.percent(busy.value), **more)
+    sentence = say(key, plural=None, **place, people=fmt.number(people.value), busy=fmt.percent(busy.value), **more)
     missed = unknown_hours(row)
-    return f"{said} {say('waiting.unrecorded', hours=missed)}" if missed else said
+    return f"{sentence} {say('waiting.unrecorded', hours=missed)}" if missed else sentence
 
 
 def _queue_row(row: Row) -> PlaceNumbers:

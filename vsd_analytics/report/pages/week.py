@@ -385,10 +385,10 @@ def _style(report: WeekReport, *, paper: str = "a4") -> str:
 
 def printed_footers(text: str) -> str:
     """Return the style of printed pages: a text at the left of each foot, its number at the right."""
-    of, font = css_string(f" {say('page.of')} "), "font: 8pt Arial, sans-serif; color: #525d68"
+    separator, font = css_string(f" {say('page.of')} "), "font: 8pt Arial, sans-serif; color: #525d68"
     return (
         f"@page {{ @bottom-left {{ content: {css_string(text)}; {font} }} "
-        f"@bottom-right {{ content: counter(page) {of} counter(pages); {font} }} }}"
+        f"@bottom-right {{ content: counter(page) {separator} counter(pages); {font} }} }}"
     )
 
 
@@ -425,7 +425,7 @@ def privacy(report: WeekReport) -> str:
     """Return what is stored about people, until when, and what was deleted."""
     stored, rules = report.stored, report.rules
     key = "pseudonyms" if stored is None or stored.has_pseudonyms else "ids"
-    said = [
+    sentences = [
         say(
             "about.privacy_text",
             numbers=say(f"about.privacy_{key}"),
@@ -434,13 +434,13 @@ def privacy(report: WeekReport) -> str:
         )
     ]
     if stored is not None and stored.first_day is not None:
-        said.append(say("about.privacy_since", first=fmt.date_long(stored.first_day)))
+        sentences.append(say("about.privacy_since", first=fmt.date_long(stored.first_day)))
         n, days = stored.n_overdue_days, rules.retention_days
         if n:
-            said.append(say("about.privacy_overdue", plural=n, n=n, days=days))
+            sentences.append(say("about.privacy_overdue", plural=n, n=n, days=days))
         else:
-            said.append(say("about.privacy_in_time", on=fmt.date_long(report.generated_at.date()), days=days))
+            sentences.append(say("about.privacy_in_time", on=fmt.date_long(report.generated_at.date()), days=days))
     if stored is not None and stored.purged_before is not None and stored.purged_on is not None:
         before, on = fmt.date_long(stored.purged_before), fmt.date_long(stored.purged_on)
-        said.append(say("about.privacy_purged", before=before, on=on))
-    return " ".join(said)
+        sentences.append(say("about.privacy_purged", before=before, on=on))
+    return " ".join(sentences)

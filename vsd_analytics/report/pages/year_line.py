@@ -13,8 +13,8 @@ from vsd_analytics.wording.reasons import reason_text
 
 def year_line(answers: Answers) -> str:
     """Return what the same week a year before was like, and what changed; empty where it was not recorded."""
-    found = answers.get("year_before")
-    return "" if found is None or not found.rows else " ".join(_sentences(found.rows[0]))
+    answer = answers.get("year_before")
+    return "" if answer is None or not answer.rows else " ".join(_sentences(answer.rows[0]))
 
 
 def _sentences(row: Row) -> Iterator[str]:

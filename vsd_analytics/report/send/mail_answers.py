@@ -120,21 +120,21 @@ def _question(text: str, site: Site) -> str:
 
 def _kind(text: str) -> AnswerKind | None:
     """Return the answer with which a text begins, in any language of pages."""
-    said = text.strip(" :.,!*").casefold()
+    folded = text.strip(" :.,!*").casefold()
     for word, kind in sorted(_words().items(), key=lambda item: -len(item[0])):
-        if re.match(rf"{re.escape(word)}(?!\w)", said):
+        if re.match(rf"{re.escape(word)}(?!\w)", folded):
             return kind
     return None
 
 
 def _words() -> dict[str, AnswerKind]:
-    found: dict[str, AnswerKind] = {kind: kind for kind in KINDS}
+    kinds: dict[str, AnswerKind] = {kind: kind for kind in KINDS}
     for language in LANGUAGES:
         with speaking(language):
             for kind in KINDS:
                 for table in ("kind", "answer"):
-                    found[say(f"desk.{table}.{kind.replace('-', '_')}").casefold()] = kind
-    return found
+                    kinds[say(f"desk.{table}.{kind.replace('-', '_')}").casefold()] = kind
+    return kinds
 
 
 def _labelled(own: list[str], key: str) -> str | None:

@@ -127,9 +127,9 @@ def _by_smtp(
         try:
             if route.user is not None:
                 server.login(route.user, password or "")
-            code, said = server.mail(route.sender)
+            code, reply = server.mail(route.sender)
             if code != 250:
-                raise _refusal(f"{route.sender} as the sender", code, said)
+                raise _refusal(f"{route.sender} as the sender", code, reply)
             answers = {address: server.rcpt(address) for address in to}
             accepted = tuple(a for a, (code, _) in answers.items() if code in (250, 251))
             refused = {a: _answer(*answers[a]) for a in to if a not in accepted}
@@ -149,18 +149,18 @@ def _by_smtp(
 def _transmit(server: smtplib.SMTP, data: bytes, route: MailRoute) -> None:
     """Send the mail itself; only a failure after its last byte leaves open whether it arrived."""
     try:
-        code, said = server.docmd("DATA")
+        code, reply = server.docmd("DATA")
         if code != 354:
-            raise _refusal("the mail", code, said)
+            raise _refusal("the mail", code, reply)
         server.send(re.sub(rb"(?m)^\.", b"..", data).removesuffix(b"\r\n") + b"\r\n.\r\n")
     except (OSError, smtplib.SMTPException) as error:
         raise _PassingError(_unreachable(route, error)) from None
     try:
-        code, said = server.getreply()
+        code, reply = server.getreply()
     except (OSError, smtplib.SMTPException) as error:
         raise _unknown(route, error) from None
     if code != 250:
-        raise _refusal("the mail", code, said)
+        raise _refusal("the mail", code, reply)
 
 
 @contextlib.contextmanager
@@ -234,24 +234,24 @@ def _by_program(
     except OSError as error:
         raise _program_failed(route.sendmail, str(error.strerror or error)) from None
     if done.returncode != 0:
-        said = done.stderr.decode("utf-8", "replace").strip().splitlines()
-        words = said[-1][:300] if said else "it said nothing"
+        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        words = lines[-1][:300] if lines else "it said nothing"
         failed = _program_failed(route.sendmail, f"it ended with {done.returncode}: {words}")
         raise _PassingError(failed) if done.returncode == _TEMPFAIL else failed
     return Sent(accepted=tuple(to), refused={})
 
 
-def _answer(code: int, said: bytes | str) -> str:
-    text = said.decode("utf-8", "replace") if isinstance(said, bytes) else said
+def _answer(code: int, reply: bytes | str) -> str:
+    text = reply.decode("utf-8", "replace") if isinstance(reply, bytes) else reply
     return f"{code} {' '.join(text.split())}"[:300]
 
 
-def _refusal(what: str, code: int, said: bytes | str) -> Exception:
+def _refusal(what: str, code: int, reply: bytes | str) -> Exception:
     """Return the error of a refusal; one that says "later" (4xx) may be tried again."""
     error = MailError(
         f"the mail server refuses {what}",
         code="E806",
-        why=_answer(code, said),
+        why=_answer(code, reply),
         fix="the server's own words stand above; addresses stand under [mail] from and to. Nothing was sent",
     )
     return _PassingError(error) if 400 <= code < 500 else error

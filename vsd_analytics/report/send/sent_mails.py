@@ -76,13 +76,13 @@ class SentLog:
 
     def step(self, week: Week, address: str) -> Step | None:
         """Return how far the mail of a week got for an address; None = it was never begun."""
-        found = self._last.get(_key(week, address))
-        return None if found is None else found[0]
+        last = self._last.get(_key(week, address))
+        return None if last is None else last[0]
 
     def message_id(self, week: Week, address: str) -> str | None:
         """Return the Message-ID of the last mail of a week to an address."""
-        found = self._last.get(_key(week, address))
-        return None if found is None else found[1]
+        last = self._last.get(_key(week, address))
+        return None if last is None else last[1]
 
     def note(self, week: Week, steps: Mapping[str, Step], *, message_id: str, at: datetime) -> None:
         """Write a step for each address, durably.

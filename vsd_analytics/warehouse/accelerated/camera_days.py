@@ -99,8 +99,8 @@ def _kinds(table: TableName, rows: pa.Table, noted: NotedColumns) -> tuple[Bools
     def known(column: str) -> Bools | bool:
         if column not in rows.column_names:
             return noted.is_known(column)
-        found: Bools = pc.is_valid(rows[column]).to_numpy()
-        return found
+        is_valid: Bools = pc.is_valid(rows[column]).to_numpy()
+        return is_valid
 
     if table == "frames":
         return True, known("n_persons"), known("n_pairs"), False, False
@@ -113,9 +113,9 @@ def _kinds(table: TableName, rows: pa.Table, noted: NotedColumns) -> tuple[Bools
 def _interval_ms(of_camera: int | None, instants: Sequence[Ints], params: Mapping[str, Any]) -> int:
     """Return the frame interval: that of vsd.toml, else the median time between frames, else a second."""
     unknown_ms = int(params["unknown_interval_ms"])
-    found = unknown_ms if of_camera is None else of_camera
+    interval_ms = unknown_ms if of_camera is None else of_camera
     if of_camera is None and instants:
         steps = np.sort(np.diff(distinct(np.concatenate(instants))))  # sorted, as np.median takes longer
         middle = steps[(len(steps) - 1) // 2 : len(steps) // 2 + 1]
-        found = int(rounded(middle.mean(keepdims=True))[0]) if len(steps) else unknown_ms
-    return min(found, int(params["longest_interval_ms"]))
+        interval_ms = int(rounded(middle.mean(keepdims=True))[0]) if len(steps) else unknown_ms
+    return min(interval_ms, int(params["longest_interval_ms"]))

@@ -81,10 +81,10 @@ def cell_marts(ask: Ask, day: date, names: Collection[str]) -> Iterator[tuple[st
     met = _violations(ask, day, starts) if needs_violations(names) else [_none(0)] * len(starts)
     fine, coarse = [], []
     for cells, tracks, violations in zip(stood, walked, met, strict=True) if needs_violations(names) else ():
-        found = summed([cells.with_values(*cells.values, 0), violations.with_values(0, 0, 1)], n_sums=3)
-        counted = found.within(_COARSE_MM, cell_mm=cell_mm).with_values(*found.values, 1, 0)
+        cell_rows = summed([cells.with_values(*cells.values, 0), violations.with_values(0, 0, 1)], n_sums=3)
+        counted = cell_rows.within(_COARSE_MM, cell_mm=cell_mm).with_values(*cell_rows.values, 1, 0)
         walked_in = tracks.within(_COARSE_MM, cell_mm=cell_mm).with_values(0, 0, 0, 0, *tracks.values)
-        fine.append(found)
+        fine.append(cell_rows)
         coarse.append(summed([counted, walked_in], n_sums=4))
     table = _MartTables(cameras, day, starts)
     if "cell_hours" in names:
@@ -117,13 +117,13 @@ class _HourlyFacts:
 
     def rows(self, fact: str, *values: str) -> list[_CellRows]:
         """Return the rows of each hour by group: cameras in order of floor and id."""
-        found = self._ask(
+        rows = self._ask(
             f"{_PLACES} select place, bucket_quarter, cx, cy, {', '.join(values)} "
             f"from {fact} inner join places using (camera_id) "
             "where hour between $first and $last and bucket_quarter between $from and $to",
             {"first": self._first // 4, "last": self._last // 4, "from": self._first, "to": self._last},
         )
-        place, quarter, *columns = (column.to_numpy() for column in found.columns)
+        place, quarter, *columns = (column.to_numpy() for column in rows.columns)
         slot = self._slot_of[quarter - self._first]
         key = slot * (1 + int(place.max(initial=0))) + place
         if (key[1:] < key[:-1]).any():
@@ -136,12 +136,12 @@ class _HourlyFacts:
 
 def _violations(ask: Ask, day: date, starts: Ints) -> list[_CellRows]:
     """Return a row for each violation that began in an open hour, by hour."""
-    found = ask(
+    rows = ask(
         f"{_PLACES} select hour_start_ms, place, cx, cy from violations inner join places using (camera_id) "
         "where local_date = $day and is_open and cx is not null order by all",
         {"day": day},
     )
-    start, *columns = (column.to_numpy() for column in found.columns)
+    start, *columns = (column.to_numpy() for column in rows.columns)
     edges = [*np.searchsorted(start, starts), len(start)]
     return [_CellRows(*columns).where(slice(a, b)) for a, b in pairwise(edges)]
 
@@ -160,12 +160,14 @@ def summed(parts: Sequence[_CellRows], *, n_sums: int) -> _CellRows:
     """
     groups = np.unique(np.concatenate([p.group[np.flatnonzero(np.diff(p.group, prepend=-1))] for p in parts]))
     first, after = (np.array([np.searchsorted(p.group, groups, side) for p in parts]).T for side in ("left", "right"))
-    made = []
+    cells = []
     for group, starts, ends in zip(groups.tolist(), first.tolist(), after.tolist(), strict=True):
         own = [part.where(slice(a, b)) for part, a, b in zip(parts, starts, ends, strict=True) if a < b]
-        x, y, *values = (_joined(of) for of in zip(*((rows.x, rows.y, *rows.values) for rows in own), strict=True))
-        made.append(_of_group(group, x, y, values, n_sums))
-    return _CellRows(*map(_joined, zip(*made, strict=True))) if made else _none(len(parts[0].values))
+        x, y, *values = (
+            _joined(columns) for columns in zip(*((rows.x, rows.y, *rows.values) for rows in own), strict=True)
+        )
+        cells.append(_of_group(group, x, y, values, n_sums))
+    return _CellRows(*map(_joined, zip(*cells, strict=True))) if cells else _none(len(parts[0].values))
 
 
 def _joined(arrays: Sequence[Ints]) -> Ints:
@@ -183,15 +185,15 @@ def _of_group(group: int, x: Ints, y: Ints, values: Sequence[Ints], n_sums: int)
     else:
         n_places = across * up
         cells = used = np.flatnonzero(np.bincount(at, minlength=n_places))
-    found = []
+    cell_values = []
     for k, value in enumerate(values):
         if k < n_sums:
             of_cells = np.bincount(at, weights=value, minlength=n_places)
         else:
             of_cells = np.zeros(n_places, dtype=np.int64)
             np.maximum.at(of_cells, at, value)
-        found.append(of_cells[used].astype(np.int64))
-    return np.full(len(cells), group), low_x + cells % across, low_y + cells // across, *found
+        cell_values.append(of_cells[used].astype(np.int64))
+    return np.full(len(cells), group), low_x + cells % across, low_y + cells // across, *cell_values
 
 
 class _MartTables:
@@ -203,7 +205,7 @@ class _MartTables:
     @staticmethod
     def values(hours: Sequence[_CellRows]) -> list[Ints]:
         """Return the values of the rows of all hours, one after the other."""
-        return [np.concatenate(of) for of in zip(*(rows.values for rows in hours), strict=True)]
+        return [np.concatenate(parts) for parts in zip(*(rows.values for rows in hours), strict=True)]
 
     def of(
         self, hours: Sequence[_CellRows], values: dict[str, Any], *, by_hour: bool = False, is_floor: bool = False

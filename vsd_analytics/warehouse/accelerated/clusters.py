@@ -41,10 +41,10 @@ def frame_clusters(held: Held, site: SiteTables) -> Columns:
 def clustered(held: Held, site: SiteTables) -> Columns:
     """Return `staging/clustered`, in the order of `in_violation`."""
     del site
-    found = {
+    columns = {
         c: held["in_violation"][c] for c in ("camera_id", "ts_ms", "member", "track_id", "x_mm", "y_mm", "weight_ms")
     }
-    return {**found, "cluster": held["frame_clusters"]["component"]}
+    return {**columns, "cluster": held["frame_clusters"]["component"]}
 
 
 def clusters(held: Held, site: SiteTables) -> Columns:
@@ -53,16 +53,16 @@ def clusters(held: Held, site: SiteTables) -> Columns:
     n = len(first)
     n_people = np.bincount(first, minlength=n)
     rows = np.flatnonzero(n_people)
-    of, placed = np.zeros(n, dtype=np.int64), people["x_mm"] != NULL
-    of[rows] = np.arange(len(rows))
-    cluster = of[first]
+    numbers, placed = np.zeros(n, dtype=np.int64), people["x_mm"] != NULL
+    numbers[rows] = np.arange(len(rows))
+    cluster = numbers[first]
     n_located = np.bincount(cluster[placed], minlength=len(rows))
     # sums of whole millimetres stay far below 2**53: floats hold them exactly
     x, y = (
         np.bincount(cluster[placed], people[c][placed], minlength=len(rows)).astype(np.int64) for c in ("x_mm", "y_mm")
     )
     camera, ts = people["camera_id"][rows], people["ts_ms"][rows]
-    x, y = (np.where(n_located > 0, of, NULL) for of in (x, y))
+    x, y = (np.where(n_located > 0, numbers, NULL) for numbers in (x, y))
     is_owned = site.floors.is_owned(camera, ts, x, y, np.maximum(n_located, 1))
     return {
         "camera_id": camera,
@@ -80,41 +80,41 @@ def clusters(held: Held, site: SiteTables) -> Columns:
 
 def cluster_times(held: Held, site: SiteTables) -> Columns:
     """Return `facts/cluster_times`."""
-    found = held["clusters"]
-    bucket = bucket_of(found["ts_ms"], site)
+    rows = held["clusters"]
+    bucket = bucket_of(rows["ts_ms"], site)
     keys = {
         "hour": bucket // 4,
-        "camera_id": found["camera_id"],
+        "camera_id": rows["camera_id"],
         "bucket_quarter": bucket,
-        "n_people": found["n_people"],
+        "n_people": rows["n_people"],
     }
-    return summed(keys, {"cluster_ms": np.where(found["is_owned"], found["weight_ms"], 0)})
+    return summed(keys, {"cluster_ms": np.where(rows["is_owned"], rows["weight_ms"], 0)})
 
 
 def gathering_clusters(held: Held, site: SiteTables) -> Columns:
     """Return `staging/gathering_clusters`, in order of `cluster_no`; `_row` is the first row of `clustered` of each."""
     every, people = held["clusters"], held["clustered"]
     big = np.flatnonzero(every["n_people"] >= site.params["gathering_people"])
-    found = take(every, big)
-    interval = site.days.interval_ms(found["camera_id"], found["ts_ms"])
+    gatherings = take(every, big)
+    interval = site.days.interval_ms(gatherings["camera_id"], gatherings["ts_ms"])
     number = np.full(len(held["frame_clusters"]["_first"]), -1, dtype=np.int64)
-    number[found["_row"]] = np.arange(len(big))
+    number[gatherings["_row"]] = np.arange(len(big))
     of_person = number[held["frame_clusters"]["_first"]]
     rows = np.flatnonzero(of_person >= 0)
     rows = rows[order_by(of_person[rows])]
     return {
         "cluster_no": np.arange(1, len(big) + 1),
-        "hour": found["ts_ms"] // 3_600_000,
+        "hour": gatherings["ts_ms"] // 3_600_000,
         **{
-            c: found[c]
+            c: gatherings[c]
             for c in ("camera_id", "ts_ms", "cluster", "n_people", "n_located", "sum_x_mm", "sum_y_mm", "weight_ms")
         },
         "interval_ms": interval,
         "gap_ms": gap_ms(interval, site.params["gathering_link_ms"], site),
         "square_mm2": _square_mm2(
-            take(people, rows), of_person[rows], found["n_people"], crowd_people=int(site.params["crowd_people"])
+            take(people, rows), of_person[rows], gatherings["n_people"], crowd_people=int(site.params["crowd_people"])
         ),
-        "_row": found["_row"],
+        "_row": gatherings["_row"],
     }
 
 
@@ -131,14 +131,14 @@ def _square_mm2(people: Columns, cluster: Ints, n_people: Ints, *, crowd_people:
     """
     placed = people["x_mm"] != NULL
     cluster, x, y = cluster[placed], people["x_mm"][placed], people["y_mm"][placed]
-    found = np.full(len(n_people), NULL, dtype=np.int64)
+    square_mm2 = np.full(len(n_people), NULL, dtype=np.int64)
     few = np.flatnonzero(n_people[cluster] <= crowd_people)
-    of, few_x, few_y = cluster[few], x[few], y[few]
-    for a, b in beside(of, np.zeros_like(of), 0):
+    few_cluster, few_x, few_y = cluster[few], x[few], y[few]
+    for a, b in beside(few_cluster, np.zeros_like(few_cluster), 0):
         square = (few_x[a] - few_x[b]) ** 2 + (few_y[a] - few_y[b]) ** 2
-        starts = starts_of(of[a])
-        at = of[a[starts]]
-        found[at] = np.maximum(found[at], greatest(square, starts))
+        starts = starts_of(few_cluster[a])
+        at = few_cluster[a[starts]]
+        square_mm2[at] = np.maximum(square_mm2[at], greatest(square, starts))
     many = np.flatnonzero(n_people[cluster] > crowd_people)
     starts = starts_of(cluster[many])
     at = cluster[many[starts]]
@@ -147,5 +147,5 @@ def _square_mm2(people: Columns, cluster: Ints, n_people: Ints, *, crowd_people:
         along = ux * x[many] + uy * y[many]
         width_um = np.maximum(width_um, greatest(along, starts) + greatest(-along, starts))
     n = np.diff(starts, append=len(many))
-    found[at] = np.where(n > 1, np.floor(np.power(width_um / 1000, 2)).astype(np.int64), NULL)
-    return found
+    square_mm2[at] = np.where(n > 1, np.floor(np.power(width_um / 1000, 2)).astype(np.int64), NULL)
+    return square_mm2

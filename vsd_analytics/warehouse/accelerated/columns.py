@@ -150,18 +150,18 @@ def one_of_each(keys: Ints) -> Ints:
     fits into the caches, this takes half the time of sorting.
     """
     n_bits = (4 * len(keys)).bit_length()
-    at, rows, found = np.empty(1 << n_bits, dtype=np.int32), np.arange(len(keys)), list[Ints]()
+    at, rows, chosen = np.empty(1 << n_bits, dtype=np.int32), np.arange(len(keys)), list[Ints]()
     for factor in cycle(_ODD):
         own = np.arange(len(rows), dtype=np.int32)
         place = ((keys.view(np.uint64) * factor) >> np.uint64(64 - n_bits)).view(np.int64)
         at[place] = own
         there = picked(at, place)
-        found.append(rows[there == own])
+        chosen.append(rows[there == own])
         others = np.flatnonzero(picked(keys, there) != keys)
         if not len(others):
             break
         rows, keys = rows[others], keys[others]
-    return np.concatenate(found)
+    return np.concatenate(chosen)
 
 
 def one_alike(place: Ints, n_places: int, *keys: NDArray[Any]) -> Ints:
@@ -178,17 +178,17 @@ def one_alike(place: Ints, n_places: int, *keys: NDArray[Any]) -> Ints:
     own = np.arange(len(place))
     at = np.zeros(n_places, dtype=np.int64)
     at[place] = own
-    found = picked(at, place)
-    others = np.flatnonzero(found != own)
-    rows = found[others]
+    alike = picked(at, place)
+    others = np.flatnonzero(alike != own)
+    rows = alike[others]
     is_same = np.ones(len(others), dtype=np.bool_)
     for key in keys:
         is_same &= picked(key, rows) == picked(key, others)
     others = others[~is_same]
     order, starts = grouped_by(*(picked(key, others) for key in keys))
     others = others[order]
-    found[others] = np.repeat(others[starts], np.diff(starts, append=len(others)))
-    return found
+    alike[others] = np.repeat(others[starts], np.diff(starts, append=len(others)))
+    return alike
 
 
 def starts_of(*keys: NDArray[Any]) -> Ints:
@@ -256,9 +256,9 @@ def counted(n: int, *series: tuple[Ints, Ints | None]) -> tuple[Ints, list[Ints]
     if every is None:
         every = distinct(np.concatenate([keys for keys, _ in series]))
         series = tuple((np.searchsorted(every, keys), weights) for keys, weights in series)
-    found = [np.bincount(keys, weights, minlength=len(every)).astype(np.int64, copy=False) for keys, weights in series]
-    used = np.flatnonzero(sum(of for of, (_, weights) in zip(found, series, strict=True) if weights is None))
-    return every[used], [of[used] for of in found]
+    counts = [np.bincount(keys, weights, minlength=len(every)).astype(np.int64, copy=False) for keys, weights in series]
+    used = np.flatnonzero(sum(count for count, (_, weights) in zip(counts, series, strict=True) if weights is None))
+    return every[used], [count[used] for count in counts]
 
 
 def beside(group: Ints, x: Ints, reach: int) -> Iterator[tuple[Ints, Ints]]:

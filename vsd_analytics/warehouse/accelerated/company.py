@@ -17,7 +17,7 @@ def window_tracks(held: Held, site: SiteTables) -> Columns:
     """Return `staging/window_tracks`, in order of camera, window and track."""
     located = held["located"]
     rows = np.flatnonzero(located["track_id"] >= 0)
-    found = summed(
+    tracks = summed(
         {
             "camera_id": located["camera_id"][rows],
             "window_ms": _window(located["ts_ms"][rows], site),
@@ -25,10 +25,10 @@ def window_tracks(held: Held, site: SiteTables) -> Columns:
         },
         {"seen_ms": located["weight_ms"][rows]},
     )
-    n = len(found["track_id"])
-    starts = starts_of(found["camera_id"], found["window_ms"])
+    n = len(tracks["track_id"])
+    starts = starts_of(tracks["camera_id"], tracks["window_ms"])
     before = np.repeat(starts, np.diff(starts, append=n))
-    return {**found, "member": np.arange(n) - before + 1}
+    return {**tracks, "member": np.arange(n) - before + 1}
 
 
 def window_pairs(held: Held, site: SiteTables) -> Columns:
@@ -37,7 +37,7 @@ def window_pairs(held: Held, site: SiteTables) -> Columns:
     a, b = pairs["track_a"], pairs["track_b"]
     rows = np.flatnonzero((pairs["distance_mm"] < reach_mm) & (a >= 0) & (b >= 0) & (a != b))
     a, b, weight = picked(a, rows), picked(b, rows), picked(pairs["weight_ms"], rows).astype(np.int64)
-    found = summed(
+    columns = summed(
         {
             "camera_id": picked(pairs["camera_id"], rows),
             "window_ms": _window(picked(pairs["ts_ms"], rows), site),
@@ -47,15 +47,15 @@ def window_pairs(held: Held, site: SiteTables) -> Columns:
         {"n_records": np.ones_like(weight), "close_ms": weight, "mm_ms": weight * picked(pairs["distance_mm"], rows)},
     )
     tracks = held["window_tracks"]
-    sides = [_rows_of(tracks, *(found[c] for c in ("camera_id", "window_ms", f"track_{side}"))) for side in "ab"]
-    is_seen = (sides[0] >= 0) & (sides[1] >= 0) & (found["close_ms"] > 0)
-    found = take({**found, "_a": sides[0], "_b": sides[1]}, is_seen)
-    seen_ms = np.maximum(tracks["seen_ms"][found["_a"]], tracks["seen_ms"][found["_b"]])
+    sides = [_rows_of(tracks, *(columns[c] for c in ("camera_id", "window_ms", f"track_{side}"))) for side in "ab"]
+    is_seen = (sides[0] >= 0) & (sides[1] >= 0) & (columns["close_ms"] > 0)
+    columns = take({**columns, "_a": sides[0], "_b": sides[1]}, is_seen)
+    seen_ms = np.maximum(tracks["seen_ms"][columns["_a"]], tracks["seen_ms"][columns["_b"]])
     return {
-        **found,
-        "member_a": tracks["member"][found["_a"]],
-        "member_b": tracks["member"][found["_b"]],
-        "mean_mm": mean_distances_mm(found["mm_ms"], found["close_ms"], seen_ms, reach_mm=reach_mm),
+        **columns,
+        "member_a": tracks["member"][columns["_a"]],
+        "member_b": tracks["member"][columns["_b"]],
+        "mean_mm": mean_distances_mm(columns["mm_ms"], columns["close_ms"], seen_ms, reach_mm=reach_mm),
     }
 
 
@@ -90,15 +90,15 @@ def standing_tracks(held: Held, site: SiteTables) -> Columns:
     """Return `staging/standing_tracks`, in order of camera, window and track."""
     del site
     company, tracks = held["window_company"], held["window_tracks"]
-    found = take(tracks, company["_row"], "camera_id", "window_ms", "track_id", "seen_ms")
-    return {**found, "group_id": tracks["track_id"][company["_first"]]}
+    columns = take(tracks, company["_row"], "camera_id", "window_ms", "track_id", "seen_ms")
+    return {**columns, "group_id": tracks["track_id"][company["_first"]]}
 
 
 def standing_groups(held: Held, site: SiteTables) -> Columns:
     """Return `facts/standing_groups`."""
     del site
-    found = held["standing_tracks"]
-    rows = {"hour": found["window_ms"] // _HOUR_MS, **found, "exposure_ms": found["seen_ms"]}
+    tracks = held["standing_tracks"]
+    rows = {"hour": tracks["window_ms"] // _HOUR_MS, **tracks, "exposure_ms": tracks["seen_ms"]}
     return take(rows, order_by(rows["hour"], rows["camera_id"], rows["window_ms"], rows["track_id"]))
 
 
@@ -109,8 +109,8 @@ def is_standing(held: Held, site: SiteTables, camera: Ints, ts: Ints, a: Ints, b
         return np.zeros(len(ts), dtype=np.bool_)
     first, second = (_rows_of(tracks, camera, window, side) for side in (a, b))
     group = tracks["group_id"]
-    found: Bools = (first >= 0) & (second >= 0) & (group[first] == group[second])
-    return found
+    is_together: Bools = (first >= 0) & (second >= 0) & (group[first] == group[second])
+    return is_together
 
 
 def _window(ts: Ints, site: SiteTables) -> Ints:
@@ -133,5 +133,5 @@ def _rows_of(tracks: Columns, camera: Ints, window: Ints, track: Ints) -> Ints:
     known = keys(*(tracks[c] for c in ("camera_id", "window_ms", "track_id")))
     wanted = np.where((track < 0) | (window < low), -1, keys(camera, window, track))
     at = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
-    found: Ints = np.where(known[at] == wanted, at, -1)
-    return found
+    rows: Ints = np.where(known[at] == wanted, at, -1)
+    return rows

@@ -37,7 +37,7 @@ def coverage(held: Held, site: SiteTables) -> Columns:
     pieces = {name: np.concatenate(both) for name, both in columns.items()}
     order, starts = grouped_by(pieces["quarter"] // 4, pieces["camera_id"], pieces["quarter"])
     pieces = take(pieces, order)
-    found = {
+    facts = {
         "hour": pieces["quarter"][starts] // 4,
         "camera_id": pieces["camera_id"][starts],
         "quarter": pieces["quarter"][starts],
@@ -47,8 +47,8 @@ def coverage(held: Held, site: SiteTables) -> Columns:
     }
     # only hours with frames of their own
     hours = frames["camera_id"] * np.int64(2**40) + frames["hour"]
-    own = np.isin(found["camera_id"] * np.int64(2**40) + found["hour"], hours[starts_of(hours)])
-    return take(found, own)
+    own = np.isin(facts["camera_id"] * np.int64(2**40) + facts["hour"], hours[starts_of(hours)])
+    return take(facts, own)
 
 
 def recorded_spans(held: Held, site: SiteTables) -> Columns:
@@ -92,7 +92,7 @@ def sequence_runs(held: Held, site: SiteTables) -> Columns | None:
     is_edge[1:] = ~is_same | (hour[1:] > hour[:-1]) | (seq[1:] > seq[:-1] + 1)
     starts = np.flatnonzero(is_edge)
     last = ends_of(starts, n) - 1
-    found = {
+    runs = {
         "hour": hour[starts],
         "camera_id": camera[starts],
         "restarts": np.zeros(len(starts), dtype=np.int64),
@@ -102,4 +102,4 @@ def sequence_runs(held: Held, site: SiteTables) -> Columns | None:
         "last_ms": ts[last],
         "n_messages": seq[last] - seq[starts] + 1,
     }
-    return take(found, order_by(found["hour"], np.arange(len(starts))))
+    return take(runs, order_by(runs["hour"], np.arange(len(starts))))

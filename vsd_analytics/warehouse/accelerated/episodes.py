@@ -24,7 +24,7 @@ def episode_segments(held: Held, site: SiteTables) -> Columns:
     distance = records["distance_mm"]
     n_owned = sums(is_owned, starts)
     before, after = _crossings(held, records, starts, ends, site)
-    found = {
+    segments = {
         **{c: records[c][starts] for c in ("hour", "camera_id", "track_a", "track_b", "started_ms")},
         "ended_ms": ts[ends],
         "interval_ms": greatest(records["interval_ms"], starts),
@@ -49,8 +49,8 @@ def episode_segments(held: Held, site: SiteTables) -> Columns:
         "owned_x2_mm": sums(np.where(is_owned, x2, 0), starts),
         "owned_y2_mm": sums(np.where(is_owned, y2, 0), starts),
     }
-    order = order_by(found["hour"], np.arange(len(starts)))
-    return {name: values[order] for name, values in found.items()}
+    order = order_by(segments["hour"], np.arange(len(starts)))
+    return {name: values[order] for name, values in segments.items()}
 
 
 def _crossings(held: Held, records: Columns, starts: Ints, ends: Ints, site: SiteTables) -> tuple[Ints, Ints]:
@@ -58,7 +58,7 @@ def _crossings(held: Held, records: Columns, starts: Ints, ends: Ints, site: Sit
     before, after = np.full(len(starts), NULL, dtype=np.int64), np.full(len(starts), NULL, dtype=np.int64)
     begins, stops = np.flatnonzero(~records["follows"][starts]), np.flatnonzero(~records["is_followed"][ends])
     # in order of frames, because the rows that are searched then lie beside each other
-    begins, stops = (of[order_by(records["_frame"][at[of]])] for of, at in ((begins, starts), (stops, ends)))
+    begins, stops = (runs[order_by(records["_frame"][at[runs]])] for runs, at in ((begins, starts), (stops, ends)))
     before[begins] = _crossing_ms(held, records, starts[begins], -1, site)
     after[stops] = _crossing_ms(held, records, ends[stops], 1, site)
     return before, after
@@ -82,7 +82,7 @@ def _crossing_ms(held: Held, records: Columns, rows: Ints, outwards: int, site: 
     step, beside_x, beside_y = _place(held, records, rows, outwards, nearest, site)
     square, far = int(site.params["distance_mm"]) ** 2, beside_x * beside_x + beside_y * beside_y
     is_crossed = is_known & (x * x + y * y < square) & (far >= square)  # false where far is NaN
-    found = np.full(len(rows), NULL, dtype=np.int64)
+    crossing_ms = np.full(len(rows), NULL, dtype=np.int64)
     at = np.flatnonzero(is_crossed)
     rows, step, beside_x, beside_y = rows[at], step[at], beside_x[at], beside_y[at]
     beyond, beyond_x, beyond_y = _place(held, records, rows, 2 * outwards, site.params["gap_half_intervals"], site)
@@ -98,8 +98,8 @@ def _crossing_ms(held: Held, records: Columns, rows: Ints, outwards: int, site: 
     )
     x, y = np.where(is_second, middle_x, x), np.where(is_second, middle_y, y)
     a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - square
-    found[at] = rounded(np.where(is_second, half, 0) + half * (np.sqrt(b * b - a * c) - b) / a)
-    return found
+    crossing_ms[at] = rounded(np.where(is_second, half, 0) + half * (np.sqrt(b * b - a * c) - b) / a)
+    return crossing_ms
 
 
 def _middle(
@@ -128,10 +128,10 @@ def _place(
     of_side: list[Ints] = []
     for track in ("track_a", "track_b"):
         wanted = other[at] * (site.n_tracks + 1) + records[track][rows[at]]
-        found = np.minimum(np.searchsorted(keys, wanted), max(0, len(keys) - 1))
-        is_found = keys[found] == wanted if len(keys) else wanted < 0
-        at, found, of_side = at[is_found], found[is_found], [s[is_found] for s in of_side]
-        of_side.append(found)
+        row = np.minimum(np.searchsorted(keys, wanted), max(0, len(keys) - 1))
+        is_found = keys[row] == wanted if len(keys) else wanted < 0
+        at, row, of_side = at[is_found], row[is_found], [s[is_found] for s in of_side]
+        of_side.append(row)
     a, b = of_side
     is_placed = (located["x_mm"][a] != NULL) & (located["x_mm"][b] != NULL)
     at, a, b = at[is_placed], a[is_placed], b[is_placed]

@@ -46,19 +46,25 @@ class _Places:
 def floor_cells(held: Held, site: SiteTables) -> Columns:
     """Return `facts/floor_cells`."""
     located, persons, pairs, instants = (held[r] for r in ("located", "in_violation", "pairs", "instants"))
-    stood, close = (take(of, of["is_owned"] & (of["x_mm"] != NULL), *_OF_PERSON) for of in (located, persons))
+    stood, close = (
+        take(records, records["is_owned"] & (records["x_mm"] != NULL), *_OF_PERSON) for records in (located, persons)
+    )
     is_met = is_close(pairs, site) & pairs["is_owned"]
     met = take(pairs, is_met & (pairs["x_a_mm"] != NULL) & (pairs["x_b_mm"] != NULL), *_OF_PAIR)
     side_mm = int(site.params["cell_mm"])
-    places = [_Places.of(of["x_mm"], of["y_mm"], side_mm, of["_frame"], instants, site) for of in (stood, close)]
+    places = [
+        _Places.of(records["x_mm"], records["y_mm"], side_mm, records["_frame"], instants, site)
+        for records in (stood, close)
+    ]
     x, y = (met[f"{c}_a_mm"] + met[f"{c}_b_mm"] for c in "xy")  # twice that of the middle
     places.append(_Places.of(x, y, 2 * side_mm, met["_frame"], instants, site))
     numbers, cells_of, n = _numbered(places)
-    counts = [np.bincount(of, minlength=n) for of in numbers]
+    counts = [np.bincount(records, minlength=n) for records in numbers]
     used = np.flatnonzero(counts[0] + counts[1] + counts[2])
     weight_ms = instants["weight_ms"]
     times = [
-        _added(weight_ms, of["_frame"], at, n_of) for of, at, n_of in zip((stood, close), numbers, counts, strict=False)
+        _added(weight_ms, records["_frame"], at, n_of)
+        for records, at, n_of in zip((stood, close), numbers, counts, strict=False)
     ]
     return {
         **cells_of(used),
@@ -95,12 +101,12 @@ def _added(weight_ms: Ints, frame: Ints, cell: Ints, n_of: Ints) -> Ints:
         n_of: Number of records of each cell.
     """
     usual = int(weight_ms[0]) if len(weight_ms) else 0
-    found = usual * n_of
+    total_ms = usual * n_of
     is_other = weight_ms != usual
     if is_other.any():
         others = np.flatnonzero(picked(is_other, frame))
-        np.add.at(found, cell[others], weight_ms[frame[others]] - usual)
-    return found
+        np.add.at(total_ms, cell[others], weight_ms[frame[others]] - usual)
+    return total_ms
 
 
 def _numbered(places: list[_Places]) -> tuple[list[Ints], Callable[[Ints], Columns], int]:
@@ -108,7 +114,7 @@ def _numbered(places: list[_Places]) -> tuple[list[Ints], Callable[[Ints], Colum
 
     Numbers are in order of the fact.
     """
-    groups, cameras, buckets = numbered([of.runs for of in places])
+    groups, cameras, buckets = numbered([records.runs for records in places])
     if not len(cameras):
         return [cameras] * len(places), lambda _: dict.fromkeys(_KEYS, cameras), 0
     n_cameras = int(cameras.max()) + 1
@@ -116,20 +122,20 @@ def _numbered(places: list[_Places]) -> tuple[list[Ints], Callable[[Ints], Colum
     height = int(n_y.max())  # one for all cameras, so that records need not look it up
     n_cells = n_x[cameras] * height
     ends = np.cumsum(n_cells)
-    if ends[-1] > _ROOM * sum(len(of.cx) for of in places):
+    if ends[-1] > _ROOM * sum(len(records.cx) for records in places):
         return _sorted(places, groups, cameras, buckets)
     first = ends - n_cells
     at_zero = first - x0[cameras] * height - y0[cameras]
     numbers = []
-    for of, group in zip(places, groups, strict=True):
-        number = np.multiply(of.cx, height, dtype=np.int64)
-        number += of.cy
-        number += of.runs.each(at_zero[group])
+    for records, group in zip(places, groups, strict=True):
+        number = np.multiply(records.cx, height, dtype=np.int64)
+        number += records.cy
+        number += records.runs.each(at_zero[group])
         numbers.append(number)
 
     def cells_of(used: Ints) -> Columns:
         n_used = np.diff(np.searchsorted(used, ends), prepend=0)
-        camera, bucket, at = (np.repeat(of, n_used) for of in (cameras, buckets, at_zero))
+        camera, bucket, at = (np.repeat(records, n_used) for records in (cameras, buckets, at_zero))
         x = (used - np.repeat(first, n_used)) // height + x0[camera]
         return _cells(camera, bucket, x, used - at - x * height)
 
@@ -143,9 +149,9 @@ def _cells(camera: Ints, bucket: Ints, cx: Ints, cy: Ints) -> Columns:
 def _extents(places: list[_Places], column: str, n_cameras: int) -> tuple[Ints, Ints]:
     """Return the least cell of each camera along one axis, and how many there are up to the greatest."""
     low, high = np.full(n_cameras, 2**40, dtype=np.int64), np.full(n_cameras, -(2**40), dtype=np.int64)
-    for of in places:
-        np.minimum.at(low, of.runs.camera_id, least(getattr(of, column), of.runs.starts))
-        np.maximum.at(high, of.runs.camera_id, greatest(getattr(of, column), of.runs.starts))
+    for records in places:
+        np.minimum.at(low, records.runs.camera_id, least(getattr(records, column), records.runs.starts))
+        np.maximum.at(high, records.runs.camera_id, greatest(getattr(records, column), records.runs.starts))
     return low, np.maximum(high - low + 1, 0)
 
 
@@ -153,14 +159,18 @@ def _sorted(
     places: list[_Places], groups: list[Ints], cameras: Ints, buckets: Ints
 ) -> tuple[list[Ints], Callable[[Ints], Columns], int]:
     """Do what `_numbered` does, with numbers for those cells only that have records."""
-    group = np.concatenate([of.runs.each(own) for of, own in zip(places, groups, strict=True)])
-    cx, cy = (np.concatenate([getattr(of, c) for of in places]) for c in ("cx", "cy"))
+    group = np.concatenate([records.runs.each(own) for records, own in zip(places, groups, strict=True)])
+    cx, cy = (np.concatenate([getattr(records, c) for records in places]) for c in ("cx", "cy"))
     order, starts = grouped_by(group, cx, cy)
     number = np.empty(len(order), dtype=np.int64)
     number[order] = run_of(starts, len(order))
     at = order[starts]
     cells = _cells(cameras[group[at]], buckets[group[at]], cx[at], cy[at])
-    return np.split(number, np.cumsum([len(of.cx) for of in places])[:-1]), lambda used: take(cells, used), len(at)
+    return (
+        np.split(number, np.cumsum([len(records.cx) for records in places])[:-1]),
+        lambda used: take(cells, used),
+        len(at),
+    )
 
 
 def _n_tracks(cell: Ints, track: Ints, starts: Ints, n_cells: int, n_tracks: int) -> Ints:
@@ -178,8 +188,8 @@ def _n_tracks(cell: Ints, track: Ints, starts: Ints, n_cells: int, n_tracks: int
     """
     at = np.unique(np.searchsorted(starts, np.arange(0, len(cell), _COUNTED_AT_ONCE)))
     edges = [*starts[at[at < len(starts)]].tolist(), len(cell)]
-    found = np.zeros(n_cells, dtype=np.int64)
+    counts = np.zeros(n_cells, dtype=np.int64)
     for first, after in pairwise(edges):
-        of, own = cell[first:after], track[first:after]
-        np.add.at(found, of[one_of_each(of * np.int64(n_tracks) + own)], 1)
-    return found
+        cells, own = cell[first:after], track[first:after]
+        np.add.at(counts, cells[one_of_each(cells * np.int64(n_tracks) + own)], 1)
+    return counts

@@ -38,28 +38,28 @@ def shared_tracks(held: Held, site: SiteTables) -> Columns:
     starts = starts_of(cluster)
     place = np.arange(len(cluster)) - np.repeat(starts, np.diff(starts, append=len(cluster)))
     is_crowd = clusters["n_people"][cluster] > crowd_people
-    found = []
+    pairs = []
     for rows, reach in ((np.flatnonzero(~is_crowd), crowd_people), (np.flatnonzero(is_crowd), _STEPS)):
-        found += [(rows[a], rows[b]) for a, b in beside(cluster[rows], place[rows], reach)]
-    a, b = (np.concatenate([once[:0], *(f[i] for f in found)]) for i in range(2))
-    of, a, b = picked(cluster, a), picked(track, a), picked(track, b)
-    camera = picked(clusters["camera_id"], of)
-    order = order_by(camera, a, b, of)
-    camera, of, a, b = (picked(values, order) for values in (camera, of, a, b))
-    ts, gap = picked(clusters["ts_ms"], of), picked(clusters["gap_ms"], of)
-    is_next = np.zeros(len(of), dtype=np.bool_)
+        pairs += [(rows[a], rows[b]) for a, b in beside(cluster[rows], place[rows], reach)]
+    a, b = (np.concatenate([once[:0], *(f[i] for f in pairs)]) for i in range(2))
+    pair_cluster, a, b = picked(cluster, a), picked(track, a), picked(track, b)
+    camera = picked(clusters["camera_id"], pair_cluster)
+    order = order_by(camera, a, b, pair_cluster)
+    camera, pair_cluster, a, b = (picked(values, order) for values in (camera, pair_cluster, a, b))
+    ts, gap = picked(clusters["ts_ms"], pair_cluster), picked(clusters["gap_ms"], pair_cluster)
+    is_next = np.zeros(len(pair_cluster), dtype=np.bool_)
     is_next[1:] = (camera[1:] == camera[:-1]) & (a[1:] == a[:-1]) & (b[1:] == b[:-1]) & (ts[1:] - ts[:-1] <= gap[1:])
-    before = np.maximum(np.arange(len(of)) - 1, 0)
-    is_followed = np.append(is_next[1:], False)[: len(of)]
-    after = np.minimum(np.arange(len(of)) + 1, max(0, len(of) - 1))
+    before = np.maximum(np.arange(len(pair_cluster)) - 1, 0)
+    is_followed = np.append(is_next[1:], False)[: len(pair_cluster)]
+    after = np.minimum(np.arange(len(pair_cluster)) + 1, max(0, len(pair_cluster) - 1))
     return {
-        "hour": clusters["hour"][of],
+        "hour": clusters["hour"][pair_cluster],
         "camera_id": camera,
-        "cluster_no": of + 1,
+        "cluster_no": pair_cluster + 1,
         "ts_ms": ts,
         "track_a": a,
         "track_b": b,
-        "before_no": np.where(is_next, of[before] + 1, NULL),
+        "before_no": np.where(is_next, pair_cluster[before] + 1, NULL),
         "before_ms": np.where(is_next, ts[before], NULL),
         "after_ms": np.where(is_followed, ts[after], NULL),
     }
@@ -93,7 +93,7 @@ def gathering_parts(held: Held, site: SiteTables) -> Columns:
     at_once = starts_of(first, c["ts_ms"])
     most = greatest(sums(c["n_people"], at_once), np.searchsorted(at_once, starts))
     named = first[starts]
-    found = {
+    parts = {
         **{k: c[k][starts] for k in ("hour", "camera_id")},
         "started_ms": least(c["ts_ms"], starts),
         "cluster": every["cluster"][named],
@@ -109,10 +109,10 @@ def gathering_parts(held: Held, site: SiteTables) -> Columns:
         "open_left": open_left[named],
         "open_right": open_right[named],
     }
-    is_long = found["ended_ms"] - found["started_ms"] + found["interval_ms"] >= site.params["gathering_last_ms"]
-    rows = np.flatnonzero(is_long | found["open_left"] | found["open_right"])
+    is_long = parts["ended_ms"] - parts["started_ms"] + parts["interval_ms"] >= site.params["gathering_last_ms"]
+    rows = np.flatnonzero(is_long | parts["open_left"] | parts["open_right"])
     keys = ("hour", "camera_id", "started_ms", "cluster")
-    return take(found, rows[order_by(*(found[k][rows] for k in keys))])
+    return take(parts, rows[order_by(*(parts[k][rows] for k in keys))])
 
 
 def gathering_joins(held: Held, site: SiteTables) -> Columns:
@@ -124,7 +124,7 @@ def gathering_joins(held: Held, site: SiteTables) -> Columns:
     after = np.where((after != NULL) & (after // _HOUR_MS > hour), after, NULL)
     rows = np.flatnonzero((before != NULL) | (after != NULL))
     part = first[shared["cluster_no"][rows] - 1]
-    found = {
+    joins = {
         "hour": hour[rows],
         "camera_id": shared["camera_id"][rows],
         "started_ms": every["ts_ms"][part],
@@ -134,4 +134,4 @@ def gathering_joins(held: Held, site: SiteTables) -> Columns:
         "after_ms": after[rows],
     }
     keys = ("hour", "camera_id", "ts_ms", "track_a", "track_b", "started_ms", "cluster")
-    return take(found, order_by(*(found[k] for k in keys)))
+    return take(joins, order_by(*(joins[k] for k in keys)))

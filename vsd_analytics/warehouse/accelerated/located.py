@@ -44,7 +44,7 @@ def instants(held: Held, site: SiteTables) -> Columns:
     is_in_time = to_next <= int(site.params["next_half_intervals"]) * interval // 2
     weight = np.where(is_in_time, to_next, interval)
     is_silent = ~has_heartbeat & (to_next <= site.params["coverage_gap_ms"])
-    found = {
+    frames = {
         "hour": ts // HOUR_MS,
         "camera_id": camera,
         "ts_ms": ts,
@@ -54,7 +54,7 @@ def instants(held: Held, site: SiteTables) -> Columns:
         "has_heartbeat": has_heartbeat,
         "_key": key,
     }
-    rows = take(found, interval != NULL)
+    rows = take(frames, interval != NULL)
     return {**rows, "_low": np.array([low]), "_span": np.array([span])}
 
 
@@ -73,8 +73,8 @@ def _are_among(keys: Ints, known: Ints) -> Bools:
     if not len(known):
         return np.zeros(len(keys), dtype=np.bool_)
     at = np.minimum(np.searchsorted(known, keys), len(known) - 1)
-    found: Bools = known[at] == keys
-    return found
+    is_among: Bools = known[at] == keys
+    return is_among
 
 
 def located(held: Held, site: SiteTables) -> Columns | None:
@@ -105,7 +105,7 @@ def located(held: Held, site: SiteTables) -> Columns | None:
     if (counts := is_counted(held, site, camera, ts, track)) is not None:
         is_there = picked(counts, rows)
         rows, ordered = rows[is_there], ordered[is_there]
-    frame, camera, ts, x, y = (picked(of, rows) for of in (frame, camera, ts, x, y))
+    frame, camera, ts, x, y = (picked(values, rows) for values in (frame, camera, ts, x, y))
     starts = starts_of(frame)
     first = np.repeat(starts, np.diff(starts, append=len(frame)))
     return {
@@ -175,8 +175,8 @@ def _track_hours(site: SiteTables, hour: Ints, camera_id: Ints, track_id: Ints) 
 def frames_in_order(frames: Columns, camera: Ints, ts: Ints) -> Ints:
     """Return the row of `instants` of each record; stored records of a frame follow each other, so few are searched."""
     starts = starts_of(camera, ts)
-    found = frame_of(frames, camera[starts], ts[starts])
-    return np.repeat(found, np.diff(starts, append=len(ts)))
+    rows = frame_of(frames, camera[starts], ts[starts])
+    return np.repeat(rows, np.diff(starts, append=len(ts)))
 
 
 def _projected(calibrations: Columns, stored: Columns, site: SiteTables) -> tuple[Ints, Ints]:
@@ -209,10 +209,10 @@ def calibrations_used(held: Held, site: SiteTables) -> Columns:
     rows = np.flatnonzero((stored["x_mm"] == NULL) & ~np.isnan(stored["u_px"]))
     camera, ts = stored["camera_id"][rows], stored["ts_ms"][rows]
     number = np.full(len(rows), -1, dtype=np.int64)
-    for i, (of, first, after) in enumerate(
+    for i, (of_camera, first, after) in enumerate(
         zip(*(calibrations[c] for c in ("camera_id", "from_ms", "to_ms")), strict=True)
     ):
-        number[(camera == of) & (ts >= first) & (ts < after)] = i
+        number[(camera == of_camera) & (ts >= first) & (ts < after)] = i
     # in order of the names of calibrations, which are texts
     by_name = np.argsort(calibrations["calibration_id"].astype(str), kind="stable")
     place = np.argsort(by_name)

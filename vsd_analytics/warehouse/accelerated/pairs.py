@@ -53,8 +53,8 @@ def pairs(held: Held, site: SiteTables) -> Columns | None:
     sides = [is_counted(held, site, stored["camera_id"], stored["ts_ms"], stored[t]) for t in ("track_a", "track_b")]
     if sides[0] is not None and sides[1] is not None:
         stored, sent_in = take(stored, sides[0] & sides[1]), sent_in[sides[0] & sides[1]]
-    found = _derived(located, others, site), _sent(stored, sent_in, instants, located, site)
-    return with_rows({c: np.concatenate([of[c] for of in found]) for c in found[1]}, instants, located)
+    both = _derived(located, others, site), _sent(stored, sent_in, instants, located, site)
+    return with_rows({c: np.concatenate([columns[c] for columns in both]) for c in both[1]}, instants, located)
 
 
 def _closer(located: Columns, site: SiteTables) -> Columns:
@@ -64,7 +64,7 @@ def _closer(located: Columns, site: SiteTables) -> Columns:
     frame, x, y = (located[c] if placed is None else located[c][placed] for c in ("_frame", "x_mm", "y_mm"))
     a, b, square = near(frame, x, y, min(reach, most))
     if reach <= most and np.any(is_at_reach := square == reach * reach):
-        a, b, square = (of[~is_at_reach] for of in (a, b, square))
+        a, b, square = (values[~is_at_reach] for values in (a, b, square))
     if placed is not None:
         a, b = placed[a], placed[b]
 
@@ -106,7 +106,7 @@ def _derived(located: Columns, placed: Ints, site: SiteTables) -> Columns:
     ts = picked(located["ts_ms"], a)
     hour = ts // HOUR_MS
     order = order_by(hour, a, b)
-    a, b, hour, square, ts = (picked(of, order) for of in (a, b, hour, square, ts))
+    a, b, hour, square, ts = (picked(values, order) for values in (a, b, hour, square, ts))
     camera = picked(located["camera_id"], a)
     x_a, y_a, x_b, y_b = (picked(located[c], side) for side in (a, b) for c in ("x_mm", "y_mm"))
     return {
@@ -194,10 +194,10 @@ def _rows_of(keys: Ints, wanted: Ints) -> Ints:
 
 def _at(values: Ints, rows: Ints) -> Ints:
     """Return values of some rows, NULL for row -1."""
-    found = np.full(len(rows), NULL, dtype=np.int64)
+    chosen = np.full(len(rows), NULL, dtype=np.int64)
     is_there = rows >= 0
-    found[is_there] = values[rows[is_there]]
-    return found
+    chosen[is_there] = values[rows[is_there]]
+    return chosen
 
 
 def near(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
@@ -215,15 +215,15 @@ def near(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints, Ints]:
     is_crowded = np.repeat(n_persons > _CROWD, n_persons)
     few, many = np.flatnonzero(~is_crowded), np.flatnonzero(is_crowded)
     one, other, square = _near_of_few(frame[few], x[few], y[few], reach)
-    found = [(few[one], few[other], square)]
+    near_pairs = [(few[one], few[other], square)]
     many = many[order_by(frame[many], x[many])]
     x, y = x.astype(np.int64), y.astype(np.int64)  # squares need more than 32 bits
     for one, other in beside(frame[many], x[many], reach):
         a, b = many[one], many[other]
         square = (x[a] - x[b]) ** 2 + (y[a] - y[b]) ** 2
         is_near = np.flatnonzero(square <= reach * reach)
-        found.append((a[is_near], b[is_near], square[is_near]))
-    one, other, square = (np.concatenate(side) for side in zip(*found, strict=True))
+        near_pairs.append((a[is_near], b[is_near], square[is_near]))
+    one, other, square = (np.concatenate(side) for side in zip(*near_pairs, strict=True))
     return one, other, square
 
 
@@ -255,7 +255,7 @@ def _near_of_few(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints,
             one.append(rows[column] + first[pair])
             other.append(rows[column] + second[pair])
     a, b = np.concatenate(one), np.concatenate(other)
-    dx, dy = (picked(of, a).astype(np.int64) - picked(of, b) for of in (x, y))
+    dx, dy = (picked(coordinate, a).astype(np.int64) - picked(coordinate, b) for coordinate in (x, y))
     return a, b, dx * dx + dy * dy
 
 
@@ -266,7 +266,8 @@ def _kind_of_distances(x: Ints, y: Ints, reach: int) -> np.dtype[Any]:
     rounded, but never to one within reach, as rounding keeps the order.
     """
     is_exact = 2 * reach * reach < _FLOATS and all(
-        len(of) == 0 or (int(of.min()) > -_FLOATS and int(of.max()) < _FLOATS) for of in (x, y)
+        len(coordinate) == 0 or (int(coordinate.min()) > -_FLOATS and int(coordinate.max()) < _FLOATS)
+        for coordinate in (x, y)
     )
     return np.dtype(np.float32 if is_exact else np.int64)
 
@@ -279,11 +280,11 @@ def with_rows(pairs: Columns, instants: Columns, located: Columns) -> Columns:
     first = np.searchsorted(located["_frame"], np.arange(len(instants["ts_ms"])))
     a, b = pairs["member_a"], pairs["member_b"]
     row_a, row_b = (np.where(member > 0, picked(first, frame) + (member - 1), -1) for member in (a, b))
-    found = {**pairs, "_frame": frame, "_row_a": row_a, "_row_b": row_b}
+    columns = {**pairs, "_frame": frame, "_row_a": row_a, "_row_b": row_b}
     if pairs["is_derived"].all():
-        return {**found, "_a": row_a, "_b": row_b}
+        return {**columns, "_a": row_a, "_b": row_b}
     # Numbers of a frame: first of people who are in pairs only, whose members are -1, -2, ..., then of its records.
     least = np.zeros(len(first), dtype=np.int64)
     np.minimum.at(least, frame, np.minimum(a, b))
     zero = picked(first - np.cumsum(least), frame)
-    return {**found, "_a": zero + a - (a > 0), "_b": zero + b - (b > 0)}
+    return {**columns, "_a": zero + a - (a > 0), "_b": zero + b - (b > 0)}

@@ -84,27 +84,27 @@ class _PersonsInPairs:
 
     def least(self, a: str, b: str, *, unknown: int) -> Ints:
         """Return the least known value of all pairs of each person, `unknown` without any."""
-        found = self.one(a, b).astype(np.int64)
+        least = self.one(a, b).astype(np.int64)
         others = _of_side(self.pairs, a, b, self.again_row, self.again_is_b).astype(np.int64)
-        for values in (found, others):
+        for values in (least, others):
             values[values == unknown] = _LAST
-        np.minimum.at(found, self.again, others)
-        found[found == _LAST] = unknown
-        return found
+        np.minimum.at(least, self.again, others)
+        least[least == _LAST] = unknown
+        return least
 
     def greatest(self, a: str, b: str) -> Ints:
         """Return the greatest value of all pairs of each person; unknown ones are less than all others."""
-        found = self.one(a, b).astype(np.int64)
+        greatest = self.one(a, b).astype(np.int64)
         others = _of_side(self.pairs, a, b, self.again_row, self.again_is_b)
-        np.maximum.at(found, self.again, others.astype(np.int64, copy=False))
-        return found
+        np.maximum.at(greatest, self.again, others.astype(np.int64, copy=False))
+        return greatest
 
     def n_unknown(self, a: str, b: str) -> Ints:
         """Return in how many pairs of each person a column has an unknown id."""
-        found = (self.one(a, b) < 0).astype(np.int64)
+        n_unknown = (self.one(a, b) < 0).astype(np.int64)
         is_unknown = _of_side(self.pairs, a, b, self.again_row, self.again_is_b) < 0
-        np.add.at(found, self.again[is_unknown], 1)
-        return found
+        np.add.at(n_unknown, self.again[is_unknown], 1)
+        return n_unknown
 
 
 def _of_side(pairs: Columns, a: str, b: str, row: Ints, is_b: Bools) -> NDArray[Any]:
@@ -137,11 +137,11 @@ def _people(held: Held, persons: _PersonsInPairs, site: SiteTables) -> Columns:
     pairs = held["pairs"]
     if pairs["is_derived"].all():  # then their numbers are those of their records
         return take(held["located"], persons.number, *_OF_PEOPLE)
-    found = {name: persons.one(name, name) for name in ("camera_id", "ts_ms", "weight_ms", "_frame")}
+    columns = {name: persons.one(name, name) for name in ("camera_id", "ts_ms", "weight_ms", "_frame")}
     x, y = (persons.least(f"{c}_a_mm", f"{c}_b_mm", unknown=NULL) for c in "xy")
     # people without a place are in pairs without one, which their own camera counts
-    is_owned = site.floors.is_owned(found["camera_id"], found["ts_ms"], x, y)
-    return {**found, "x_mm": x, "y_mm": y, "is_owned": is_owned}
+    is_owned = site.floors.is_owned(columns["camera_id"], columns["ts_ms"], x, y)
+    return {**columns, "x_mm": x, "y_mm": y, "is_owned": is_owned}
 
 
 def distance_times(held: Held, site: SiteTables) -> Columns:
@@ -149,12 +149,12 @@ def distance_times(held: Held, site: SiteTables) -> Columns:
     pairs = held["pairs"]
     of_pairs = _PersonsInPairs.of(pairs, np.arange(len(pairs["_a"])))
     persons = _people(held, of_pairs, site)
-    runs = [BucketRuns.of(of["_frame"], held["instants"], site) for of in (pairs, persons)]
+    runs = [BucketRuns.of(records["_frame"], held["instants"], site) for records in (pairs, persons)]
     groups, cameras, buckets = numbered(runs)
     distances = pairs["distance_mm"], of_pairs.least("distance_mm", "distance_mm", unknown=NULL)
-    width = max((int(of.max()) + 1 for of in distances if len(of)), default=1)
+    width = max((int(records.max()) + 1 for records in distances if len(records)), default=1)
     of_pair, of_person = (
-        of.each(group) * width + distance for of, group, distance in zip(runs, groups, distances, strict=True)
+        records.each(group) * width + distance for records, group, distance in zip(runs, groups, distances, strict=True)
     )
     owned = np.flatnonzero(pairs["is_owned"])
     sent = owned[~pairs["is_derived"][owned]]
@@ -196,8 +196,8 @@ def _in_buckets(rows: Columns, site: SiteTables, keys: tuple[str, ...], values: 
         "bucket_quarter": bucket - 4 * hour,
         **{k: rows[k] for k in keys},
     }
-    found = summed(by, {v: rows[v] for v in values})
-    return {**found, "bucket_quarter": found["bucket_quarter"] + 4 * found["hour"]}
+    columns = summed(by, {v: rows[v] for v in values})
+    return {**columns, "bucket_quarter": columns["bucket_quarter"] + 4 * columns["hour"]}
 
 
 def violation_time(held: Held, site: SiteTables) -> Columns:
@@ -308,13 +308,13 @@ def _texts(held: Held, n_others: Ints, only: NDArray[Any], rows: Ints, row: Ints
         other: These others.
     """
     ends = np.cumsum(n_others)
-    found = np.zeros(int(n_others.sum()), dtype=np.int64)
-    found[ends[n_others == 1] - 1] = only[n_others == 1]
+    others = np.zeros(int(n_others.sum()), dtype=np.int64)
+    others[ends[n_others == 1] - 1] = only[n_others == 1]
     several = np.flatnonzero(n_others > 1)
     n = n_others[several]
     step = np.arange(n.sum()) - np.repeat(np.cumsum(n) - n, n)
-    found[np.repeat(ends[several] - n, n) + step] = other[np.repeat(np.searchsorted(row, rows[several]), n) + step]
-    names = held.names_of("track_name").take(pa.array(found))
+    others[np.repeat(ends[several] - n, n) + step] = other[np.repeat(np.searchsorted(row, rows[several]), n) + step]
+    names = held.names_of("track_name").take(pa.array(others))
     lists = pa.ListArray.from_arrays(np.concatenate([[0], ends]).astype(np.int32), names)
     texts = pc.if_else(pa.array(n_others > 0), pc.binary_join(lists, chr(1)), None)
     joined: NDArray[np.object_] = texts.to_numpy(zero_copy_only=False)

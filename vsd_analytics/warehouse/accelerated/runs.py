@@ -101,9 +101,9 @@ def _close_rows(pairs: Columns, site: SiteTables) -> tuple[Ints, Ints, Ints]:
 
 def _next(values: Ints, is_last: Bools) -> Ints:
     """Return the value of the row after each, NULL for the last ones of their group."""
-    found = np.append(values[1:], NULL)[: len(values)]
-    found[is_last] = NULL
-    return found
+    following = np.append(values[1:], NULL)[: len(values)]
+    following[is_last] = NULL
+    return following
 
 
 def episode_cells(held: Held, site: SiteTables) -> Columns:
@@ -139,7 +139,7 @@ def track_pairs(held: Held, site: SiteTables) -> Columns:
     is_placed = first < after
     first, last = (known[np.where(is_placed, at, 0)] if len(known) else starts for at in (first, after - 1))
     is_in_company = is_standing(held, site, *(records[c] for c in ("camera_id", "ts_ms", "track_a", "track_b")))
-    found = {
+    pairs = {
         **{c: records[c][starts] for c in ("hour", "camera_id", "track_a", "track_b")},
         "n_records": ends - starts,
         "n_near": sums(records["distance_mm"] <= site.params["together_mm"], starts),
@@ -147,9 +147,9 @@ def track_pairs(held: Held, site: SiteTables) -> Columns:
         "standing_ms": sums(np.where(is_in_company, records["weight_ms"], 0), starts),
     }
     for name, row in (("first", first), ("last", last)):
-        found |= {
+        pairs |= {
             f"{name}_ms": np.where(is_placed, ts[row], NULL),
             f"{name}_x2_mm": np.where(is_placed, x2[row], NULL),
             f"{name}_y2_mm": np.where(is_placed, y2[row], NULL),
         }
-    return take(found, order_by(found["hour"], records["_pair"][starts]))
+    return take(pairs, order_by(pairs["hour"], records["_pair"][starts]))

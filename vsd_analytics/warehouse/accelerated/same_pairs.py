@@ -63,20 +63,22 @@ def _seen(records: Columns, site: SiteTables) -> Columns:
 
     def each(at_first: Ints) -> Ints:
         """Return a number of each second, given that of the first second of each record; it rises with seconds."""
-        found = picked(at_first - n_before, row)
-        found += step
-        return found
+        values = picked(at_first - n_before, row)
+        values += step
+        return values
 
     share = each(first) * 1000
     share -= picked(ts, row)
     share = share / picked(to_ms - ts, row)
     moved = {p: np.where(is_walking & (r[f"next_{p}"] != NULL), r[f"next_{p}"] - r[p], 0) for p in places}
-    start, way = ({**of, **{f"{c}2_mm": of[f"{c}_a_mm"] + of[f"{c}_b_mm"] for c in "xy"}} for of in (r, moved))
-    found = {}
+    start, way = (
+        {**columns, **{f"{c}2_mm": columns[f"{c}_a_mm"] + columns[f"{c}_b_mm"] for c in "xy"}} for columns in (r, moved)
+    )
+    values = {}
     for p in ("x2_mm", "y2_mm", *places):
-        found[p] = picked(way[p].astype(np.float64), row)
-        found[p] *= share
-        found[p] += picked(start[p].astype(np.float64), row)
+        values[p] = picked(way[p].astype(np.float64), row)
+        values[p] *= share
+        values[p] += picked(start[p].astype(np.float64), row)
     hour_s = 3600 + int(site.params["same_step_ms"]) // 1000 + 2
     hour = r["hour"] - r["hour"].min(initial=2**62)
     floor = site.floors.of_camera[r["camera_id"]] * (hour.max(initial=0) + 1)
@@ -85,14 +87,14 @@ def _seen(records: Columns, site: SiteTables) -> Columns:
         "_run": picked(r["_run"], row),
         # records of a run are in order of time, and no second lies in two of them
         "_run_seconds": each(r["_run"] * _SPAN_S + first - first.min(initial=2**62)),
-        **found,
+        **values,
         "_group": each((floor + hour) * hour_s + first - 3600 * r["hour"]),
     }
 
 
 def _near(seen: Columns, reach_mm: int) -> Columns:
     """Return the pairs of two cameras in the same place in a second, with the square of how far they are apart."""
-    found = []
+    near_pairs = []
     for one, other in _beside(seen, reach_mm):
         is_turned = picked(seen["camera_id"], one) > picked(seen["camera_id"], other)
         p, q = np.where(is_turned, other, one), np.where(is_turned, one, other)
@@ -101,9 +103,9 @@ def _near(seen: Columns, reach_mm: int) -> Columns:
         rows = np.flatnonzero(square <= reach_mm**2)
         p, q, square = p[rows], q[rows], square[rows]
         rows = np.flatnonzero(_is_in_reach(seen, p, q))
-        found.append((p[rows], q[rows], square[rows]))
+        near_pairs.append((p[rows], q[rows], square[rows]))
     none = np.zeros(0, dtype=np.int64)
-    p, q, square = (np.concatenate([none, *(f[i] for f in found)]) for i in range(3))
+    p, q, square = (np.concatenate([none, *(f[i] for f in near_pairs)]) for i in range(3))
     return {"p": p, "q": q, "square_mm2": square}
 
 
@@ -123,7 +125,7 @@ def _beside(seen: Columns, reach_mm: int) -> Iterator[tuple[Ints, Ints]]:
     n = len(key)
     for first in range(0, n, _ROWS):
         left: Ints | slice = slice(first, min(first + _ROWS, n - 1))
-        found: list[tuple[Ints, int]] = []
+        hits: list[tuple[Ints, int]] = []
         for k in range(1, n - first):
             if isinstance(left, slice):
                 left = slice(first, min(left.stop, n - k))
@@ -137,14 +139,14 @@ def _beside(seen: Columns, reach_mm: int) -> Iterator[tuple[Ints, Ints]]:
                 break
             is_beside = is_near & (np.abs(y[on] - y[left]) < reach) & (camera[on] != camera[left])
             rows = np.flatnonzero(is_beside)
-            found.append((rows + first if isinstance(left, slice) else left[rows], k))
+            hits.append((rows + first if isinstance(left, slice) else left[rows], k))
             if not isinstance(left, slice):
                 left = left[is_near]
             elif n_near * _FEW < len(is_near):
                 left = np.flatnonzero(is_near) + first
-        if found:
-            one = np.concatenate([rows for rows, _ in found])
-            other = one + np.repeat([k for _, k in found], [len(rows) for rows, _ in found])
+        if hits:
+            one = np.concatenate([rows for rows, _ in hits])
+            other = one + np.repeat([k for _, k in hits], [len(rows) for rows, _ in hits])
             yield picked(order, one), picked(order, other)
 
 
@@ -191,9 +193,9 @@ def _is_best(square: Floats, groups: tuple[Ints, ...], ties: tuple[Ints, Ints]) 
     group, square = run_of(starts, len(order)), picked(square, order)
     is_nearest = square == picked(least(square, starts), group)
     number = np.where(is_nearest, picked(ties[0] * np.int64(2**31) + ties[1], order), 2**62)
-    found = np.zeros(len(order), dtype=np.bool_)
-    found[order] = number == picked(least(number, starts), group)
-    return found
+    is_best = np.zeros(len(order), dtype=np.bool_)
+    is_best[order] = number == picked(least(number, starts), group)
+    return is_best
 
 
 def _both(seen: Columns, run: Ints, other_run: Ints) -> Ints:
@@ -204,13 +206,13 @@ def _both(seen: Columns, run: Ints, other_run: Ints) -> Ints:
     first = np.searchsorted(keys, np.arange(keys[-1] // _SPAN_S + 2) * _SPAN_S)
     n = np.diff(first)
     low, high = keys[first[:-1]] % _SPAN_S, keys[first[1:] - 1] % _SPAN_S
-    found: Ints = np.minimum(high[run], high[other_run]) - np.maximum(low[run], low[other_run]) + 1
+    n_both: Ints = np.minimum(high[run], high[other_run]) - np.maximum(low[run], low[other_run]) + 1
     has_gap = high - low >= n
     rows = np.flatnonzero(has_gap[run] | has_gap[other_run])
     n = n[run[rows]]
-    of = np.repeat(rows, n)
-    at = np.arange(len(of)) - np.repeat(np.cumsum(n) - n - first[run[rows]], n)
-    wanted = keys[at] + (other_run - run)[of] * _SPAN_S
+    row = np.repeat(rows, n)
+    at = np.arange(len(row)) - np.repeat(np.cumsum(n) - n - first[run[rows]], n)
+    wanted = keys[at] + (other_run - run)[row] * _SPAN_S
     is_seen = keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted
-    found[rows] = np.bincount(of[is_seen], minlength=len(run))[rows]
-    return np.maximum(found, 0)
+    n_both[rows] = np.bincount(row[is_seen], minlength=len(run))[rows]
+    return np.maximum(n_both, 0)

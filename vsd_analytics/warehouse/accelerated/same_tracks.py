@@ -25,10 +25,10 @@ _NONE = 2**50
 
 def same_tracks(held: Held, site: SiteTables) -> Columns:
     """Return `facts/same_tracks`."""
-    found = np.concatenate([_switched(held["located"], site), _doubles(held, site)], axis=1)
-    hour, camera, a, b = found
+    pairs = np.concatenate([_switched(held["located"], site), _doubles(held, site)], axis=1)
+    hour, camera, a, b = pairs
     order, starts = grouped_by(hour, camera, a, b)
-    return dict(zip(("hour", "camera_id", "track_a", "track_b"), found[:, order[starts]], strict=True))
+    return dict(zip(("hour", "camera_id", "track_a", "track_b"), pairs[:, order[starts]], strict=True))
 
 
 def _switched(located: Columns, site: SiteTables) -> NDArray[np.int64]:
@@ -36,10 +36,10 @@ def _switched(located: Columns, site: SiteTables) -> NDArray[np.int64]:
     rows = np.flatnonzero((located["track_id"] >= 0) & (located["x_mm"] != NULL))
     # records of a camera are in order of instants, those of a frame in order of members
     rows = picked(rows, order_by(*(picked(located[c], rows) for c in ("camera_id", "track_id"))))
-    of = take(located, rows, "camera_id", "track_id", "ts_ms", "x_mm", "y_mm")
-    once = starts_of(of["camera_id"], of["track_id"], of["ts_ms"])
-    of = of if len(once) == len(rows) else take(of, once)
-    camera, track, ts = of["camera_id"], of["track_id"], of["ts_ms"]
+    records = take(located, rows, "camera_id", "track_id", "ts_ms", "x_mm", "y_mm")
+    once = starts_of(records["camera_id"], records["track_id"], records["ts_ms"])
+    records = records if len(once) == len(rows) else take(records, once)
+    camera, track, ts = records["camera_id"], records["track_id"], records["ts_ms"]
     n = len(ts)
     interval = site.days.interval_ms(camera, ts)
     rules = site.params
@@ -61,7 +61,7 @@ def _switched(located: Columns, site: SiteTables) -> NDArray[np.int64]:
     last = ends_of(first, n) - 1
     inner_end = np.maximum(np.searchsorted(key, key[end] - reached[end]), first[life[end]])
     inner_start = np.minimum(np.searchsorted(key, key[start] + reached[start], side="right") - 1, last[life[start]])
-    v_end, v_start = _speeds(of, inner_end, end), _speeds(of, start, inner_start)
+    v_end, v_start = _speeds(records, inner_end, end), _speeds(records, start, inner_start)
 
     order = order_by(camera[start], ts[start])
     start, v_start = start[order], v_start[:, order]
@@ -79,7 +79,7 @@ def _switched(located: Columns, site: SiteTables) -> NDArray[np.int64]:
     v = np.where(np.isnan(v_end[:, one]), v_start[:, other], v_end[:, one])
     w = np.where(np.isnan(v_start[:, other]), v_end[:, one], v_start[:, other])
     v, w = np.nan_to_num(v), np.nan_to_num(w)
-    off = [of[c][s] - of[c][e] - (v[i] + w[i]) / 2 * away for i, c in enumerate(("x_mm", "y_mm"))]
+    off = [records[c][s] - records[c][e] - (v[i] + w[i]) / 2 * away for i, c in enumerate(("x_mm", "y_mm"))]
     square = off[0] * off[0] + off[1] * off[1]
     turn = v - w
     is_there = turn[0] * turn[0] + turn[1] * turn[1] <= (rules["cut_turn_mm_per_s"] / 1000) ** 2
@@ -92,19 +92,19 @@ def _switched(located: Columns, site: SiteTables) -> NDArray[np.int64]:
     return np.stack([ts[s] // HOUR_MS, camera[e], np.minimum(track[e], track[s]), np.maximum(track[e], track[s])])
 
 
-def _speeds(of: Columns, first: Ints, last: Ints) -> Floats:
+def _speeds(records: Columns, first: Ints, last: Ints) -> Floats:
     """Return the mean speed from one record to a later one of its track along both axes; NaN where they are one."""
-    away = (of["ts_ms"][last] - of["ts_ms"][first]).astype(np.float64)
+    away = (records["ts_ms"][last] - records["ts_ms"][first]).astype(np.float64)
     away[away == 0] = np.nan
-    return np.stack([(of[c][last] - of[c][first]) / away for c in ("x_mm", "y_mm")])
+    return np.stack([(records[c][last] - records[c][first]) / away for c in ("x_mm", "y_mm")])
 
 
 def _is_least(square: Floats, group: Ints, track: Ints, ts: Ints) -> NDArray[np.bool_]:
     """Return whether a row has the least square of its group; among equals, the least track and instant."""
     order = np.lexsort((ts, track, square, group))
-    found = np.zeros(len(order), dtype=np.bool_)
-    found[order[starts_of(group[order])]] = True
-    return found
+    is_least = np.zeros(len(order), dtype=np.bool_)
+    is_least[order[starts_of(group[order])]] = True
+    return is_least
 
 
 def _doubles(held: Held, site: SiteTables) -> NDArray[np.int64]:
@@ -133,8 +133,8 @@ def _n_records(located: Columns, hour: Ints, camera: Ints, a: Ints, b: Ints) -> 
     order, starts = grouped_by(*keys)
     n = np.diff(starts, append=len(rows))
     known = {key: k for k, key in enumerate(zip(*(v[order[starts]].tolist() for v in keys), strict=True))}
-    found = np.full((2, len(hour)), _NONE)
-    for side, of in enumerate((a, b)):
-        wanted = zip(hour.tolist(), camera.tolist(), of.tolist(), strict=True)
-        found[side] = [n[known[key]] if key in known else _NONE for key in wanted]
-    return np.where(found.max(axis=0) == _NONE, _NONE, found.min(axis=0))
+    counts = np.full((2, len(hour)), _NONE)
+    for side, tracks in enumerate((a, b)):
+        wanted = zip(hour.tolist(), camera.tolist(), tracks.tolist(), strict=True)
+        counts[side] = [n[known[key]] if key in known else _NONE for key in wanted]
+    return np.where(counts.max(axis=0) == _NONE, _NONE, counts.min(axis=0))

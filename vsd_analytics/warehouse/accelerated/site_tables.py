@@ -48,13 +48,13 @@ class Floors:
             sum_y_mm: Sum of their y.
             n: Number of people.
         """
-        found = np.full(len(camera), -1, dtype=np.int64)
+        owners = np.full(len(camera), -1, dtype=np.int64)
         if not len(camera):
-            return found
+            return owners
         first_ms, last_ms = ts_ms.min(), ts_ms.max()
         spans = [span for span in self._spans if span[1] <= last_ms and span[2] > first_ms]
         if not spans:
-            return found
+            return owners
         side = n * self._cell_mm
         cx, cy = sum_x_mm // side, sum_y_mm // side
         for of_floor, from_ms, to_ms, (grid, x0, y0) in spans:
@@ -65,8 +65,8 @@ class Floors:
             if self._is_one and from_ms <= first_ms and to_ms > last_ms:
                 return owner
             is_here = (self.of_camera[camera] == of_floor) & (ts_ms >= from_ms) & (ts_ms < to_ms)
-            found = np.where(is_here, owner, found)
-        return found
+            owners = np.where(is_here, owner, owners)
+        return owners
 
     def is_owned(self, camera: NDArray[Any], ts_ms: Ints, sum_x_mm: Ints, sum_y_mm: Ints, n: int | Ints = 1) -> Bools:
         """Return whether a camera counts at each of its places itself: nobody else does, or the place is unknown."""
@@ -103,16 +103,16 @@ def areas_of(at: Columns, cameras: Columns, area_cells: Columns, site: SiteTable
     floor = site.floors.of_camera[at["camera_id"]]
     side = int(site.params["cell_mm"])
     cx, cy = at["x_mm"] // side, at["y_mm"] // side
-    found = np.full(len(cx), NO_AREAS, dtype=np.int64)
-    found[np.isin(floor, [floors[f] for f, _, _ in set(spans) if f in floors])] = len(names)
+    numbers = np.full(len(cx), NO_AREAS, dtype=np.int64)
+    numbers[np.isin(floor, [floors[f] for f, _, _ in set(spans) if f in floors])] = len(names)
     for k, (of_floor, from_ms, to_ms) in enumerate(each):
         rows = np.flatnonzero((floor == floors.get(of_floor, -1)) & (at["ts_ms"] >= from_ms) & (at["ts_ms"] < to_ms))
         if not len(rows) or of_floor not in floors:
             continue
         grid, x0, y0 = _grid(cells, span_of == k, "number")
         area = grid[np.clip(cx[rows] - x0, 0, grid.shape[0] - 1), np.clip(cy[rows] - y0, 0, grid.shape[1] - 1)]
-        found[rows] = np.where(area >= 0, area, len(names))
-    return found, names
+        numbers[rows] = np.where(area >= 0, area, len(names))
+    return numbers, names
 
 
 def _grid(cells: Columns, rows: Bools, value: str = "camera_id") -> tuple[Ints, int, int]:
@@ -190,15 +190,15 @@ def is_close(pairs: Columns, site: SiteTables) -> Bools:
     """Return whether each pair is closer than `distance_m`: in a batch that only counts, all are."""
     if site.only_counts:
         return np.ones(len(pairs["_a"]), dtype=np.bool_)
-    found: Bools = pairs["distance_mm"] < site.params["distance_mm"]
-    return found
+    are_close: Bools = pairs["distance_mm"] < site.params["distance_mm"]
+    return are_close
 
 
 def bucket_of(ts_ms: Ints, site: SiteTables) -> Ints:
     """Return the first quarter-hour of the time bucket that each instant lies in."""
     quarters = int(site.params["bucket_quarters"])
-    found: Ints = ts_ms // (900_000 * quarters) * quarters
-    return found
+    bucket: Ints = ts_ms // (900_000 * quarters) * quarters
+    return bucket
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,9 +235,11 @@ def numbered(runs: Sequence[BucketRuns]) -> tuple[list[Ints], Ints, Ints]:
 
     Numbers are in order of hour, camera and quarter.
     """
-    camera, bucket = (np.concatenate([getattr(of, c) for of in runs]) for c in ("camera_id", "bucket"))
+    camera, bucket = (
+        np.concatenate([getattr(bucket_runs, c) for bucket_runs in runs]) for c in ("camera_id", "bucket")
+    )
     order, starts = grouped_by(bucket // 4, camera, bucket)
     number = np.empty(len(order), dtype=np.int64)
     number[order] = run_of(starts, len(order))
     at = order[starts]
-    return np.split(number, np.cumsum([len(of.starts) for of in runs])[:-1]), camera[at], bucket[at]
+    return np.split(number, np.cumsum([len(bucket_runs.starts) for bucket_runs in runs])[:-1]), camera[at], bucket[at]

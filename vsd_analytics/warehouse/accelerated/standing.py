@@ -90,7 +90,7 @@ def track_lives(held: Held, site: SiteTables) -> Columns:
     starts = starts_of(camera, track, hour)
     ends = ends_of(starts, len(ts)) - 1
     n_ends, n_goes_on, n_came_before = _ended(located, starts, ends, site)
-    found = {
+    lives = {
         "hour": hour[starts],
         "camera_id": camera[starts],
         "track_id": track[starts],
@@ -102,7 +102,7 @@ def track_lives(held: Held, site: SiteTables) -> Columns:
         "n_goes_on": n_goes_on,
         "n_came_before": n_came_before,
     }
-    return take(found, order_by(found["hour"], found["camera_id"], found["track_id"]))
+    return take(lives, order_by(lives["hour"], lives["camera_id"], lives["track_id"]))
 
 
 def _ended(located: Columns, starts: Ints, ends: Ints, site: SiteTables) -> tuple[Ints, Ints, Ints]:
@@ -138,18 +138,18 @@ def _ended(located: Columns, starts: Ints, ends: Ints, site: SiteTables) -> tupl
     key, at = camera[start] * np.int64(span) + first_ms[start] - low, camera[end] * np.int64(span) + last_ms[end] - low
     begins = np.searchsorted(key, at - reach[end])
     count = np.searchsorted(key, at + reach[end], side="right") - begins
-    of = np.repeat(end, count)
-    other = start[np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(begins, count)]
-    is_else = track[of] != track[other]
-    of, other = of[is_else], other[is_else]
-    after_ms = first_ms[other] - last_ms[of]
-    off = [b[other] - e[of] - v[of] * after_ms for b, e, v in zip(first, last, speed, strict=True)]
+    one = np.repeat(end, count)
+    other = start[np.arange(len(one)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(begins, count)]
+    is_else = track[one] != track[other]
+    one, other = one[is_else], other[is_else]
+    after_ms = first_ms[other] - last_ms[one]
+    off = [b[other] - e[one] - v[one] * after_ms for b, e, v in zip(first, last, speed, strict=True)]
     is_there = off[0] * off[0] + off[1] * off[1] <= np.power(
         rules["cut_place_mm"] + rules["cut_mm_per_s"] * np.abs(after_ms) / 1000, 2
     )
     n_ends = np.zeros(n, dtype=np.int64)
     n_ends[end] = 1
     goes_on, came_before = (
-        np.bincount(of[is_there & is_side], minlength=n) for is_side in (after_ms > 0, after_ms < 0)
+        np.bincount(one[is_there & is_side], minlength=n) for is_side in (after_ms > 0, after_ms < 0)
     )
     return n_ends, goes_on, came_before
