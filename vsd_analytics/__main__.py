@@ -2,4 +2,5 @@
 
 from vsd_analytics.cli import main
 
-main()
+if __name__ == "__main__":  # tools that import every module of a package run no command
+    main()
