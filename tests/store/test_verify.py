@@ -150,7 +150,7 @@ def test_one_flipped_bit_in_the_spool_is_found(project: Path) -> None:
 
 
 def test_every_flipped_bit_of_a_fact_file_is_found(project: Path) -> None:
-    from vsd_analytics.warehouse.factfiles import is_undamaged
+    from vsd_analytics.store.own_digest import is_undamaged
 
     data = min((p.read_bytes() for p in (project / "facts" / "exposure").rglob("*.parquet")), key=len)
     assert is_undamaged(data)

@@ -17,13 +17,14 @@ from warehouse.small_projects import Frame, Person, make_site, put
 
 from vsd_analytics.retention.purge import Terms, purge_older, purge_range
 from vsd_analytics.site.model import Site
+from vsd_analytics.store.own_digest import DIGEST
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse import fact_weeks
 from vsd_analytics.warehouse.build import build
 from vsd_analytics.warehouse.build_result import BuildResult
 from vsd_analytics.warehouse.camera_days import day_units, read_days
 from vsd_analytics.warehouse.fact_weeks import FactWeeks, day_bytes_of, fingerprints
-from vsd_analytics.warehouse.factfiles import DIGEST, fact_bytes
+from vsd_analytics.warehouse.factfiles import fact_bytes
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.units import PartIndex
 from vsd_analytics.warehouse.verify_facts import verify

@@ -115,8 +115,8 @@ def counts_remove(project: Project, line_id: str, as_json: bool) -> None:
     """
     from vsd_analytics.config.door_counts import remove_counts
 
-    remove_counts(project.site, line_id)
+    is_new = remove_counts(project.site, line_id)
     if as_json:
-        emit_json({"removes": line_id})
+        emit_json({"removes": line_id, "is_new": is_new})
         return
-    click.echo(f"removed  {line_id}")
+    click.echo(f"{'removed' if is_new else 'has no counts'}  {line_id}")

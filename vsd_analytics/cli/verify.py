@@ -31,8 +31,8 @@ def verify(project: Project, /, days: str | None, with_facts: bool, as_json: boo
     """Check the whole store: every byte, every row, every name. Nothing is changed.
 
     Each file is read and compared with the hash in its name, so a single flipped bit shows; rows must lie in the hour
-    of their file, sorted, no record twice; files that do not belong there are named; facts must be undamaged. Exit code
-    1 when something needs you.
+    of their file, sorted, no record twice; files that do not belong there are named; facts and the counts of door
+    counters must be undamaged. Exit code 1 when something needs you.
 
     \b
     Example:

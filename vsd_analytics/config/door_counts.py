@@ -1,12 +1,14 @@
 """Counts of door counters: people to either side of a line by interval, a file `counts/LINE.parquet` for each line.
 
 A door counter sends sums and no tracks. They are stored as they were sent, each with its interval; what was not sent is
-unknown. A file is replaced as a whole, so that it holds all of an added file or nothing of it.
+unknown. A file is replaced as a whole, so that it holds all of an added file or nothing of it, and has a digest of its
+bytes.
 """
 
 from __future__ import annotations
 
 import io
+import shlex
 from collections.abc import Mapping
 from datetime import UTC, date, datetime
 from pathlib import Path
@@ -25,10 +27,11 @@ from vsd_analytics.config.interval_rows import (
     nothing_usable,
 )
 from vsd_analytics.config.reader import nearest
-from vsd_analytics.errors import StoreError, UsageError
+from vsd_analytics.errors import StoreError, UsageError, Where
 from vsd_analytics.schema import TS
 from vsd_analytics.site.lines import Line
 from vsd_analytics.site.model import Site
+from vsd_analytics.store.own_digest import DIGEST, NO_DIGEST, is_undamaged, with_digest
 
 FOLDER: Final = "counts"
 HOUR_MS: Final = 3_600_000
@@ -57,14 +60,41 @@ def door_counts(site: Site, line_id: str) -> pa.Table:
     """
     path = _file(site, line_id)
     try:
-        return pq.read_table(path, schema=SCHEMA, partitioning=None) if path.exists() else SCHEMA.empty_table()
-    except (pa.ArrowException, OSError) as error:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        return SCHEMA.empty_table()
+    counts, why = _counts(data)
+    if why is not None:
         raise StoreError(
-            f"{FOLDER}/{path.name} cannot be read",
+            "the counts of a door counter are damaged",
             code="E302",
-            why=str(error).splitlines()[0][:200],
-            fix=f"vsd counts remove {line_id}, and add its files again",
-        ) from None
+            where=Where(f"{FOLDER}/{path.name}"),
+            why=f"{why}; restore the file from a backup, or remove it and add the counter's files again",
+            fix=f"vsd counts remove {shlex.quote(line_id)}",
+        )
+    return counts
+
+
+def _counts(data: bytes) -> tuple[pa.Table, str | None]:
+    """Return the counts in the bytes of a file, and why they cannot be right, if so."""
+    if not is_undamaged(data):
+        return SCHEMA.empty_table(), "its bytes do not match the digest in it, or it has none"
+    counts = pq.read_table(pa.BufferReader(data)).replace_schema_metadata()
+    if not counts.schema.equals(SCHEMA):
+        return counts, f"its columns are {_columns(counts.schema)}, not {_columns(SCHEMA)}"
+    begins, stops = (counts[name].cast(pa.int64()).to_numpy() for name in ("from_ts", "to_ts"))
+    if (begins >= stops).any() or (begins[1:] < stops[:-1]).any():
+        return counts, "its intervals overlap or are not in order of time"
+    return counts, None
+
+
+def _columns(schema: pa.Schema) -> str:
+    return ", ".join(f"{column.name} {column.type}{'' if column.nullable else ' not null'}" for column in schema)
+
+
+def stored_lines(site: Site) -> list[str]:
+    """Return the ids in the names of all files of counts, also of lines that vsd.toml does not have."""
+    return sorted(path.stem for path in (site.root / FOLDER).glob("*.parquet") if path.is_file())
 
 
 def counted_lines(site: Site) -> list[tuple[str, tuple[date, date], int]]:
@@ -74,12 +104,12 @@ def counted_lines(site: Site) -> list[tuple[str, tuple[date, date], int]]:
         StoreError: E302, a file is damaged.
     """
     rows = []
-    for path in sorted((site.root / FOLDER).glob("*.parquet")):
-        counts = door_counts(site, path.stem)
+    for line_id in stored_lines(site):
+        counts = door_counts(site, line_id)
         if len(counts):
             ends_ms = counts["from_ts"][0].value, counts["to_ts"][-1].value - 1
             first, last = (datetime.fromtimestamp(ms / 1000, tz=UTC).astimezone(site.zone).date() for ms in ends_ms)
-            rows.append((path.stem, (first, last), len(counts)))
+            rows.append((line_id, (first, last), len(counts)))
     return rows
 
 
@@ -151,7 +181,7 @@ def add_counts(
     return AddedIntervals(len(new), n_known, n_replaced, tuple(refused))
 
 
-def _bytes(counts: Mapping[Interval, Counts]) -> memoryview:
+def _bytes(counts: Mapping[Interval, Counts]) -> bytes:
     """Return the bytes of a file of counts: the same for the same counts."""
     rows = sorted((*interval, *ways) for interval, ways in counts.items())
     columns = [
@@ -160,22 +190,27 @@ def _bytes(counts: Mapping[Interval, Counts]) -> memoryview:
     ]
     sink = io.BytesIO()
     coding = dict.fromkeys(SCHEMA.names, "DELTA_BINARY_PACKED")
-    pq.write_table(
-        pa.table(columns, schema=SCHEMA), sink, compression="zstd", use_dictionary=False, column_encoding=coding
-    )
-    return sink.getbuffer()
+    with pq.ParquetWriter(
+        sink, SCHEMA, compression="zstd", use_dictionary=False, column_encoding=coding, store_schema=False
+    ) as writer:
+        writer.write_table(pa.table(columns, schema=SCHEMA))
+        writer.add_key_value_metadata({DIGEST: NO_DIGEST})
+    return with_digest(sink.getvalue())
 
 
-def remove_counts(site: Site, line_id: str) -> None:
-    """Delete the counts of a line, durably.
+def remove_counts(site: Site, line_id: str) -> bool:
+    """Delete the counts of a line, durably. Returns False where a line that a counter counts has none.
+
+    A removal that was stopped may be done and not yet durable: the same command again makes it so.
 
     Raises:
-        UsageError: E101, there are none.
+        UsageError: E101, there are none, and no such line.
+        DiskError: E304 to E306, the disk refused.
     """
-    from vsd_analytics.store.durable import exclusive, fsync_dir, remove
+    from vsd_analytics.store.durable import exclusive, fsync_dir, remove, sweep_temporaries
 
-    stored = sorted(path.stem for path in (site.root / FOLDER).glob("*.parquet"))
-    if line_id not in stored:
+    stored = stored_lines(site)
+    if line_id not in {*stored, *(line.line_id for line in site.lines if line.is_by_counter)}:
         close = nearest(line_id, stored)
         raise UsageError(
             f"there are no counts of a line {line_id[:60]!r}",
@@ -183,8 +218,13 @@ def remove_counts(site: Site, line_id: str) -> None:
             fix=f"vsd counts remove {close}" if close else "vsd counts list",
         )
     with exclusive(site.root / "status" / "counts-add.lock"):
+        folder = site.root / FOLDER
+        if not folder.is_dir():
+            return False
+        sweep_temporaries(folder, file_name=_file(site, line_id).name)
         remove(_file(site, line_id))
-        fsync_dir(site.root / FOLDER)
+        fsync_dir(folder)
+    return line_id in stored
 
 
 def counted_line(site: Site, line_id: str) -> Line:

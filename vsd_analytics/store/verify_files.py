@@ -228,7 +228,7 @@ def _abandoned(path: Path) -> StoreFault:
         path,
         "half-written file of a program that was stopped",
         "its process is gone; nobody reads such files",
-        "nothing: the next fold or build removes it",
+        "nothing: the next command that writes there removes it",
         is_note=True,
     )
 

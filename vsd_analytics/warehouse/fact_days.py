@@ -26,6 +26,7 @@ import pyarrow.parquet as pq
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import publish
 from vsd_analytics.store.layout import unit_folder
+from vsd_analytics.store.own_digest import is_undamaged
 from vsd_analytics.warehouse import settings_variants
 from vsd_analytics.warehouse.dimensions import ASKED_TABLES, asked_tables
 from vsd_analytics.warehouse.fact_weeks import FactWeeks, fingerprints, first_day_of
@@ -35,7 +36,6 @@ from vsd_analytics.warehouse.factfiles import (
     by_kind,
     damaged_facts,
     fact_bytes,
-    is_undamaged,
     is_whole,
     noted_inputs,
 )

@@ -26,13 +26,13 @@ import pyarrow.parquet as pq
 
 from vsd_analytics.store.durable import publish, sweep_temporaries
 from vsd_analytics.store.layout import Part, list_parts, unit_folder
+from vsd_analytics.store.own_digest import is_undamaged
 from vsd_analytics.store.seals import DAY_FACT
 from vsd_analytics.warehouse.factfiles import (
     FactWriter,
     by_hour,
     by_kind,
     damaged_facts,
-    is_undamaged,
     is_whole,
     noted_inputs,
 )

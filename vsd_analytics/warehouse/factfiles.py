@@ -1,15 +1,11 @@
 """Fact files: Parquet whose metadata holds the hashes of its inputs and a digest of the file's own bytes.
 
-The digest is BLAKE2b over the whole file with zeros in the digest's place. So it covers rows, statistics and footer: a
-flipped bit in a statistic could make a reader skip rows that are in the file.
-
 A file of hourly facts holds the hours of a UTC day or of a week. Its metadata names the inputs of each hour as
 `{kind of input: {hash: [hours since the first]}}`, because most hours of a day share most inputs.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from collections.abc import Mapping
@@ -20,11 +16,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from vsd_analytics.errors import StoreError
+from vsd_analytics.store.own_digest import DIGEST, NO_DIGEST, is_undamaged, with_digest
 from vsd_analytics.warehouse.held import ENUMS
 
 INPUTS = b"vsd.causes"
 """Metadata key of the input hashes. Every file on disk has it, so it keeps its name from before they were "inputs"."""
-DIGEST = b"vsd.digest"
 ROW_GROUP = 250_000
 """A row group ends with the first hour that brings it to this many rows. So the writer of a day holds few rows, and
 where row groups end depends on the rows alone."""
@@ -38,8 +34,6 @@ _SMALL = ("cx", "cy", "_records", "_persons")
 """Numbers that fill few of their bytes, as counts do (`n_`). So do sums of lengths."""
 _NAMES = frozenset(["company", *(name for name, kind in ENUMS.items() if kind == "track_name")])
 _KEYS = frozenset(["hour", "quarter", "bucket_quarter", "cx", "cy", "local_date", "site_day", "utc_day", "distance_mm"])
-_BYTES = 16
-_ZEROS = b"0" * 2 * _BYTES
 
 
 class FactWriter:
@@ -51,7 +45,7 @@ class FactWriter:
     """
 
     def __init__(self, inputs: Mapping[str, Any], noted: Mapping[bytes, bytes] | None = None) -> None:
-        own = {INPUTS: json.dumps(dict(inputs), sort_keys=True, separators=(",", ":")).encode(), DIGEST: _ZEROS}
+        own = {INPUTS: json.dumps(dict(inputs), sort_keys=True, separators=(",", ":")).encode(), DIGEST: NO_DIGEST}
         self._noted = {**(noted or {}), **own}
         self._sink = pa.BufferOutputStream()
         self._writer: pq.ParquetWriter | None = None
@@ -76,9 +70,7 @@ class FactWriter:
         assert self._writer is not None
         self._writer.add_key_value_metadata(self._noted)
         self._writer.close()
-        blank: bytes = self._sink.getvalue().to_pybytes()
-        place = _place(blank)
-        return blank[:place] + _digest(blank) + blank[place + len(_ZEROS) :]
+        return with_digest(self._sink.getvalue().to_pybytes())
 
     def _flush(self) -> None:
         rows = pa.concat_tables(map(_with_texts, self._pieces))
@@ -142,13 +134,6 @@ def fact_bytes(rows: pa.Table, *, inputs: Mapping[str, Any], noted: Mapping[byte
     return writer.finish()
 
 
-def is_undamaged(data: bytes) -> bool:
-    """Return whether all bytes of a fact file match its digest; False for a file without one."""
-    place = _place(data)
-    noted = data[place : place + len(_ZEROS)]
-    return _digest(data[:place] + _ZEROS + data[place + len(_ZEROS) :]) == noted
-
-
 def is_undamaged_file(path: Path) -> bool:
     """Return whether a fact file exists, can be read, and matches its digest."""
     try:
@@ -210,16 +195,3 @@ def by_hour(noted: Mapping[str, Any], first: int) -> dict[int, dict[str, str]]:
             for hour in hours:
                 inputs.setdefault(first + int(hour), {})[str(kind)] = str(value)
     return inputs
-
-
-def _place(data: bytes) -> int:
-    """Return the offset of the digest.
-
-    Parquet's footer stores metadata as Thrift strings: after the key come two bytes (field type and length), then the
-    value. `rfind`, because column data before the footer may hold the same bytes by chance.
-    """
-    return data.rfind(DIGEST) + len(DIGEST) + 2
-
-
-def _digest(data: bytes) -> bytes:
-    return hashlib.blake2b(data, digest_size=_BYTES).hexdigest().encode()

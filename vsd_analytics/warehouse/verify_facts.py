@@ -8,11 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from vsd_analytics.config.door_counts import FOLDER as COUNTS
+from vsd_analytics.config.door_counts import door_counts, stored_lines
 from vsd_analytics.errors import StoreError
+from vsd_analytics.owners import denied
 from vsd_analytics.site.model import Site
 from vsd_analytics.store import removal
 from vsd_analytics.store.durable import file_digest
 from vsd_analytics.store.layout import Part, date_of_hour, list_parts
+from vsd_analytics.store.own_digest import is_undamaged
 from vsd_analytics.store.seals import DAYS as TOGETHER
 from vsd_analytics.store.seals import FOLDER, Seals
 from vsd_analytics.store.store import Store
@@ -33,7 +37,7 @@ from vsd_analytics.warehouse.build import BuildPlan, build_plan
 from vsd_analytics.warehouse.day_files import FOLDER as DAYS_FOLDER
 from vsd_analytics.warehouse.day_files import day_fingerprint, no_longer_stored, relations_stored_by_day
 from vsd_analytics.warehouse.fact_weeks import FactWeeks, fingerprints, inputs_in
-from vsd_analytics.warehouse.factfiles import is_undamaged, is_undamaged_file, noted_inputs
+from vsd_analytics.warehouse.factfiles import is_undamaged_file, noted_inputs
 from vsd_analytics.warehouse.sqlfiles import relations
 from vsd_analytics.warehouse.week_files import DAYS, week_fingerprint
 from vsd_analytics.warehouse.week_files import FOLDER as WEEKS
@@ -84,7 +88,8 @@ def verify(
     """Check every byte and row of a project's store, and return what is damaged or does not belong there.
 
     Compares the hash of every part with its name (so one flipped bit shows), its columns with the schema, and every
-    row's hour, order and key; every file name with the layout; every fact file, also sealed ones, with its digest.
+    row's hour, order and key; every file name with the layout; every fact file, also sealed ones, and every file of
+    counts with its digest.
     Changes nothing, except that it first finishes a removal of records that a crash interrupted, as every command does.
     Memory is bounded by the rows of an hour.
 
@@ -111,6 +116,7 @@ def verify(
             check_spool(store),
             check_names(store),
             intents,
+            check_counts(site),
         ]
         if not with_facts:
             return Verification(tuple(checks))
@@ -170,6 +176,30 @@ def check_sealed(site: Site) -> Check:
     n, foreign = foreign_files(seals.root, is_known)
     promise = "the facts of purged hours are there as they were sealed"
     return Check("sealed", n, "files", promise, (*findings, *foreign))
+
+
+def check_counts(site: Site) -> Check:
+    """Return the check of what door counters sent: each file of counts has its bytes, its columns, and is by time."""
+    findings = []
+    for line_id in stored_lines(site):
+        try:
+            door_counts(site, line_id)
+        except (StoreError, OSError) as error:
+            findings.append(_damaged_counts(site.root / COUNTS / f"{line_id}.parquet", error))
+
+    def is_known(name: str) -> bool:
+        return name.endswith(".parquet") and "/" not in name
+
+    n, foreign = foreign_files(site.root / COUNTS, is_known)
+    promise = "they have their bytes and columns, and their intervals are by time, none twice"
+    return Check("counts", n, "files", promise, (*findings, *foreign))
+
+
+def _damaged_counts(path: Path, error: StoreError | OSError) -> StoreFault:
+    if isinstance(error, StoreError):
+        return StoreFault("E302", path, error.what, error.why or "", error.fix or "")
+    why, fix = denied(path)
+    return StoreFault("E302", path, f"the counts of a door counter cannot be read: {error.strerror}", why or "", fix)
 
 
 def check_agreement(site: Site) -> Check:

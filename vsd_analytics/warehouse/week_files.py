@@ -27,7 +27,8 @@ import pyarrow.parquet as pq
 
 from vsd_analytics.store.durable import is_temporary, publish, sweep_temporaries
 from vsd_analytics.store.layout import unit_folder
-from vsd_analytics.warehouse.factfiles import FactWriter, by_hour, by_kind, is_undamaged, noted_inputs
+from vsd_analytics.store.own_digest import is_undamaged
+from vsd_analytics.warehouse.factfiles import FactWriter, by_hour, by_kind, noted_inputs
 from vsd_analytics.warehouse.input_fingerprint import InputHashes, text_hash
 
 FOLDER = "weeks"
