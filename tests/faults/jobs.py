@@ -33,6 +33,14 @@ id = "cam-2"
 name = "Exit"
 floor = "ground"
 """
+DOOR = """
+[[line]]
+id = "door"
+name = "Door"
+counted_by = "counter"
+left = "Shop"
+right = "Street"
+"""
 START = datetime(2026, 11, 9, 9, 50, tzinfo=UTC)
 DAYS = (date(2026, 11, 9), date(2026, 11, 10))
 BAD = '{"v":1,"camera":"cam-1","ts":"2026-11-09T09:00:00Z","persons":[{"x_m":"near"}]}'
@@ -278,6 +286,31 @@ def _with_log(root: Path) -> None:
     add_to_log(root, lambda value: None, text="opened")
 
 
+def add_counts(root: Path, ack: Ack, *, name: str = "second.csv") -> None:
+    """Add quarter-hours of a door counter; the second file goes on, and says another number of one of the first."""
+    rows = {"first.csv": ["09:00,5,1", "09:15,3,0"], "second.csv": ["09:15,4,0", "09:30,7,2", "09:45,1,1"]}[name]
+    _given(root, name).parent.mkdir(exist_ok=True)
+    _given(root, name).write_text("\n".join(["time,in,out", *(f"2026-11-09T{row}" for row in rows)]))
+    columns = ("--left", "in", "--right", "out", "--every", "15min", "--replace")
+    vsd(root, "counts", "add", str(_given(root, name)), "--line", "door", *columns)
+    ack(("counts", "door.parquet", (root / "counts" / "door.parquet").read_bytes()))
+
+
+def remove_counts(root: Path, ack: Ack) -> None:
+    vsd(root, "counts", "remove", "door")
+    ack(("counts", "door.parquet", None))
+
+
+def _with_counter(root: Path) -> None:
+    write_project(root)
+    (root / "vsd.toml").write_text(CONFIG + DOOR)
+
+
+def _with_counts(root: Path) -> None:
+    _with_counter(root)
+    add_counts(root, lambda value: None, name="first.csv")
+
+
 def _purge_by_age(root: Path, ack: Ack) -> str:
     return vsd(root, "purge", "--older-than", "2026-11-10", "--force", ack=ack)
 
@@ -323,6 +356,9 @@ JOBS = {
         Job("quarantine", write_project, fill_quarantine),
         Job("log add", _with_log, add_to_log),
         Job("first log add", write_project, add_to_log),
+        Job("counts add", _with_counts, add_counts),
+        Job("first counts add", _with_counter, add_counts),
+        Job("counts remove", _with_counts, remove_counts),
         Job("report", _before_report, _report),
         Job("planner", _before_planner, _planner),
         Job("purge by age", _with_few_days, _purge_by_age),

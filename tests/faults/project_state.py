@@ -37,6 +37,7 @@ class State:
         quarantined: Quarantined texts by source.
         sealed: Bytes of each sealed file, the audit lines of purges, and the list of erasures.
         log: Lines of the change log, in order.
+        counts: Bytes of each file of a door counter.
         pages: Bytes of what was written for people.
         litter: Files that no reader and no later run needs.
     """
@@ -48,24 +49,27 @@ class State:
     quarantined: Counter[tuple[str, str]]
     sealed: dict[str, bytes]
     log: list[str]
+    counts: dict[str, bytes]
     pages: dict[str, bytes]
     litter: list[str]
 
 
 @dataclass(frozen=True)
 class Truth:
-    """All there may be: rows by table, lines of the change log; and the bytes of fact files that can be read."""
+    """All there may be: rows by table, lines of the change log, bytes of counts and of facts that can be read."""
 
     rows: dict[str, set[Row]]
     log: frozenset[str] = frozenset()
     readable: frozenset[bytes] = frozenset()
+    counts: frozenset[bytes] = frozenset()
 
     @classmethod
     def of(cls, *states: State) -> Truth:
         """Return what some states hold together."""
         rows = {t: {row for s in states for row in s.rows[t]} for t in states[0].rows}
         log = frozenset(line for s in states for line in s.log)
-        return cls(rows, log, frozenset(data for s in states for data in s.facts.values()))
+        readable = frozenset(data for s in states for data in s.facts.values())
+        return cls(rows, log, readable, frozenset(data for s in states for data in s.counts.values()))
 
 
 def state(root: Path) -> State:
@@ -90,6 +94,7 @@ def state(root: Path) -> State:
             for p in _files(root / "sealed", root / "purge.jsonl", root / "store" / "erasures.json")
         },
         _log(root),
+        counts_in(root),
         {p.name: p.read_bytes() for p in _files(*(root / name for name in PAGES))},
         sorted(str(p.relative_to(root)) for p in litter),
     )
@@ -127,6 +132,12 @@ def glance(root: Path, truth: Truth, acked: Sequence[Any], *, are_facts_read: bo
     log = Counter(_log(root))
     wrong += [f"the change log holds a torn or foreign line: {line[:60]}" for line in log.keys() - truth.log]
     wrong += ["the change log holds an entry twice"] * (max(log.values(), default=0) > 1)
+    counts = counts_in(root)
+    wrong += [f"{name} holds torn or foreign counts" for name, data in counts.items() if data not in truth.counts]
+    newest = {name: value for kind, name, value in acked if kind == "counts"}  # a file is replaced as a whole
+    wrong += [
+        f"acknowledged counts of {name} are not as acknowledged" for name in newest if counts.get(name) != newest[name]
+    ]
     pages = _files(*(root / name for name in PAGES))
     wrong += [f"{p.name} is cut off" for p in pages if not p.read_bytes().endswith((b"</html>\n", b"}\n"))]
     for kind, name, value in acked:
@@ -136,6 +147,8 @@ def glance(root: Path, truth: Truth, acked: Sequence[Any], *, are_facts_read: bo
             is_there = _day_keys(root).get(name) == value
         elif kind == "entry":
             is_there = any(json.loads(line)["text"] == value for line in log if line in truth.log)
+        elif kind == "counts":
+            is_there = True  # looked at above
         else:
             is_there = {(name, text) for text in value} <= set(_quarantined(root))
         wrong += [f"acknowledged {kind} of {name} are lost"] * (not is_there)
@@ -160,6 +173,7 @@ def differences(found: State, whole: State, *, is_named_alike: bool) -> list[str
     wrong += [f"what purges keep differs: {_unlike(found.sealed, whole.sealed)}"] * (found.sealed != whole.sealed)
     wrong += ["quarantine differs"] * (found.quarantined != whole.quarantined)
     wrong += [f"the change log differs: {len(found.log)} lines, not {len(whole.log)}"] * (found.log != whole.log)
+    wrong += [f"counts differ: {_unlike(found.counts, whole.counts)}"] * (found.counts != whole.counts)
     wrong += [f"pages differ: {_unlike(found.pages, whole.pages)}"] * (found.pages != whole.pages)
     return wrong
 
@@ -224,6 +238,11 @@ def _facts(root: Path) -> list[Path]:
 def _log(root: Path) -> list[str]:
     path = root / LOG
     return path.read_text(errors="replace").splitlines() if path.exists() else []
+
+
+def counts_in(root: Path) -> dict[str, bytes]:
+    """Return the bytes of each file of a door counter, by name."""
+    return {p.name: p.read_bytes() for p in _files(root / "counts")}
 
 
 def _quarantined(root: Path) -> list[tuple[str, str]]:

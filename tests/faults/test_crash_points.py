@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from datetime import date
 from pathlib import Path
 
 import pytest
-from crash_points import FAULTS, why_not
+from crash_points import FAULTS, run, why_not
 from jobs import JOBS, START, messages, vsd, write_project
 from prove_crashes import Unharmed, disturb, unharmed
 
@@ -35,6 +36,14 @@ POINTS = [
     ("log add", "EIO", "fsync", ""),  # of the folder: the entry was there, and twice when it was added again
     ("log add", "ENOSPC", "write", "log.jsonl"),  # written all the same when the file was closed
     ("first log add", "short write, then ENOSPC", "write", "log.jsonl"),  # half an entry stayed
+    ("counts add", "kill -9", "rename", "/counts"),
+    ("counts add", "EIO", "fsync", "/counts"),
+    ("counts add", "ENOSPC", "write", "/counts"),
+    ("counts add", "short write, then ENOSPC", "write", "/counts"),
+    ("first counts add", "kill -9", "fsync", "/counts"),
+    ("first counts add", "ENOSPC that stays", "rename", "/counts"),
+    ("counts remove", "kill -9", "fsync", "/counts"),  # the same command again said that there are no counts
+    ("counts remove", "EIO", "unlink", "/counts"),
     ("report", "kill -9", "write", "/facts/weeks"),  # superseded files stayed for good
     ("report", "kill -9", "unlink", "/facts/weeks"),
     ("report", "ENOSPC that stays", "create", "/facts/weeks"),
@@ -66,6 +75,26 @@ def test_a_job_stopped_or_refused_at_a_call_and_run_again_ends_as_if_nothing_had
     assert given.wrong == ()
     point = [p for p in given.points if p.kind == kind and text in p.path][-1]
     assert disturb(JOBS[name], given, point, FAULTS[fault], folder=tmp_path / "disturbed") == []
+
+
+def test_counts_are_on_the_disk_before_their_name_and_the_name_before_they_are_acknowledged(
+    undisturbed: Callable[[str], Unharmed],
+) -> None:
+    kinds = [p.kind for p in undisturbed("counts add").points if p.path.startswith("/counts")]
+    assert [kind for kind in kinds if kind not in ("write", "unlink")] == ["create", "fsync", "rename", "fsync"]
+    kinds = [p.kind for p in undisturbed("counts remove").points if p.path.startswith("/counts")]
+    assert kinds == ["unlink", "fsync"]
+
+
+def test_counts_of_a_stopped_command_are_acknowledged_only_once_their_name_is_on_the_disk(
+    undisturbed: Callable[[str], Unharmed], tmp_path: Path
+) -> None:
+    given = undisturbed("counts add")
+    point = [p for p in given.points if p.kind == "fsync" and p.path.startswith("/counts")][-1]
+    root = Path(shutil.copytree(given.before.parent, tmp_path / "stopped")) / "project"
+    assert run(JOBS["counts add"].act, root, point=point, fault=FAULTS["kill -9"]).status == "killed"
+    again = run(JOBS["counts add"].act, root)
+    assert [p.kind for p in again.points if p.path.startswith("/counts")] == ["fsync"]
 
 
 def test_facts_that_somebody_reads_stay_until_nobody_does(tmp_path: Path) -> None:

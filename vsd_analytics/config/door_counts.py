@@ -156,7 +156,7 @@ def add_counts(
         StoreError: E302, the stored counts are damaged.
         DiskError: E304 to E306, the disk refused; nothing is added.
     """
-    from vsd_analytics.store.durable import exclusive, make_dirs, publish, sweep_temporaries
+    from vsd_analytics.store.durable import exclusive, fsync_dir, make_dirs, publish, sweep_temporaries
 
     line = counted_line(site, line_id)
     if not columns or ("both" in columns and len(columns) > 1):
@@ -177,6 +177,8 @@ def add_counts(
             make_dirs(path_of_line.parent)
             sweep_temporaries(path_of_line.parent, file_name=path_of_line.name)
             publish(path_of_line, _bytes({**before, **{(row.from_ms, row.to_ms): row.value for row in new}}))
+        else:  # who was stopped after the rename left a file whose name may not be on the disk yet
+            fsync_dir(path_of_line.parent)
     refused.sort(key=lambda row: row.line)
     return AddedIntervals(len(new), n_known, n_replaced, tuple(refused))
 
