@@ -120,3 +120,18 @@ def test_the_command_names_the_file_and_its_fix_and_counting_again_ends_as_befor
     add(Path.cwd(), BY_DAY, *SIDES)
     assert file.read_bytes() == whole
     assert run(cli, ["verify"]) == 0
+
+
+def test_counts_that_may_not_be_read_are_named(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    read_bytes = Path.read_bytes
+
+    def refuse(path: Path) -> bytes:
+        if path == file:
+            raise PermissionError(13, "Permission denied", str(path))
+        return read_bytes(path)
+
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    (finding,) = checked(file).damages
+    assert (finding.path, finding.what) == (file, "the counts of a door counter cannot be read: Permission denied")
+    assert "counts remove" not in finding.fix, "they may be whole"
+    assert finding.fix
