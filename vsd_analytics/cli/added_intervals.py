@@ -16,7 +16,9 @@ _SHOWN: Final = 10
 
 
 def print_added(name: str, added: AddedIntervals, *, described: Mapping[str, Any], as_json: bool) -> int:
-    """Print how many intervals were added, and the first lines that were not; return the exit code, 1 with such lines.
+    """Print how many intervals were added, what looks wrong, and the first lines that were not added.
+
+    Returns the exit code: 1 with such lines or with a warning.
 
     Args:
         name: What they were added to.
@@ -27,13 +29,17 @@ def print_added(name: str, added: AddedIntervals, *, described: Mapping[str, Any
     if as_json:
         refused = [{"line": row.line, "why": row.why, "fix": row.fix} for row in added.refused]
         numbers = {"n_new": added.n_new, "n_known": added.n_known, "n_replaced": added.n_replaced}
-        emit_json({**described, **numbers, "refused": refused})
-        return 1 if added.refused else 0
+        warned = [{"code": "W232", "what": w.what, "why": w.why, "fix": w.fix} for w in added.warnings]
+        emit_json({**described, **numbers, "refused": refused, "warnings": warned})
+        return 1 if added.refused or added.warnings else 0
     known = f", {added.n_known:,} were there already" if added.n_known else ""
     replaced = f", {added.n_replaced:,} of them replaced" if added.n_replaced else ""
     click.echo(f"{name}: {count(added.n_new, 'interval')} added{replaced}{known}")
+    for warning in added.warnings:
+        text = f"warning[W232]: {warning.what}\n  why: {warning.why}\n  fix: {warning.fix}\n more: vsd explain W232"
+        click.echo(plain(text), err=True)
     for row in added.refused[:_SHOWN]:
         click.echo(plain(f"line {row.line} not added: {row.why} (fix: {row.fix})"), err=True)
     if len(added.refused) > _SHOWN:
         click.echo(f"{len(added.refused) - _SHOWN:,} more lines not added: --json lists all", err=True)
-    return 1 if added.refused else 0
+    return 1 if added.refused or added.warnings else 0

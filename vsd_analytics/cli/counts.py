@@ -40,6 +40,7 @@ def counts() -> None:
 @click.option("--end", "end_column", default="end", show_default=True, metavar="COLUMN", help="Column of ends.")
 @click.option("--zone", metavar="ZONE", help="Zone of times without an offset (default: the site's).")
 @click.option("--replace", "is_replacing", is_flag=True, help="Take the file's counts where others are stored.")
+@click.option("--yes", "is_believed", is_flag=True, help="Add the file also where it looks wrong.")
 @json_option
 @pass_project
 def counts_add(
@@ -54,11 +55,14 @@ def counts_add(
     end_column: str,
     zone: str | None,
     is_replacing: bool,
+    is_believed: bool,
     as_json: bool,
 ) -> int:
     """Add the intervals of a CSV file to a line. What is stored already is not added again.
 
-    Lines that cannot be used are listed with the reason; the other lines are added, and the exit code is 1.
+    Lines that cannot be used are listed with the reason; the other lines are added, and the exit code is 1. So it is
+    with a warning (W232): people, hours or directions unlike those of the weeks before. A file that is almost surely
+    wrong is not added.
 
     \b
     Example:
@@ -73,7 +77,7 @@ def counts_add(
     columns: dict[Way, str] = {way: name for way, name in named.items() if name is not None}
     in_zone = site.zone if zone is None else zone_named(zone)
     times = ContextColumns(time_column, "", end_column, every, in_zone)
-    added = add_counts(site, file, line_id, columns, times=times, is_replacing=is_replacing)
+    added = add_counts(site, file, line_id, columns, times=times, is_replacing=is_replacing, is_believed=is_believed)
     return print_added(line_id, added, described={"line_id": line_id}, as_json=as_json)
 
 

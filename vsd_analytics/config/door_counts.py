@@ -10,9 +10,10 @@ from __future__ import annotations
 import io
 import shlex
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -27,11 +28,14 @@ from vsd_analytics.config.interval_rows import (
     nothing_usable,
 )
 from vsd_analytics.config.reader import nearest
-from vsd_analytics.errors import StoreError, UsageError, Where
+from vsd_analytics.errors import InputError, StoreError, UsageError, Where
 from vsd_analytics.schema import TS
 from vsd_analytics.site.lines import Line
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.own_digest import DIGEST, NO_DIGEST, is_undamaged, with_digest
+
+if TYPE_CHECKING:
+    from vsd_analytics.config.count_checks import CountWarning
 
 FOLDER: Final = "counts"
 HOUR_MS: Final = 3_600_000
@@ -139,6 +143,7 @@ def add_counts(
     *,
     times: ContextColumns,
     is_replacing: bool = False,
+    is_believed: bool = False,
 ) -> AddedIntervals:
     """Add the intervals of a CSV file to the counts of a counting line, durably.
 
@@ -149,10 +154,11 @@ def add_counts(
         columns: Headers of the columns with people to the left and right of the line, or both together.
         times: How the file says its intervals; its `value` is not read.
         is_replacing: An interval that is stored with other counts gets the new ones; else the line is refused.
+        is_believed: Add also what is almost surely wrong.
 
     Raises:
         UsageError: E101, the line is none that a counter counts, or other columns than before.
-        InputError: E201 to E209 the file cannot be used, E202 no line of it can.
+        InputError: E201 to E209 the file cannot be used, E202 no line of it can, E211 it is almost surely wrong.
         StoreError: E302, the stored counts are damaged.
         DiskError: E304 to E306, the disk refused; nothing is added.
     """
@@ -173,14 +179,39 @@ def add_counts(
         new, n_known, n_replaced = new_rows(rows, before, refused, is_replacing=is_replacing, shown=_shown)
         if not new and not n_known:
             raise nothing_usable(path, refused)
+        added = {(row.from_ms, row.to_ms): row.value for row in new}
+        warnings = _warnings(site, line.line_id, added, before, is_believed=is_believed)
         if new:
             make_dirs(path_of_line.parent)
             sweep_temporaries(path_of_line.parent, file_name=path_of_line.name)
-            publish(path_of_line, _bytes({**before, **{(row.from_ms, row.to_ms): row.value for row in new}}))
+            publish(path_of_line, _bytes({**before, **added}))
         else:  # who was stopped after the rename left a file whose name may not be on the disk yet
             fsync_dir(path_of_line.parent)
     refused.sort(key=lambda row: row.line)
-    return AddedIntervals(len(new), n_known, n_replaced, tuple(refused))
+    return AddedIntervals(len(new), n_known, n_replaced, tuple(refused), warnings)
+
+
+def _warnings(
+    site: Site, line_id: str, new: Mapping[Interval, Counts], stored: Mapping[Interval, Counts], *, is_believed: bool
+) -> tuple[CountWarning, ...]:
+    """Return what looks wrong about new counts.
+
+    Raises:
+        InputError: E211, something is almost surely wrong, and nobody said that it is right.
+    """
+    from vsd_analytics.config.count_checks import count_warnings
+
+    others: dict[str, dict[Interval, Counts]] = {}
+    for other in site.lines:
+        if other.is_by_counter and other.line_id != line_id:
+            with suppress(StoreError):  # the damage of another line's file is no reason to refuse this one
+                others[other.line_id] = _by_interval(door_counts(site, other.line_id))
+    left = {interval: ways for interval, ways in stored.items() if interval not in new}
+    warnings = count_warnings(line_id, new, left, others, timezone=site.timezone)
+    sure = next((warning for warning in warnings if warning.is_sure), None)
+    if sure is not None and not is_believed:
+        raise InputError(f"{sure.what}; nothing was added", code="E211", why=sure.why, fix=sure.fix)
+    return tuple(warnings)
 
 
 def _bytes(counts: Mapping[Interval, Counts]) -> bytes:

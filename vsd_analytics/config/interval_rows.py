@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
 from vsd_analytics.errors import InputError, Where
+
+if TYPE_CHECKING:
+    from vsd_analytics.config.count_checks import CountWarning
 
 V = TypeVar("V")
 Interval = tuple[int, int]
@@ -50,12 +53,14 @@ class AddedIntervals:
         n_known: Intervals that were stored already, with the same value.
         n_replaced: Intervals of `n_new` that had another value before.
         refused: Lines that were not taken.
+        warnings: What looks wrong about those that were.
     """
 
     n_new: int
     n_known: int
     n_replaced: int
     refused: tuple[RefusedRow, ...]
+    warnings: tuple[CountWarning, ...] = ()
 
 
 def new_rows(
