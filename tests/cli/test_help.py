@@ -6,6 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from vsd_analytics.cli import COMMANDS, JOBS, cli
+from vsd_analytics.cli.exit_codes import run
 
 
 def said(*arguments: str) -> str:
@@ -51,3 +52,12 @@ def test_an_unknown_name_is_refused_with_the_nearest_one() -> None:
     done = CliRunner().invoke(cli, ["help", "reprot"])
     assert isinstance(done.exception, UsageError)
     assert done.exception.fix == "vsd help report"
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [("lines --lang it", "--language"), ("report --flor ground", "--floor"), ("hours --minute 15", "--minutes")],
+)
+def test_the_option_that_was_meant_is_the_fix(typed: str, meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(cli, typed.split()) == 2
+    assert f"fix: write {meant}\n" in capsys.readouterr().err

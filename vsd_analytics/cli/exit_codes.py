@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from difflib import SequenceMatcher
 from typing import Final
 
 import click
@@ -55,7 +56,7 @@ def run(command: click.Command, arguments: list[str]) -> int:
     except click.ClickException as error:
         if isinstance(error, click.UsageError) and error.ctx is not None and not as_json:
             click.echo(error.ctx.get_usage(), err=True)
-        near: list[str] = list(getattr(error, "possibilities", None) or ())
+        near = _nearest_first(error)
         fix = f"write {near[0]}" if near else "see vsd --help, or the command's own --help"
         _print_error(UsageError(error.format_message(), fix=fix), as_json=as_json)
         return 2
@@ -81,6 +82,13 @@ def run(command: click.Command, arguments: list[str]) -> int:
         internal = VsdError(what, code="E900", fix="run it again with -v and report what it prints")
         _print_error(disk_error(error) or internal, as_json=as_json)
         return 2
+
+
+def _nearest_first(error: click.ClickException) -> list[str]:
+    """Return the options or commands that were meant: those that begin with the word first; click sorts by alphabet."""
+    word = str(getattr(error, "option_name", None) or getattr(error, "command_name", None) or "")
+    known: list[str] = list(getattr(error, "possibilities", None) or ())
+    return sorted(known, key=lambda name: (not name.startswith(word), -SequenceMatcher(None, word, name).ratio()))
 
 
 def _nobody_answers() -> VsdError:
