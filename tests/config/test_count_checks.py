@@ -103,6 +103,7 @@ def test_what_cannot_be_is_not_added_unless_the_user_says_so(
     assert (code, "error[E211]" in err, said in err) == (2, True, True), (code, err)
     assert door_counts(site, line).equals(before)
     code, err = add(rows, "--yes", line=line)
+    assert code == 0
     assert len(door_counts(site, line)) > len(before)
     assert said in err, "it is added, and still said"
 

@@ -25,7 +25,10 @@ def site(root: Path, *, more: str = "", text: str = DOOR) -> Path:
 def add(root: Path, rows: list[str], *columns: str, line: str = "door", every: str = "1h") -> None:
     file = root / "doors.csv"
     file.write_text("\n".join(["time,in,out", *rows]), encoding="utf-8")
-    assert run(cli, ["-C", str(root), "counts", "add", str(file), "--line", line, *columns, "--every", every]) == 0
+    assert (
+        run(cli, ["-C", str(root), "counts", "add", str(file), "--line", line, *columns, "--every", every, "--yes"])
+        == 0
+    )
 
 
 SIDES = ("--left", "in", "--right", "out")

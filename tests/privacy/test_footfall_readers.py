@@ -54,7 +54,7 @@ def add_more(root: Path, counts: Counts) -> None:
     rows = [f"{hour:%Y-%m-%dT%H:%M},{a},{b}" for hour, (a, b) in counts.items()]
     (root / "more.csv").write_text("\n".join(["time,in,out", *rows]), encoding="utf-8")
     words = ["counts", "add", str(root / "more.csv"), "--line", "door", "--left", "in", "--right", "out"]
-    assert run(cli, ["-C", str(root), *words, "--every", "1h", "--replace"]) == 0
+    assert run(cli, ["-C", str(root), *words, "--every", "1h", "--replace", "--yes"]) == 0
 
 
 @pytest.mark.parametrize("days", range(1, 7))

@@ -15,23 +15,26 @@ if TYPE_CHECKING:
 _SHOWN: Final = 10
 
 
-def print_added(name: str, added: AddedIntervals, *, described: Mapping[str, Any], as_json: bool) -> int:
+def print_added(
+    name: str, added: AddedIntervals, *, described: Mapping[str, Any], as_json: bool, is_believed: bool = False
+) -> int:
     """Print how many intervals were added, what looks wrong, and the first lines that were not added.
 
-    Returns the exit code: 1 with such lines or with a warning.
+    Returns the exit code: 1 with such lines, or with a warning of what nobody said is right.
 
     Args:
         name: What they were added to.
         added: What became of the file.
         described: What the JSON object says of the series beside it.
         as_json: Print a JSON object with all lines that were not added.
+        is_believed: The user said that what looks wrong is right.
     """
     if as_json:
         refused = [{"line": row.line, "why": row.why, "fix": row.fix} for row in added.refused]
         numbers = {"n_new": added.n_new, "n_known": added.n_known, "n_replaced": added.n_replaced}
         warned = [{"code": "W232", "what": w.what, "why": w.why, "fix": w.fix} for w in added.warnings]
         emit_json({**described, **numbers, "refused": refused, "warnings": warned})
-        return 1 if added.refused or added.warnings else 0
+        return 1 if added.refused or (added.warnings and not is_believed) else 0
     known = f", {added.n_known:,} were there already" if added.n_known else ""
     replaced = f", {added.n_replaced:,} of them replaced" if added.n_replaced else ""
     click.echo(f"{name}: {count(added.n_new, 'interval')} added{replaced}{known}")
@@ -42,4 +45,4 @@ def print_added(name: str, added: AddedIntervals, *, described: Mapping[str, Any
         click.echo(plain(f"line {row.line} not added: {row.why} (fix: {row.fix})"), err=True)
     if len(added.refused) > _SHOWN:
         click.echo(f"{len(added.refused) - _SHOWN:,} more lines not added: --json lists all", err=True)
-    return 1 if added.refused or added.warnings else 0
+    return 1 if added.refused or (added.warnings and not is_believed) else 0

@@ -40,7 +40,7 @@ def counts() -> None:
 @click.option("--end", "end_column", default="end", show_default=True, metavar="COLUMN", help="Column of ends.")
 @click.option("--zone", metavar="ZONE", help="Zone of times without an offset (default: the site's).")
 @click.option("--replace", "is_replacing", is_flag=True, help="Take the file's counts where others are stored.")
-@click.option("--yes", "is_believed", is_flag=True, help="Add the file also where it looks wrong.")
+@click.option("--yes", "is_believed", is_flag=True, help="The file is right: add it also where it looks wrong.")
 @json_option
 @pass_project
 def counts_add(
@@ -78,7 +78,7 @@ def counts_add(
     in_zone = site.zone if zone is None else zone_named(zone)
     times = ContextColumns(time_column, "", end_column, every, in_zone)
     added = add_counts(site, file, line_id, columns, times=times, is_replacing=is_replacing, is_believed=is_believed)
-    return print_added(line_id, added, described={"line_id": line_id}, as_json=as_json)
+    return print_added(line_id, added, described={"line_id": line_id}, as_json=as_json, is_believed=is_believed)
 
 
 @counts.command("list")
