@@ -9,6 +9,7 @@ import pytest
 import shapely
 
 import vsd_analytics as vsd
+from vsd_analytics.answer import Value
 from vsd_analytics.figures import compare
 from vsd_analytics.figures.floor_space import OF_M2, VIEW_UNKNOWN, per_floor, view_of, walkable_m2
 from vsd_analytics.figures.panels import FloorHours
@@ -75,3 +76,7 @@ def test_people_and_minutes_too_close_of_areas_add_up_to_the_floor(week: vsd.Day
 def test_no_size_is_no_number_and_no_number_stays_none() -> None:
     assert per_floor(no_rate(VIEW_UNKNOWN), 12.0).value is None
     assert per_floor(None, 12.0).value is None
+    for size in (None, 0.0):
+        unknown = per_floor(Value(3.0), size)
+        assert (unknown.value, unknown.reason) == (None, VIEW_UNKNOWN)
+    assert per_floor(Value(3.0), 12.0).value == 0.25
