@@ -63,6 +63,10 @@ def add(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., tup
 THIS = hours(N_WEEKS, N_WEEKS + 1)
 
 
+def totals(rows: Sequence[Row]) -> list[Row]:
+    return [(at, sum(into for _, into, _ in rows[: k + 1]), 0) for k, (at, _, _) in enumerate(rows)]
+
+
 def test_a_usual_week_and_a_busy_one_are_added_without_a_word(add: Callable[..., tuple[int, str]]) -> None:
     assert add(THIS) == (0, "")
     assert add(hours(N_WEEKS, N_WEEKS + 1, seed=2, busy=2.5), "--replace") == (0, "")
@@ -88,7 +92,8 @@ def test_unlike_the_weeks_before_is_a_warning_and_the_right_file_replaces_it(
 @pytest.mark.parametrize(
     ("rows", "line", "said"),
     [
-        ([(t, sum(r[1] for r in THIS[: k + 1]), 0) for k, (t, _, _) in enumerate(THIS)], "door", "as totals do"),
+        (totals(THIS), "door", "as totals do"),
+        ([row for day in range(7) for row in totals(THIS[24 * day : 24 * day + 24])], "door", "as totals do"),
         ([(t + timedelta(days=7), i, o) for t, i, o in hours(0, N_WEEKS)[-168:]], "door", "those of 7 days before"),
         (hours(0, N_WEEKS)[-24:], "side", "are those of line 'door'"),
         ([(t - timedelta(hours=9), i, o) for t, i, o in THIS[24:]], "door", "if its times are 9 hours later"),
