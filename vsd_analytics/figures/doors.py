@@ -202,12 +202,16 @@ def _in_and_out(row: Mapping[str, Any], doors: Mapping[str, str]) -> tuple[int |
 def _before_empty(
     rows: Sequence[Mapping[str, Any]], doors: Mapping[str, str], empty_min: int
 ) -> tuple[dict[date, int], dict[date, int]]:
-    """Return people in and out before the empty hour of each local date, which door counts give to the day before."""
+    """Return people in and out before the empty hour of each local date, which door counts give to the day before.
+
+    A date has none where nothing was counted then: what is unknown is no 0.
+    """
     in_and_out: tuple[dict[date, int], dict[date, int]] = ({}, {})
     for row in rows:
         if row["local_hour"] * 60 + row["minute"] < empty_min:
             for of_way, n in zip(in_and_out, _in_and_out(row, doors), strict=True):
-                of_way[row["local_date"]] = of_way.get(row["local_date"], 0) + (n or 0)
+                if n is not None:
+                    of_way[row["local_date"]] = of_way.get(row["local_date"], 0) + n
     return in_and_out
 
 
