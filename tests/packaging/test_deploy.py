@@ -24,8 +24,24 @@ COMMANDS = cli.list_commands(click.Context(cli))
 DEPLOY = REPOSITORY / "deploy"
 UNITS = sorted((DEPLOY / "systemd").glob("vsd-*"))
 BACKUP = DEPLOY / "systemd" / "vsd-backup@.service"
-SERVICES = [path for path in UNITS if path.suffix == ".service" and path != BACKUP]
-"""Units that run a command of ours; the backup runs others, as root."""
+FAILED = DEPLOY / "systemd" / "vsd-failed@.service"
+SERVICES = [path for path in UNITS if path.suffix == ".service" and path not in (BACKUP, FAILED)]
+"""Units that run a command of ours; the backup and the mail of failures run a script."""
+
+
+def script_of(path: Path) -> str:
+    """Return the script of a unit of the site `shop`, as its shell gets it."""
+    text = path.read_text().replace("\\\n", "").replace("%i", "shop").replace("%%", "%").replace("$$", "$")
+    script = re.search(r"ExecStart=/bin/sh -ec '(.*)'", text)
+    assert script is not None
+    return script[1]
+
+
+def program(path: Path, script: str) -> None:
+    """Write a program that stands for one of the machine."""
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(0o755)
 
 
 def unit(path: Path) -> configparser.ConfigParser:
@@ -74,25 +90,18 @@ def test_files_that_were_read_and_copies_are_deleted_at_the_age_of_records_and_o
 
 
 def test_the_copy_leaves_out_what_is_computed_again_and_keeps_keys_apart(tmp_path: Path) -> None:
-    text = BACKUP.read_text().replace("\\\n", "").replace("%i", "shop").replace("%%", "%").replace("$$", "$")
-    script = re.search(r"ExecStart=/bin/sh -ec '(.*)'", text)
-    assert script is not None
     kept, left_out = ("vsd.toml", "store/a", "inbox/a", "sealed/a"), ("facts/a", "published/a", "inbox/done/b")
     for name in (*kept, *left_out, "secrets/a.key"):
         path = tmp_path / "lib" / "shop" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
-    for folder in ("vsd", "vsd-keys", "bin"):
+    for folder in ("vsd", "vsd-keys"):
         (tmp_path / folder).mkdir()
     calls = tmp_path / "calls"
-    systemctl = tmp_path / "bin" / "systemctl"
     running = "vsd-watch@shop.service loaded active running\\nvsd-backup@shop.timer loaded active waiting\\n"
-    systemctl.write_text(f"""#!/bin/sh
-echo "$@" >> {calls}
-case "$1" in list-units) printf '{running}';; esac
-""")
-    systemctl.chmod(0o755)
-    line = script[1].replace("/var/lib/vsd", str(tmp_path / "lib")).replace("/var/backups", str(tmp_path))
+    said = f"""echo "$@" >> {calls}; case "$1" in list-units) printf '{running}';; esac"""
+    program(tmp_path / "bin" / "systemctl", said)
+    line = script_of(BACKUP).replace("/var/lib/vsd", str(tmp_path / "lib")).replace("/var/backups", str(tmp_path))
     done = subprocess.run(
         ["/bin/sh", "-ec", line],
         env={"PATH": f"{tmp_path}/bin:/usr/bin:/bin"},
@@ -108,6 +117,44 @@ case "$1" in list-units) printf '{running}';; esac
     assert files == {f"shop/{name}" for name in kept}
     with tarfile.open(keys) as tar:
         assert [member.name for member in tar if member.isfile()] == ["shop/secrets/a.key"]
+
+
+@pytest.mark.parametrize("path", [BACKUP, *SERVICES], ids=lambda p: p.name)
+def test_a_unit_that_fails_is_mailed(path: Path) -> None:
+    assert unit(path)["Unit"]["OnFailure"] == FAILED.name.replace("@", "@%i")
+
+
+def run_failed(tmp_path: Path, failing: str) -> tuple[int, Path]:
+    """Run the script of vsd-failed@shop where some units failed; return its exit code and what `vsd` was given."""
+    mailed = tmp_path / "mailed"
+    program(tmp_path / "bin" / "systemctl", f"case \"$*\" in *--state=failed*) printf '{failing}';; esac")
+    program(
+        tmp_path / "bin" / "journalctl",
+        'for one; do case "$one" in --unit=*) echo "lines of ${one#--unit=}";; esac; done',
+    )
+    program(tmp_path / "bin" / "vsd", f'{{ echo "$@"; cat; }} > {mailed}')
+    done = subprocess.run(
+        ["/bin/sh", "-ec", script_of(FAILED).replace("/opt/vsd/bin/vsd", "vsd")],
+        env={"PATH": f"{tmp_path}/bin:/usr/bin:/bin"},
+        check=False,
+    )
+    return done.returncode, mailed
+
+
+def test_the_mail_names_each_unit_that_failed_and_has_its_lines(tmp_path: Path) -> None:
+    failing = "".join(f"vsd-{name}@shop.service loaded failed failed vsd\\n" for name in ("failed", "purge", "report"))
+    code, mailed = run_failed(tmp_path, failing)
+    assert code == 0
+    assert mailed.read_text().splitlines() == [
+        "-C /var/lib/vsd/shop failed vsd-purge@shop.service vsd-report@shop.service",
+        "lines of vsd-purge@shop.service",
+        "lines of vsd-report@shop.service",
+    ]
+
+
+def test_a_unit_that_is_about_to_start_again_is_not_mailed(tmp_path: Path) -> None:
+    code, mailed = run_failed(tmp_path, "")
+    assert (code, mailed.exists()) == (0, False)
 
 
 def test_the_index_finds_the_file_that_the_report_of_the_same_unit_writes() -> None:

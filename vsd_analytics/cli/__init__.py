@@ -41,7 +41,7 @@ JOBS: Final = {
     ),
     "change": ("Change the room", ("plan", "whatif", "target", "selfcheck", "inbox", "alarms")),
     "share": ("Publish and query", ("site", "serve", "mcp", "export", "sql")),
-    "store": ("Keep the store", ("build", "fetch", "purge", "verify")),
+    "store": ("Keep the store", ("build", "fetch", "purge", "verify", "failed")),
     "manual": ("Get help", ("help", "explain")),
 }
 """What the program is used for: the title of a job, and its commands in the order in which they are used."""

@@ -60,7 +60,8 @@ def read_mail(root: TableReader) -> MailRoute | None:
         table.fault("from", f"[mail] from: {sender!r} is no mail address", fix='from = "reports@example.org"')
     route = MailRoute(
         sender=sender or "",
-        to=_recipients(table),
+        to=_recipients(table, "to", example="manager@example.org"),
+        failures_to=_recipients(table, "failures_to", example="it@example.org"),
         smtp=smtp,
         port=int(port) if port is not None else PORTS[tls],
         tls=tls,
@@ -108,11 +109,11 @@ def _tls(table: TableReader) -> MailTls:
     return table.word("tls", kinds, example="starttls", fix="starttls") or "starttls"
 
 
-def _recipients(table: TableReader) -> tuple[str, ...]:
-    recipients = table.texts("to", example='["manager@example.org"]')
+def _recipients(table: TableReader, key: str, *, example: str) -> tuple[str, ...]:
+    recipients = table.texts(key, example=f'["{example}"]')
     for address in recipients:
         if not is_address(address):
-            table.fault("to", f"[mail] to: {address!r} is no mail address", fix='to = ["manager@example.org"]')
+            table.fault(key, f"[mail] {key}: {address!r} is no mail address", fix=f'{key} = ["{example}"]')
     return tuple(dict.fromkeys(recipients))
 
 

@@ -30,6 +30,7 @@ class MailRoute:
     Attributes:
         sender: Address it comes from.
         to: Addresses it goes to.
+        failures_to: Addresses that hear of a unit that failed; empty = `to`.
         smtp: Name or address of the server; None = `sendmail`.
         port: TCP port of the server.
         tls: "starttls" (encrypted before anything is said), "tls" (from the first byte), "none" (no login then).
@@ -42,6 +43,7 @@ class MailRoute:
 
     sender: str
     to: tuple[str, ...] = ()
+    failures_to: tuple[str, ...] = ()
     smtp: str | None = None
     port: int = 587
     tls: MailTls = "starttls"

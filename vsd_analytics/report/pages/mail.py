@@ -99,7 +99,7 @@ def message(
     name: str,
     subject: str,
     text: str,
-    html: str,
+    html: str | None,
     sender: str | None,
     to: Sequence[str],
     date: datetime,
@@ -112,7 +112,7 @@ def message(
         name: What the mail is about; begins its Message-ID.
         subject: Its subject.
         text: Its words as plain text.
-        html: The same as HTML.
+        html: The same as HTML; None = text alone.
         sender: Address it comes from; None = a draft, which mail programs open for writing.
         to: Addresses it goes to; empty = to be filled in.
         date: Aware instant of its `Date`.
@@ -121,7 +121,7 @@ def message(
     """
     title = one_line(subject)
     hashed = hashlib.blake2b(digest_size=16)
-    for part in (title, text, html, sender or "", *to):
+    for part in (title, text, html or "", sender or "", *to):
         hashed.update(f"{len(part)}:{part}".encode())
     identity = hashed.hexdigest()
 
@@ -136,7 +136,8 @@ def message(
     if sender is None or not to:
         mail["X-Unsent"] = "1"
     mail.set_content(text, cte="quoted-printable")
-    mail.add_alternative(html, subtype="html", cte="quoted-printable")
+    if html is not None:
+        mail.add_alternative(html, subtype="html", cte="quoted-printable")
     if picture is not None:
         body = mail.get_body(("html",))
         assert isinstance(body, EmailMessage)
