@@ -15,6 +15,7 @@ from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.doctor.checks import examine
 from vsd_analytics.doctor.finding import Finding
+from vsd_analytics.ingest.intake.watched_folders import note_watched
 
 NOW = datetime(2026, 11, 20, 12, tzinfo=UTC)
 MAIL = '[mail]\nsmtp = "localhost"\ntls = "none"\nfrom = "vsd@example.org"\nto = ["Anna@example.org"]\n'
@@ -79,14 +80,12 @@ def test_read_files_older_than_the_records_may_be_need_you(root: Path) -> None:
     done = root / "inbox" / "done"
     done.mkdir(parents=True)
     (done / "a.csv").touch()
-    (root / "status").mkdir()
-    status = {"state": "stopped", "folder": str(root / "inbox")}
-    (root / "status" / "watch.json").write_text(json.dumps(status), encoding="utf-8")
+    note_watched(root, root / "inbox")
     now = datetime.now(tz=UTC)
     assert found(root, "read files", now=now) == []
     (finding,) = found(root, "read files", now=now + timedelta(days=31))
     assert finding.state == "needs you"
-    assert finding.fix == f"find {done} -type f -ctime +30 -delete"
+    assert (finding.fix, str(done) in finding.detail) == ("vsd purge --older-than retention", True)
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file away")

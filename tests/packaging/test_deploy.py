@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import configparser
+import os
 import re
 import shutil
 import subprocess
 import sys
 import tarfile
+import time
 from pathlib import Path
 
 import click
@@ -17,7 +19,6 @@ from live.local_broker import MOSQUITTO, WHY_NOT, free_port
 
 from vsd_analytics.cli import cli
 from vsd_analytics.doctor.broker import config_faults, parse_config
-from vsd_analytics.settings import Settings
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 COMMANDS = cli.list_commands(click.Context(cli))
@@ -32,7 +33,7 @@ SERVICES = [path for path in UNITS if path.suffix == ".service" and path not in 
 def script_of(path: Path) -> str:
     """Return the script of a unit of the site `shop`, as its shell gets it."""
     text = path.read_text().replace("\\\n", "").replace("%i", "shop").replace("%%", "%").replace("$$", "$")
-    script = re.search(r"ExecStart=/bin/sh -ec '(.*)'", text)
+    script = re.search(r"ExecStart=\+?/bin/sh -ec '(.*)'", text)
     assert script is not None
     return script[1]
 
@@ -52,8 +53,9 @@ def unit(path: Path) -> configparser.ConfigParser:
 
 
 def commands(path: Path) -> list[list[str]]:
-    """Return the commands of a unit in their order, each as its words."""
-    return [line.partition("=")[2].split() for line in path.read_text().splitlines() if line.startswith("ExecStart=")]
+    """Return the commands of ours of a unit in their order, each as its words."""
+    lines = [line.partition("=")[2] for line in path.read_text().splitlines() if line.startswith("ExecStart=")]
+    return [line.split() for line in lines if not line.startswith("+/bin/sh")]
 
 
 @pytest.mark.parametrize("path", SERVICES, ids=lambda p: p.name)
@@ -81,12 +83,35 @@ def tmpfiles() -> list[str]:
     return [line for line in lines if not line.startswith("#")]
 
 
-def test_files_that_were_read_and_copies_are_deleted_at_the_age_of_records_and_only_root_reads_copies() -> None:
-    days = f"{Settings().retention_days}d"
-    kept = {line.split()[1]: line.split() for line in tmpfiles() if line.endswith(days)}
-    assert set(kept) == {"/var/lib/vsd/*/inbox/done", "/var/backups/vsd", "/var/backups/vsd-keys"}
-    assert all(kept[folder][2:5] == ["0700", "root", "root"] for folder in kept if folder.startswith("/var/backups"))
+def test_only_root_reads_copies_and_nothing_but_retention_days_says_how_long_they_stay(tmp_path: Path) -> None:
+    made = {line.split()[1]: line.split() for line in tmpfiles()}
+    copies = {folder: words for folder, words in made.items() if folder.startswith("/var/backups")}
+    assert set(copies) == {"/var/backups/vsd", "/var/backups/vsd-keys"}
+    assert all(words[2:] == ["0700", "root", "root"] for words in copies.values()), "no age"
     assert unit(BACKUP)["Service"]["UMask"] == "0077"
+
+
+@pytest.mark.parametrize("days", [7, 30])
+def test_copies_are_deleted_at_the_age_of_records(tmp_path: Path, days: int) -> None:
+    now_s = time.time()
+    for name, age_days in (("shop-2026-11-01", days), ("shop-2026-11-02", days - 1), ("shop-2-2026-11-01", days + 9)):
+        for folder in ("vsd", "vsd-keys"):
+            path = tmp_path / folder / f"{name}.tar.gz"
+            path.parent.mkdir(exist_ok=True)
+            path.touch()
+            os.utime(path, (now_s, now_s - age_days * 86400 - 60))
+    program(tmp_path / "bin" / "runuser", f'echo "retention_days = {days} days   (default)"')
+    assert copies_left(tmp_path) == (0, ["shop-2-2026-11-01.tar.gz", "shop-2026-11-02.tar.gz"] * 2)
+    program(tmp_path / "bin" / "runuser", "exit 2")
+    code, left = copies_left(tmp_path)
+    assert (code, len(left)) == (2, 4), "where the setting is not known, the unit fails and nothing is deleted"
+
+
+def copies_left(tmp_path: Path) -> tuple[int, list[str]]:
+    script = script_of(DEPLOY / "systemd" / "vsd-purge@.service").replace("/var/backups", str(tmp_path))
+    environ = {"PATH": f"{tmp_path}/bin:/usr/bin:/bin"}
+    done = subprocess.run(["/bin/sh", "-ec", script], env=environ, check=False)
+    return done.returncode, [p.name for folder in ("vsd", "vsd-keys") for p in sorted((tmp_path / folder).iterdir())]
 
 
 def test_the_copy_leaves_out_what_is_computed_again_and_keeps_keys_apart(tmp_path: Path) -> None:

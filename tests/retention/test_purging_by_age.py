@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
-from datetime import UTC, date
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,8 @@ from aged_projects import (
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.figures.week.stored_records import StoredRecords, stored_records
+from vsd_analytics.ingest.reading.adapter import IngestOptions
+from vsd_analytics.live.watch import watch
 from vsd_analytics.retention.purge import Terms, purge_older
 from vsd_analytics.warehouse import sqlfiles, warehouse
 from vsd_analytics.warehouse.build import build
@@ -236,6 +238,30 @@ def test_old_quarantine_goes_with_the_records(project: Path) -> None:
     later = Terms(now=NOW.replace(year=2027), is_forced=True)
     assert purge_older(load_site(project), before=day("2027-01-01"), terms=later).n_quarantined == 1
     assert not list((project / "quarantine").glob("*.jsonl"))
+
+
+def test_read_files_of_every_watched_folder_go_with_the_records(project: Path, tmp_path: Path) -> None:
+    site, other = load_site(project), tmp_path / "other"
+    kept = [project / "inbox" / "waits.csv", other / "done" / "sub" / "a.csv", project / "answers" / "done" / "a.eml"]
+    read = [folder / place / name for folder in (project / "inbox", other) for place, name in READ]
+    for path in (*kept, *read):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("a person's positions")
+    for folder in (project / "inbox", other):
+        watch(site, folder, IngestOptions(), clock=lambda: NOW, stop=lambda: True)
+    tomorrow, soon = (datetime.now(tz=UTC).date() + timedelta(days=n) for n in (1, 40))
+    terms = Terms(now=NOW, is_forced=True)
+    assert purge_older(site, before=day(DAYS[1]), terms=terms).n_files == 0, "they were read after that day"
+    assert purge_older(site, before=tomorrow, terms=replace(terms, is_dry_run=True)).n_files == len(read)
+    assert all(path.exists() for path in read)
+    assert purge_older(site, before=tomorrow, terms=terms).n_files == len(read)
+    assert not any(path.exists() for path in read)
+    assert all(path.exists() for path in kept)
+    assert audit(project)[-1]["read_files"] == len(read)
+    assert purge_older(site, before=soon, terms=terms).n_files == 0
+
+
+READ = (("done", "a.csv"), ("failed", "b.csv"), ("failed", "b.csv.why.txt"))
 
 
 @pytest.mark.parametrize("victim", ["days/exposure", "exposure", "seals"])

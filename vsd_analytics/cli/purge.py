@@ -57,11 +57,12 @@ def purge(
     """Delete records for good: by age, of a camera and time, or of one import. purge.jsonl logs what was deleted.
 
     By age, the figures of the deleted hours are sealed first and remain; records of these hours are refused from then
-    on. By camera and time, everything is deleted as if it had never come. With a --reason, such as a person's request,
-    that lasts: the same records are left out when a file, a node, a bucket or the quarantine brings them again; --lift
-    ends it. Without a --reason they can be ingested again, corrected. Records in quarantine are deleted too, also those
-    that may be meant because their camera or time is unreadable. By import, what one file alone brought is deleted;
-    what others brought as well stays.
+    on; files of a watched folder that were read before then are deleted, too. By camera and time, everything is
+    deleted as if it had never come. With a --reason, such as a person's request, that lasts: the same records are
+    left out when a file, a node, a bucket or the quarantine brings them again; --lift ends it. Without a --reason
+    they can be ingested again, corrected. Records in quarantine are deleted too, also those that may be meant because
+    their camera or time is unreadable. By import, what one file alone brought is deleted; what others brought as well
+    stays.
 
     \b
     Example:
@@ -173,6 +174,8 @@ def _lines(purged: Purged, *, is_dry_run: bool) -> list[str]:
     if purged.n_quarantined:
         doubt = f", {purged.n_doubtful:,} as their camera or time cannot be read" if purged.n_doubtful else ""
         lines.append(f"{count(purged.n_quarantined, 'quarantined record')} {would}removed{doubt}")
+    if purged.n_files:
+        lines.append(f"{count(purged.n_files, 'read file')} of watched folders {would}removed")
     if purged.keys:
         ends = f"{purged.keys[0]} to {purged.keys[-1]}"
         lines.append(f"keys of {count(len(purged.keys), 'day')} {would}destroyed, {ends}")
@@ -188,6 +191,7 @@ def _as_dict(purged: Purged) -> dict[str, Any]:
         "sealed_hours": purged.n_sealed,
         "quarantined": purged.n_quarantined,
         "doubtful": purged.n_doubtful,
+        "read_files": purged.n_files,
         "staying": purged.n_staying,
         "belonging_to_others": purged.n_again,
         "forgotten_days": [d.isoformat() for d in purged.keys],

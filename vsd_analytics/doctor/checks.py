@@ -148,7 +148,8 @@ def _project_in(
     yield _disk(site)
     yield _pseudonyms(site)
     yield from _retention(site, now=now)
-    yield from _watch(site, now=now)
+    yield from _watch(site)
+    yield from _kept_files(site, now=now)
     yield from _mails(site)
     yield from _live(site, now=now, environ=environ, broker_config=broker_config)
     yield _plans(site)
@@ -246,7 +247,7 @@ def _mails(site: Site) -> Iterator[Finding]:
         yield from examine_mails(site)
 
 
-def _watch(site: Site, *, now: datetime) -> Iterator[Finding]:
+def _watch(site: Site) -> Iterator[Finding]:
     from vsd_analytics.live.watch import read_watch_status
 
     status = read_watch_status(site.root)
@@ -264,21 +265,18 @@ def _watch(site: Site, *, now: datetime) -> Iterator[Finding]:
     else:
         died = f"the watch of {folder} died after {status.get('at')} ({counts})"
         yield Finding("watched folder", "needs you", died, f"vsd ingest --watch {folder}")
-    yield from _kept_files(Path(str(folder)), now=now, days=int(site.settings.retention_days))
 
 
-def _kept_files(folder: Path, *, now: datetime, days: int) -> Iterator[Finding]:
-    """Yield a finding for files that were read and outlive their records."""
-    from vsd_analytics.live.inbox import DONE
+def _kept_files(site: Site, *, now: datetime) -> Iterator[Finding]:
+    """Yield a finding for files that were read in a watched folder and outlive their records."""
+    from vsd_analytics.ingest.intake.watched_folders import files_read_before
 
-    oldest_s = (now - timedelta(days=days)).timestamp()
-    done = (folder / DONE).iterdir() if (folder / DONE).is_dir() else iter(())
-    if n := sum(path.stat().st_ctime < oldest_s for path in done):
-        place = folder / DONE
-        detail = f"{n} files read more than {days} days ago are still in {place}; no purge reaches them"
-        yield Finding(
-            "read files", "needs you", detail, f"find {shlex.quote(str(place))} -type f -ctime +{days} -delete"
-        )
+    days = int(site.settings.retention_days)
+    kept = [path.parent for path in files_read_before(site.root, now - timedelta(days=days + 1))]
+    if kept:
+        places = ", ".join(map(str, dict.fromkeys(kept)))
+        detail = f"{len(kept)} file(s) read more than {days} days ago are still in {places}"
+        yield Finding("read files", "needs you", detail, "vsd purge --older-than retention")
 
 
 def _live(site: Site, *, now: datetime, environ: Mapping[str, str], broker_config: Path | None) -> Iterator[Finding]:

@@ -13,12 +13,12 @@ from pathlib import Path
 
 from vsd_analytics.errors import InputError, LiveError, UsageError, Where
 from vsd_analytics.ingest.intake.pipeline import SourceResult
+from vsd_analytics.ingest.intake.watched_folders import DONE, FAILED, INBOX, LOCK
 from vsd_analytics.ingest.reading.adapter import Source
 from vsd_analytics.live.single_instance import single_instance
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import publish
 
-DONE, FAILED, LOCK = "done", "failed", ".vsd-watch.lock"
 UNFINISHED = (".part", ".tmp")
 LOOKED_AT = 10_000
 """The oldest files; their size and time are remembered between two listings."""
@@ -100,7 +100,7 @@ def refuse_folder(site: Site, folder: Path) -> None:
         raise UsageError(
             f"{Source(folder).name} cannot be watched: it is a folder of the project itself",
             why="the watcher moves every file in a watched folder away",
-            fix=f"--watch {Source(site.root).name}/inbox",
+            fix=f"--watch {Source(site.root).name}/{INBOX}",
         )
 
 

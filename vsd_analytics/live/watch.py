@@ -19,12 +19,11 @@ from typing import Any
 
 from vsd_analytics.errors import InputError, UsageError, VsdError, disk_error
 from vsd_analytics.ingest.intake.pipeline import SourceResult, ingest, with_site
+from vsd_analytics.ingest.intake.watched_folders import DONE, FAILED, note_watched
 from vsd_analytics.ingest.reading.adapter import IngestOptions, Source
 from vsd_analytics.live.batches import delays_s
 from vsd_analytics.live.group_commit import GroupCommitStore
 from vsd_analytics.live.inbox import (
-    DONE,
-    FAILED,
     Waiting,
     as_it_is,
     refuse_folder,
@@ -141,6 +140,7 @@ def watch(
     with single_watcher(folder):
         for name in (DONE, FAILED):
             make_dirs(folder / name)
+        note_watched(site.root, folder)
         status = WatchStatus(folder, clock())
         _Watch(site, options, status, clock, stop, on_source, report or (lambda _: None), monotonic).run(sleep)
     return status

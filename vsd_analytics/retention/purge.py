@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 
 from vsd_analytics.errors import StoreError, UsageError
 from vsd_analytics.ingest.intake.quarantine_scope import quarantined_in_scope
+from vsd_analytics.ingest.intake.watched_folders import files_read_before
 from vsd_analytics.retention.sealing import Sealer, all_parts
 from vsd_analytics.schema import TABLES, TableName
 from vsd_analytics.site.model import Site
@@ -49,6 +50,7 @@ class Purged:
         n_sealed: Hours whose facts are sealed; in a purge by camera, sealed hours whose facts lose the camera.
         n_quarantined: Records removed from quarantine.
         n_doubtful: Those of n_quarantined whose camera or time cannot be read.
+        n_files: Files of watched folders that had been read.
         keys: Site days whose keys were destroyed.
         n_staying: Of an import, records that stay because another import or a broker brought them as well.
         n_again: Of an import, noted records that belong to others: only the note is removed.
@@ -61,6 +63,7 @@ class Purged:
     n_sealed: int = 0
     n_quarantined: int = 0
     n_doubtful: int = 0
+    n_files: int = 0
     keys: Sequence[date] = ()
     n_staying: int = 0
     n_again: int = 0
@@ -68,8 +71,8 @@ class Purged:
     @property
     def is_nothing(self) -> bool:
         """Return whether there was nothing to remove."""
-        of_import = self.n_staying or self.n_again
-        return not (any(self.records.values()) or self.n_sealed or self.n_quarantined or self.keys or of_import)
+        others = self.n_sealed, self.n_quarantined, self.n_files, self.keys, self.n_staying, self.n_again
+        return not (any(self.records.values()) or any(others))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +101,8 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
     """Remove the records of all UTC days before a date, and seal their facts first.
 
     The facts of the first hour of `before` are sealed too, because they were computed from the hour before as well.
-    Quarantined records that arrived before the date, or at an unknown time, are removed too.
+    Quarantined records that arrived before the date, or at an unknown time, are removed too, and so are the files of
+    watched folders that were read before it.
 
     Args:
         site: The project.
@@ -108,6 +112,7 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
     Raises:
         StoreError: E310, more than half of the stored days would be removed; E311, a reader did not finish in time;
             E302, E313, a file is damaged.
+        OSError: A file of a watched folder cannot be removed; the records are.
     """
     site = site.with_own_settings()  # the facts that are sealed are those of vsd.toml
     store = Store(site.root / "store", site_id=site.site_id)
@@ -122,6 +127,7 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
         going = [p for p in every if p.hour < edge]
         is_old = _came_before(cutoff)
         n_old = _n_quarantined(site.root / quarantine.FOLDER, is_old)
+        read = list(files_read_before(site.root, cutoff))
         days = sorted({p.hour // 24 for p in going})
         guard(len(days), len({p.hour // 24 for p in every}), "days", terms)
         sealer = Sealer(site, store, edge)
@@ -132,6 +138,7 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
             last=date_of_hour(days[-1] * 24) if days else None,
             n_sealed=len(sealer.hours(days)),
             n_quarantined=n_old,
+            n_files=len(read),
         )
         if terms.is_dry_run or purged.is_nothing:
             return purged
@@ -148,7 +155,9 @@ def purge_older(site: Site, *, before: date, terms: Terms) -> Purged:
         unlink = [*(p.path for p in going), *again, *around]
         entry = audit_line(terms, purged, {"older_than": before.isoformat()})
         remove_records(store.root, Intent(site_id=site.site_id, entry=entry, unlink=below(site.root, unlink)))
-        return purged
+    for path in read:  # after the records: a folder that may not be written keeps none of them
+        path.unlink(missing_ok=True)
+    return purged
 
 
 def _marts_that_stay(site: Site, hours: Sequence[int]) -> set[Path]:
@@ -381,6 +390,8 @@ def audit_line(terms: Terms, purged: Purged, what: Mapping[str, Any]) -> dict[st
     entry["records"] = dict(purged.records)
     entry["utc_days"] = [d.isoformat() for d in (purged.first, purged.last) if d is not None]
     entry |= {"sealed_hours": purged.n_sealed, "quarantined": purged.n_quarantined}
+    if purged.n_files:
+        entry["read_files"] = purged.n_files
     if purged.keys:
         entry["forgotten_days"] = [d.isoformat() for d in purged.keys]
     if terms.reason is not None:
