@@ -134,8 +134,9 @@ def test_what_a_folder_refuses_is_not_given_away(tmp_path: Path, monkeypatch: py
     me = os.geteuid()
     monkeypatch.setattr("os.geteuid", lambda: me + 1)
     for path in (tmp_path, tmp_path / "none"):
-        why, fix = owners.denied(path)
-        assert why is None
+        why, fix = owners.denied(PermissionError(13, "Permission denied", str(path)))
+        assert why is not None
+        assert f"the folder {tmp_path} belongs to" in why
         assert "chown" not in fix
 
 

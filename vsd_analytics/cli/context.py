@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from vsd_analytics.cli.added_intervals import print_added
-from vsd_analytics.cli.options import exact_option, floor_option, json_option
+from vsd_analytics.cli.options import FilePath, exact_option, floor_option, json_option
 from vsd_analytics.cli.output import emit_json, table
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.render.text import Layout, TableLayout
@@ -46,7 +46,7 @@ def context() -> None:
 
 
 @context.command("add")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=FilePath())
 @click.option("--name", required=True, metavar="NAME", help="The series: sales, temperature.")
 @click.option("--unit", metavar="UNIT", help="Unit of the values; a new series needs one.")
 @click.option("--sum", "adds", flag_value="sum", help="Values of hours add up, as sales do.")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from vsd_analytics.cli.added_intervals import print_added
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import FilePath, json_option
 from vsd_analytics.cli.output import emit_json, table
 from vsd_analytics.cli.project import Project, pass_project
 
@@ -28,7 +28,7 @@ def counts() -> None:
 
 
 @counts.command("add")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("file", type=FilePath())
 @click.option("--line", "line_id", required=True, metavar="LINE", help='A [[line]] with counted_by = "counter".')
 @click.option("--left", metavar="COLUMN", help="Column of people to the left side of the line.")
 @click.option("--right", metavar="COLUMN", help="Column of people to its right side.")

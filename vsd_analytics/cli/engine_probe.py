@@ -37,12 +37,13 @@ def probe(project: Project, /, model: Path, picture: Path, out: Path | None, as_
     from vsd_analytics.engine.overlay import draw_detections
     from vsd_analytics.engine.pictures import read_picture
     from vsd_analytics.engine.tiles import tiles_of
+    from vsd_analytics.owners import is_there
     from vsd_analytics.store.durable import publish
 
     chosen = chosen_detector({**given, "detector": model})
     assert chosen is not None
     detector = chosen.opened()
-    if not picture.exists():
+    if not is_there(picture):
         raise InputError(f"there is no file {picture}", code="E201", where=Where(str(picture)), fix="check the path")
     pixels = read_picture(picture)
     if pixels is None:

@@ -67,7 +67,7 @@ def run(command: click.Command, arguments: list[str]) -> int:
         if verbose:
             raise
         what = f"{error.strerror or error}: {error.filename}" if error.filename else str(error)
-        why, fix = denied(os.fsdecode(error.filename or ""))
+        why, fix = denied(error)
         refused = VsdError(what, code="E120", why=why, fix=fix)
         _print_error(disk_error(error) or refused, as_json=as_json)
         return 2

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from vsd_analytics.cli.options import json_option
+from vsd_analytics.cli.options import FilePath, json_option
 from vsd_analytics.cli.output import emit_json, plain
 from vsd_analytics.cli.project import Project, pass_project
 
 
 @click.command()
-@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
+@click.argument("files", metavar="FILE...", nargs=-1, required=True, type=FilePath(must_exist=True))
 @click.option("--yes", is_flag=True, help="Store the answers; without it they are only printed.")
 @json_option
 @pass_project

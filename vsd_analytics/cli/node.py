@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from vsd_analytics.cli.ingest_output import warn_of_erased
-from vsd_analytics.cli.options import json_option, path_option
+from vsd_analytics.cli.options import FilePath, json_option, path_option
 from vsd_analytics.cli.output import count, emit_json, plain
 from vsd_analytics.cli.project import Project, pass_project
-from vsd_analytics.errors import InputError, UsageError, Where
+from vsd_analytics.errors import UsageError, Where
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -72,7 +72,7 @@ def invite(project: Project, out: Path) -> None:
 
 
 @node.command(name="join")
-@click.argument("file", type=click.Path(path_type=Path, dir_okay=False))
+@click.argument("file", type=FilePath())
 @pass_project
 def join_site(project: Project, file: Path) -> None:
     """Take over the secret of the site from the file of vsd node invite.
@@ -84,11 +84,7 @@ def join_site(project: Project, file: Path) -> None:
     from vsd_analytics.cluster.joining import join
 
     route, name = _route(project, is_node=True), project.site.node
-    try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise InputError(f"{file} cannot be read", code="E120", where=Where(str(file)), why=error.strerror) from None
-    join(project.site, data, file=str(file))
+    join(project.site, file.read_bytes(), file=str(file))
     project.say(f"node {name} of site {project.site.site_id} hands on to {route.place}; now delete {file}")
 
 

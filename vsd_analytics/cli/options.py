@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from vsd_analytics.errors import UsageError
+from vsd_analytics.owners import is_there
 from vsd_analytics.resources import LANGUAGES
 
 if TYPE_CHECKING:
@@ -59,17 +60,23 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 class FilePath(click.Path):
-    """A path that is no address of a camera: an address may have a password in it, and errors show paths."""
+    """A path that the system lets us look at, and no address of a camera.
 
-    def __init__(self) -> None:
-        super().__init__(path_type=Path)
+    A path that may not be read is E120, not one that is missing. An address may have a password in it, and errors show
+    paths.
+    """
+
+    def __init__(self, *, must_exist: bool = False) -> None:
+        super().__init__(path_type=Path, exists=must_exist, readable=False)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the path; InputError (E204), without the password, for an address."""
+        """Return the path; InputError (E204), without the password, for an address; PermissionError."""
         if "://" in str(value):
             from vsd_analytics.ingest.formats.recognise import refuse_streams
 
             refuse_streams([str(value)])
+        if str(value) != "-":
+            is_there(Path(value))
         return super().convert(value, param, ctx)
 
 

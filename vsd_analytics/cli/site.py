@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from vsd_analytics.cli.options import json_option, language_option, path_option
+from vsd_analytics.cli.options import FilePath, json_option, language_option, path_option
 from vsd_analytics.cli.output import count, emit_json, render_error
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.errors import ReportError, UsageError, VsdError
@@ -24,7 +24,7 @@ def site() -> None:
 
 
 @site.command()
-@click.argument("folders", nargs=-1, metavar="[PROJECT]...", type=click.Path(path_type=Path))
+@click.argument("folders", nargs=-1, metavar="[PROJECT]...", type=FilePath())
 @path_option("--root", metavar="DIR", help="Every project directly in this folder.")
 @click.option(
     "--out",

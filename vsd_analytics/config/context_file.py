@@ -113,6 +113,8 @@ def _cells(path: Path, columns: ContextColumns) -> Iterator[tuple[int, str, str,
         if path.stat().st_size > BYTES_MAX:
             raise InputError(f"{name} is larger than {BYTES_MAX >> 20} MB", code="E209", fix="split the file")
         text = path.read_bytes().decode("utf-8-sig")
+    except PermissionError:
+        raise
     except OSError as error:
         raise InputError(f"there is no file {name} that can be read", code="E201", why=error.strerror) from None
     except UnicodeDecodeError as error:

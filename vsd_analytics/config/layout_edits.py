@@ -16,6 +16,7 @@ from vsd_analytics.config.project import refused
 from vsd_analytics.config.reader import Mistakes, TableReader, nearest
 from vsd_analytics.config.toml_lines import TomlText, read_toml, syntax_problem
 from vsd_analytics.errors import UsageError, VsdError
+from vsd_analytics.owners import is_there
 from vsd_analytics.site.layout import DoorEdit, DoorKind, Edit, FixtureEdit, LayoutEdits, OneWayEdit, OpeningEdit
 from vsd_analytics.site.model import Fixture, Point, Site
 from vsd_analytics.site.places import fixtures_at
@@ -42,7 +43,7 @@ def read_edits(path: Path, site: Site, *, last_day: date) -> LayoutEdits:
         UsageError: E101, there is no such file.
         ConfigError: E103, it has mistakes; E121 is one of them where it is no TOML.
     """
-    if not path.is_file():
+    if not is_there(path) or not path.is_file():
         raise UsageError(f"there is no file {str(path)!r}", fix=f"write it: {EXAMPLE}; docs/whatif.md has all edits")
     text, problem = read_toml(path, name=path.name)
     return _edits(text, problem, site, last_day)

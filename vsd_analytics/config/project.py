@@ -17,6 +17,7 @@ from vsd_analytics.config.site_settings import OF_ENVIRONMENT, read_engine, read
 from vsd_analytics.config.toml_lines import TomlText, read_toml
 from vsd_analytics.config.values import parse_dates, parse_day_start, parse_empty_hour, zone
 from vsd_analytics.errors import ConfigError, UsageError, VsdError, Where
+from vsd_analytics.owners import is_there
 from vsd_analytics.resources import LANGUAGES
 from vsd_analytics.settings import Settings
 from vsd_analytics.site.model import Site
@@ -40,7 +41,7 @@ def find_project(start: Path) -> Path:
     """
     start = start.absolute()
     for folder in (start, *start.parents):
-        if (folder / FILE).is_file():
+        if is_there(folder / FILE):
             return folder
     raise UsageError(
         f"there is no {FILE} in {start} or above it",
@@ -71,7 +72,7 @@ def load_site(folder: str | Path, *, environ: Mapping[str, str] | None = None) -
     """
     folder = Path(folder).absolute()
     path = folder / FILE
-    if not path.is_file():
+    if not is_there(path):
         raise UsageError(
             f"there is no {FILE} in {folder}",
             code="E102",

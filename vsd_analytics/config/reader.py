@@ -15,6 +15,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from vsd_analytics.config.toml_lines import KeyPath, TomlText
 from vsd_analytics.errors import CONTROL, VsdError
+from vsd_analytics.owners import denied, is_there
 from vsd_analytics.settings import SETTINGS
 
 ID_PATTERN = "[a-z0-9][a-z0-9_-]{0,62}"
@@ -288,9 +289,11 @@ class TableReader:
             return None
         path = self.folder / value
         try:
-            exists = path.is_file()
-        except (OSError, ValueError):
-            exists = False
+            exists = is_there(path) and path.is_file()
+        except PermissionError as error:
+            why, fix = denied(error)
+            self.fault(key, f"{self.label} {key}: {value!r} may not be read", code="E126", why=why, fix=fix)
+            return None
         if not exists:
             self.fault(
                 key,

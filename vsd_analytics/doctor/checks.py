@@ -125,7 +125,7 @@ def _project(
     try:
         yield from _project_in(folder, now=now, environ=environ, broker_config=broker_config)
     except OSError as error:
-        why, fix = denied(str(error.filename or folder))
+        why, fix = denied(error, error.filename or folder)
         detail = f"{error.strerror or error}: {error.filename}; nothing after it was checked"
         yield Finding("files", "needs you", detail + (f": {why}" if why else ""), fix)
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from vsd_analytics.engine.people import People, unusable
 from vsd_analytics.errors import InputError, Where
+from vsd_analytics.owners import is_there
 
 Picture = NDArray[np.uint8]
 """Blue, green, red, shape (height, width, 3)."""
@@ -133,7 +134,7 @@ def frame_pictures(source: Path | None, people: People) -> FramePictures:
     """
     if source is None:
         return NoPictures()
-    if not source.exists():
+    if not is_there(source):
         raise InputError(
             f"there is no file {source}", code="E201", where=Where(str(source)), fix="check the path of --pictures"
         )

@@ -24,6 +24,7 @@ import cv2
 import numpy as np
 
 from vsd_analytics.engine.frame_pictures import Picture
+from vsd_analytics.owners import is_there
 
 SourceState = Literal["connecting", "on", "hung", "lost", "stopped"]
 
@@ -276,7 +277,7 @@ class LiveSource:
 
     def _why_closed(self) -> str:
         if self._is_file:
-            return "the file is no video" if Path(self.address).is_file() else "there is no such file"
+            return _why_no_video(Path(self.address))
         if DEVICE.fullmatch(self.address):
             return _why_no_device(Path(self.address))
         return f"it answers and shows nothing: a wrong path, a wrong login, or no picture within {OPEN_S:g} s"
@@ -292,8 +293,15 @@ class LiveSource:
         return urlunsplit(parts._replace(netloc=f"{login}@{parts.netloc}"))
 
 
+def _why_no_video(file: Path) -> str:
+    try:
+        return "the file is no video" if is_there(file) else "there is no such file"
+    except PermissionError:
+        return "this user may not read it"
+
+
 def _why_no_device(device: Path) -> str:
-    if not device.exists():
+    if not is_there(device):
         return "there is no such device"
     if not os.access(device, os.R_OK | os.W_OK):
         return "this user may not read it: add the user to its group, mostly video"

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.errors import InputError, UsageError, Where
+from vsd_analytics.owners import is_there
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +90,7 @@ class Network:
             raise UsageError(
                 "a detector needs more packages", why=str(error), fix="pip install 'vsd-analytics[detector]'"
             ) from None
-        if not path.is_file():
+        if not is_there(path):
             raise InputError(f"there is no file {path}", code="E201", where=Where(str(path)), fix="check the path")
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = n_threads

@@ -7,6 +7,7 @@ from pathlib import Path
 from vsd_analytics.engine.doubles import without_doubles
 from vsd_analytics.engine.people import People
 from vsd_analytics.errors import InputError, Where
+from vsd_analytics.owners import is_there
 
 
 def read_each_once(path: Path, *, size_px: tuple[int, int] | None = None) -> People:
@@ -28,7 +29,7 @@ def read_people(path: Path, *, size_px: tuple[int, int] | None = None) -> People
     Raises:
         InputError: There is no such file (E201), or nothing in it can be used (E202, E203, E205).
     """
-    if not path.exists():
+    if not is_there(path):
         raise InputError(f"there is no file {path}", code="E201", where=Where(str(path)), fix="check the path")
     if path.is_dir():
         if any(path.glob("*.txt")) and not any(path.glob("*.json")):

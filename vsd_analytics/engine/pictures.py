@@ -20,6 +20,7 @@ from vsd_analytics.engine.box_table import EPOCH_MS_FROM
 from vsd_analytics.engine.frame_pictures import SUFFIXES, Picture
 from vsd_analytics.engine.people import unusable
 from vsd_analytics.errors import InputError, Where
+from vsd_analytics.owners import is_there
 
 VIDEO_SUFFIXES: Final = frozenset(
     {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".ts", ".mts", ".mpg", ".mpeg", ".wmv", ".flv", ".3gp", ".mjpeg"}
@@ -211,7 +212,7 @@ def picture_source(path: Path) -> PictureSource:
     Raises:
         InputError: There is no such file (E201), or it has no pictures (E202, E205).
     """
-    if not path.exists():
+    if not is_there(path):
         raise InputError(f"there is no file {path}", code="E201", where=Where(str(path)), fix="check the path")
     if path.is_dir():
         files = [file for file in path.iterdir() if file.suffix.lower() in SUFFIXES and not file.name.startswith(".")]

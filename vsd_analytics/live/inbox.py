@@ -16,6 +16,7 @@ from vsd_analytics.ingest.intake.pipeline import SourceResult
 from vsd_analytics.ingest.intake.watched_folders import DONE, FAILED, INBOX, LOCK
 from vsd_analytics.ingest.reading.adapter import Source
 from vsd_analytics.live.single_instance import single_instance
+from vsd_analytics.owners import is_there
 from vsd_analytics.site.model import Site
 from vsd_analytics.store.durable import publish
 
@@ -91,7 +92,7 @@ def to_failed(folder: Path, file: Waiting, result: SourceResult) -> None:
 
 def refuse_folder(site: Site, folder: Path) -> None:
     """Refuse to watch a path that is no folder (InputError E201) or a folder of the project (UsageError E101)."""
-    if not folder.is_dir():
+    if not is_there(folder) or not folder.is_dir():
         raise InputError(
             f"there is no folder {Source(folder).name}", code="E201", fix="make it, or check the path and the spelling"
         )

@@ -15,6 +15,7 @@ from urllib.parse import quote
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import UsageError, VsdError, Where
 from vsd_analytics.figures.share.counts import Mask
+from vsd_analytics.owners import is_there
 from vsd_analytics.site_index.read_reports import FoundReports, find_reports, kind_of, read_report_json, shared_names
 from vsd_analytics.store.durable import publish, sweep_pages
 
@@ -53,7 +54,7 @@ def sources_of(folders: Sequence[Path]) -> tuple[ReportSource, ...]:
     """
     sources: dict[str, ReportSource] = {}
     for folder in dict.fromkeys(f.resolve() for f in folders):
-        if not (folder / REPORTS).is_dir() and not (folder / "vsd.toml").is_file():
+        if not is_there(folder) or not (is_there(folder / REPORTS) or is_there(folder / "vsd.toml")):
             raise UsageError(
                 f"{folder} is no project",
                 why="it has neither a vsd.toml nor a folder reports",

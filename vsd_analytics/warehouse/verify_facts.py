@@ -198,7 +198,7 @@ def check_counts(site: Site) -> Check:
 def _damaged_counts(path: Path, error: StoreError | OSError) -> StoreFault:
     if isinstance(error, StoreError):
         return StoreFault("E302", path, error.what, error.why or "", error.fix or "")
-    why, fix = denied(path)
+    why, fix = denied(error, path)
     return StoreFault("E302", path, f"the counts of a door counter cannot be read: {error.strerror}", why or "", fix)
 
 

@@ -11,6 +11,7 @@ from vsd_analytics.errors import InputError, Where
 from vsd_analytics.ingest.formats.adapters import adapter, formats
 from vsd_analytics.ingest.formats.jupedsim import opened_database
 from vsd_analytics.ingest.reading.adapter import Adapter, IngestOptions, Source, empty, not_a_file
+from vsd_analytics.owners import is_there
 
 
 def find_adapter(source: Source, options: IngestOptions) -> Adapter:
@@ -20,7 +21,7 @@ def find_adapter(source: Source, options: IngestOptions) -> Adapter:
         InputError: E201 no such file, E202 empty file, E204 no format recognises it, E205 damaged from its first line.
     """
     where = Where(source.name)
-    if not source.path.exists():
+    if not is_there(source.path):
         raise InputError(
             f"there is no file {source.name}",
             code="E201",

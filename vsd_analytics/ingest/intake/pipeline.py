@@ -317,7 +317,7 @@ class _Ingest:
             if error is not None:
                 raise error
         except OSError as error:
-            why, fix = denied(self.source.path)
+            why, fix = denied(error, self.source.path)
             what = f"{self.source.file_name} cannot be read: {error.strerror or error}"
             raise InputError(what, code="E120", where=Where(self.source.name), why=why, fix=fix) from None
 
