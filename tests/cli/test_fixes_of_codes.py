@@ -91,6 +91,8 @@ CASES = [
     Case("E101", ONE, "check a.csv --zone Europe/Rom"),
     Case("E101", ONE, "check a.csv --map x=x_m"),
     Case("E101", ONE, "hours --week 2026-46", before=["ingest a.csv"]),
+    Case("E101", ONE, "report --week last --out week.html", before=["ingest a.csv"]),
+    Case("E101", ONE, "planner --week last --out pages/week.html", before=["ingest a.csv"]),
     Case("E102", write(), "hours", by_hand=lambda f: _vsd(f, "init --no-input --camera cam-1") and None),
     Case("E104", write(), "init --no-input", by_hand=lambda f: (f / "vsd.toml").unlink()),
     Case("E105", ONE, "report --range 2026-11-10..2026-11-11 --format json", before=["ingest a.csv"]),

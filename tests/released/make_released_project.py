@@ -1,7 +1,8 @@
 """Makes the project that later versions must still open: `python tests/released/make_released_project.py` at a release.
 
-Writes `VERSION.zip` beside itself: `vsd.toml`, change log and store of a made-up week, as this version writes them, and
-`printed.json`, the figures that this version prints of them. A file of a released version is never made again.
+Writes `VERSION.zip` beside itself: `vsd.toml`, change log, store, counts of a door counter and a series of sales of a
+made-up week, as this version writes them, and `printed.json`, the figures that this version prints of them. A file of a
+released version is never made again.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import json
 import sys
 import tempfile
 import zipfile
-from datetime import UTC, date, datetime
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from simulate.small_scenes import make_week
 
+from vsd_analytics.cli import cli
+from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config.project import load_site
 from vsd_analytics.ingest.intake.pipeline import ingest
 from vsd_analytics.ingest.reading.adapter import IngestOptions
@@ -54,6 +57,20 @@ floor = "ground"
 polygon = [[0, 0], [6, 0], [6, 20], [0, 20]]
 visits = true
 
+[[area]]
+id = "till"
+name = "Till"
+floor = "ground"
+polygon = [[8, 0], [10, 0], [10, 3], [8, 3]]
+staff = true
+
+[[line]]
+id = "door"
+name = "Door"
+counted_by = "counter"
+left = "Shop"
+right = "Street"
+
 [[fixture]]
 id = "display"
 name = "Display"
@@ -69,9 +86,19 @@ for_s = 60
 [mqtt]
 host = "127.0.0.1"
 
+[staff]
+people = "visitors"
+
 [report]
 mask_below = 1
+show_context = true
+show_lines = true
 """
+ADDED = (
+    ("counts", "add", "doors.csv", "--line", "door", "--left", "in", "--right", "out", "--every", "1h"),
+    ("context", "add", "sales.csv", "--name", "sales", "--value", "in", "--unit", "EUR", "--sum", "--every", "1h"),
+)
+"""Commands that add what others than cameras measured, one value an hour."""
 
 
 def printed(root: Path) -> dict[str, Any]:
@@ -100,8 +127,15 @@ def main() -> None:
         (root / "frames.jsonl").write_bytes(lines)
         done = ingest(load_site(root), [root / "frames.jsonl"], IngestOptions(format="frames"), now=NOW)
         assert not any(source.error for source in done.sources)
+        hours = [(day, hour) for day in range(7) for hour in range(9, 12)]
+        rows = [f"{MONDAY + timedelta(days=d)}T{h:02}:00,{40 + 3 * d + h},{38 + 2 * d + h}" for d, h in hours]
+        for command in ADDED:
+            (root / command[2]).write_text("\n".join(["time,in,out", *rows]) + "\n", encoding="utf-8")
+            arguments = [str(root / word) if word == command[2] else word for word in command]
+            assert run(cli, ["-C", str(root), "--now", NOW.isoformat(), *arguments]) == 0
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-            kept = [root / "vsd.toml", root / "log.jsonl", *(root / "store").rglob("*")]
+            folders = [path for name in ("store", "counts", "context") for path in (root / name).rglob("*")]
+            kept = [root / "vsd.toml", root / "log.jsonl", *folders]
             for file in sorted(p for p in kept if p.is_file()):
                 archive.write(file, file.relative_to(root))
             archive.writestr("printed.json", json.dumps(printed(root), indent=1, sort_keys=True))

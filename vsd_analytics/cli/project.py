@@ -21,6 +21,25 @@ if TYPE_CHECKING:
     from vsd_analytics.site.model import Site
 
 
+FILES = frozenset((".html", ".json", ".csv", ".pdf", ".png", ".eml", ".txt"))
+"""Ends of names that nobody gives a folder."""
+
+
+def folder_of_files(out: Path) -> Path:
+    """Return the folder of `--out DIR`, into which files go that a command names itself.
+
+    Raises:
+        UsageError: E101, there is no such folder and its name is that of a file, as in `--out week.pdf`.
+    """
+    if out.suffix.lower() in FILES and not out.is_dir():
+        raise UsageError(
+            f"--out is a folder, and {out.name} is the name of a file",
+            why="a command may write several files, and calls each by what is in it, such as 2026-W46.html",
+            fix=f"--out {shlex.quote(str(out.parent))}",
+        )
+    return out
+
+
 @dataclass
 class Project:
     """The project folder and clock a command works with (click's context object).
@@ -80,7 +99,8 @@ class Project:
             is_operators: They show small counts whatever the command was given; with `--exact` all do.
 
         Raises:
-            UsageError: E101, pages for the operator were to go to `reports/`, from where readers get them.
+            UsageError: E101, pages for the operator were to go to `reports/`, from where readers get them, or into a
+                folder with the name of a file.
         """
         reports, are_operators = self.root / "reports", is_operators or self.is_exact
         if out is None:
@@ -91,7 +111,7 @@ class Project:
                 why="nothing is hidden in them, and what is in reports/ may be shared",
                 fix="leave --out away, or name another folder, such as operator/",
             )
-        return Path(out)
+        return folder_of_files(Path(out))
 
     def say(self, text: str) -> None:
         """Print a message for the user on standard error, unless `--quiet`."""

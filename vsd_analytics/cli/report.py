@@ -10,7 +10,7 @@ import click
 
 from vsd_analytics.cli.options import choice_option, exact_option, json_option, language_option
 from vsd_analytics.cli.output import facts_progress, render_error
-from vsd_analytics.cli.project import Project, pass_project, warn_of_broken_log_lines
+from vsd_analytics.cli.project import Project, folder_of_files, pass_project, warn_of_broken_log_lines
 from vsd_analytics.cli.ranges import last_monday
 from vsd_analytics.cli.report_formats import FIGURES, Formats, ReportFiles, checked, expanded, print_one, write
 from vsd_analytics.errors import ReportError, UsageError, VsdError
@@ -128,7 +128,7 @@ def report(
                 failed.append(error)
     code = _exit_code(reports, strict=strict)
     for files in every if is_mailed else ():
-        where = Path(out) if out is not None else project.root / sent_mails.FOLDER
+        where = folder_of_files(Path(out)) if out is not None else project.root / sent_mails.FOLDER
         try:
             paths.append(report_mail.mail_week(project, files, options=options, out=where))
         except VsdError as error:

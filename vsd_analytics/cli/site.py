@@ -9,7 +9,7 @@ import click
 
 from vsd_analytics.cli.options import FilePath, json_option, language_option, path_option
 from vsd_analytics.cli.output import count, emit_json, render_error
-from vsd_analytics.cli.project import Project, pass_project
+from vsd_analytics.cli.project import Project, folder_of_files, pass_project
 from vsd_analytics.errors import ReportError, UsageError, VsdError
 
 
@@ -78,7 +78,7 @@ def build(
             write_missing_json(inner)
             if is_made:
                 make_missing(inner)
-    target = out if out is not None else sources[0].reports
+    target = folder_of_files(out) if out is not None else sources[0].reports
     collected = gather(sources, target)
     index = catalogue(collected.entries)
     problems = (*collected.problems, *index.problems)
