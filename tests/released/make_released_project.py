@@ -100,15 +100,21 @@ ADDED = (
 )
 """Commands that add what others than cameras measured, one value an hour."""
 
+ROWS = ("line_days", "context_days")
+
 
 def printed(root: Path) -> dict[str, Any]:
-    """Return what a report prints of a project: value, ends, state of each figure, and the counts of its hours."""
+    """Return what a report prints of a project: value, ends, state of each figure, and the counts of its hours.
+
+    Of counts and series, whose figures are tables, it is the rows.
+    """
     report = week_report(load_site(root), MONDAY, now=NOW)
     told = json.loads(to_json(report))
     return {
         "figures": {m: {k: f[k] for k in ("value", "lo", "hi", "state")} for m, f in figures_json(report).items()},
         "hours": [[cell["start"], cell["violations"], cell["state"]] for cell in told["when"]["cells"]],
         "log": [[line["at"], line["text"]] for line in told["log"]],
+        "rows": {name: told["answers"][name]["rows"] for name in ROWS if name in told["answers"]},
     }
 
 
@@ -134,9 +140,9 @@ def main() -> None:
             arguments = [str(root / word) if word == command[2] else word for word in command]
             assert run(cli, ["-C", str(root), "--now", NOW.isoformat(), *arguments]) == 0
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-            folders = [path for name in ("store", "counts", "context") for path in (root / name).rglob("*")]
-            kept = [root / "vsd.toml", root / "log.jsonl", *folders]
-            for file in sorted(p for p in kept if p.is_file()):
+            left_out = {root / "frames.jsonl", *(root / command[2] for command in ADDED)}
+            left_out.update(file for name in ("secrets", "status") for file in (root / name).iterdir())
+            for file in sorted(p for p in root.rglob("*") if p.is_file() and p not in left_out):
                 archive.write(file, file.relative_to(root))
             archive.writestr("printed.json", json.dumps(printed(root), indent=1, sort_keys=True))
 

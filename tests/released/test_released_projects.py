@@ -33,4 +33,6 @@ def test_what_a_version_stored_gives_the_figures_it_printed(path: Path, tmp_path
         }, metric
     assert then["hours"] == now["hours"]
     assert then["log"] == now["log"]
+    for name, rows in then.get("rows", {}).items():  # a column may be added
+        assert [{key: value for key, value in row.items() if key in rows[0]} for row in now["rows"][name]] == rows
     assert sum(count or 0 for _, count, _ in then["hours"]) > 0
