@@ -20,6 +20,7 @@ from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config.context_file import ContextColumns
 from vsd_analytics.config.context_series import Adds, add_context, remove_context
 from vsd_analytics.config.project import load_site
+from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.report.pages.json_and_csv import figures_json
 from vsd_analytics.report.pages.story import week_report
 from vsd_analytics.report.pages.week import render_html
@@ -78,8 +79,15 @@ def answers(site: Site, **settings: Any) -> Answers:
     return week_report(other, w.MONDAY, has_context=True).answers
 
 
-def test_a_value_per_visit_is_that_of_the_same_hours(site: Site) -> None:
-    found = answers(site)["context_conversion"]
+@pytest.fixture(scope="module")
+def report(site: Site) -> WeekReport:
+    """Return the report of the last week, with every count."""
+    other = replace(site, settings=site.settings.with_values({"mask_below": 0}))
+    return week_report(other, w.MONDAY, has_context=True)
+
+
+def test_a_value_per_visit_is_that_of_the_same_hours(report: WeekReport) -> None:
+    found = report.answers["context_conversion"]
     value = found.value("value_per_visit", series="tickets", area_id="door")
     assert value.value == pytest.approx(PER_VISIT)
     assert value.lo is not None
@@ -87,8 +95,8 @@ def test_a_value_per_visit_is_that_of_the_same_hours(site: Site) -> None:
     assert {row["series"] for row in found.rows} == {"tickets", "footfall"}, "what is averaged is not divided by visits"
 
 
-def test_a_value_per_person_hour_is_over_the_person_hours_of_the_page(site: Site) -> None:
-    found = answers(site)
+def test_a_value_per_person_hour_is_over_the_person_hours_of_the_page(report: WeekReport) -> None:
+    found = report.answers
     n_tickets = sum(2 * 2 * PER_VISIT * violations(w.MONDAY + timedelta(days=k)) for k in range(7))
     person_h = found["people"].rows[0]["person_h"].value
     assert found["context_value"].value("value_per_person_h", series="tickets").value == pytest.approx(
@@ -96,8 +104,8 @@ def test_a_value_per_person_hour_is_over_the_person_hours_of_the_page(site: Site
     )
 
 
-def test_a_rise_that_the_series_makes_is_none_at_an_equal_value(site: Site) -> None:
-    found = answers(site)["context_change"]
+def test_a_rise_that_the_series_makes_is_none_at_an_equal_value(report: WeekReport) -> None:
+    found = report.answers["context_change"]
     plain, equal = (found.value(f"{name}_change", series="footfall") for name in ("violation_rate", "equal_value"))
     assert plain.value == pytest.approx(math.expm1(0.2), abs=0.02)
     assert equal.value == pytest.approx(0.0, abs=0.02)
@@ -111,9 +119,7 @@ def test_a_rise_that_the_series_makes_is_none_at_an_equal_value(site: Site) -> N
     assert usual < rate < there, "the week lies above its usual range, and within that at its footfall"
 
 
-def test_m0_and_its_usual_range_are_those_of_the_page(site: Site) -> None:
-    other = replace(site, settings=site.settings.with_values({"mask_below": 0}))
-    report = week_report(other, w.MONDAY, has_context=True)
+def test_m0_and_its_usual_range_are_those_of_the_page(report: WeekReport) -> None:
     assert report.trend is not None
     usual = report.trend.usual_violation_rate
     assert usual is not None
@@ -160,8 +166,7 @@ def test_reports_have_no_series_unless_the_site_asks(site: Site) -> None:
     plain = week_report(site, w.MONDAY)
     assert not [a.name for a in plain.answers if a.name.startswith("context")]
     assert "M52" not in figures_json(plain)
-    asking = replace(site, settings=site.settings.with_values({"show_context": True}))
-    assert "M52" in figures_json(week_report(asking, w.MONDAY))
+    assert 'id="context"' not in render_html(plain)
 
 
 def test_command_and_python_give_the_numbers_of_the_report(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
@@ -191,9 +196,11 @@ def test_the_page_shows_the_series_where_the_site_asks(site: Site, language: str
         unit="<b>EUR</b>",
     )
     try:
-        page = render_html(week_report(asking, w.MONDAY))
+        report = week_report(asking, w.MONDAY)
     finally:
         remove_context(site, f"flat_{language}", at=NOW)
+    assert "M52" in figures_json(report)
+    page = render_html(report)
     begins = page.index('<section class="sec" id="context"')
     section = page[begins : page.index("</section>", begins)]
     assert title in section
@@ -201,7 +208,6 @@ def test_the_page_shows_the_series_where_the_site_asks(site: Site, language: str
     assert section.count("<svg") == 8, "four series, each drawn for wide and narrow screens"
     assert f"Flat {language}, &lt;b&gt;EUR&lt;/b&gt;" in section
     assert len(re.sub(r"<svg.*?</svg>|<[^>]*>", " ", section, flags=re.DOTALL).split()) < 250
-    assert 'id="context"' not in render_html(week_report(site, w.MONDAY))
 
 
 def test_days_of_a_series_are_in_the_json_file_with_gaps(site: Site) -> None:

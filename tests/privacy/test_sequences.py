@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import shutil
 from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
@@ -21,9 +23,21 @@ WEEKS = 3
 LATE_SEED = 6  # a world in which a camera lost a day
 
 
+@pytest.fixture(scope="module")
+def whole_life(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, sequences.Versions]:
+    """Return a folder with a world and what a reader knows after its weeks, before anything changes."""
+    folder = tmp_path_factory.mktemp("life") / "world"
+    return folder, sequences.lived(folder, 1, n_weeks=WEEKS, days=())
+
+
 @pytest.fixture
-def versions(tmp_path: Path) -> sequences.Versions:
-    return sequences.lived(tmp_path, 1, n_weeks=WEEKS, days=())
+def versions(whole_life: tuple[Path, sequences.Versions], tmp_path: Path) -> Iterator[sequences.Versions]:
+    """Return a copy of what the reader knows; the world's folder is as before after the test."""
+    folder, known = whole_life
+    shutil.copytree(folder, tmp_path / "kept")
+    yield copy.deepcopy(known)
+    shutil.rmtree(folder)
+    shutil.move(tmp_path / "kept", folder)
 
 
 @pytest.fixture
@@ -53,7 +67,8 @@ def test_a_day_that_arrives_late_tells_no_small_count(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("forgetful")
-def test_without_memory_of_what_left_before_an_erasure_tells_how_many_it_took(versions: sequences.Versions) -> None:
+def test_without_memory_of_what_left_before_an_erasure_tells_how_many_it_took(tmp_path: Path) -> None:
+    versions = sequences.lived(tmp_path, 1, n_weeks=WEEKS, days=())
     sequences.erased(versions, 1, 0, 0, 10, slots=3)
     assert sequences.broken(versions) == []
     assert any(name.startswith("change to version 1") for name in sequences.worked_out(versions))
