@@ -67,6 +67,15 @@ def points_csv(path: Path, *, n: int = 6, off_m: float = 0.0) -> Path:
 # init -----------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(("language", "floor"), [("it", "Piano terra"), ("en", "Ground floor"), (None, "Ground floor")])
+def test_init_names_the_floor_in_the_language_of_the_site(
+    vsd: Vsd, tmp_path: Path, language: str | None, floor: str
+) -> None:
+    assert vsd("init", "--no-input", *(("--language", language) if language else ()))[0] == 0
+    site = load_site(tmp_path)
+    assert (site.language, [f.name for f in site.floors]) == (language or "en", [floor])
+
+
 def test_init_writes_a_site_that_loads(vsd: Vsd, tmp_path: Path) -> None:
     flags = ["--name", "Riverside Store", "--timezone", "Europe/Rome", "--opening", "mon-sat 08:00-21:00"]
     code, out, _ = vsd(

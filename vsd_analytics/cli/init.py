@@ -13,6 +13,8 @@ from vsd_analytics.cli.output import emit_json
 from vsd_analytics.cli.project import Project, pass_project
 from vsd_analytics.config.drawing import M_PER_PX, is_drawing, read_drawing
 from vsd_analytics.errors import InputError, UsageError
+from vsd_analytics.resources import DEFAULT_LANGUAGE, LANGUAGES
+from vsd_analytics.wording.languages import wording
 
 
 @click.command()
@@ -24,6 +26,7 @@ from vsd_analytics.errors import InputError, UsageError
 @click.option("--plan", metavar="FILE", help="Floor plan: SVG, PNG, JPG or DXF, relative to the project folder.")
 @click.option("--plan-m-per-px", type=float, help="Metres per pixel of the plan.")
 @click.option("--unit", help="What positions of the engine are in: m, mm, cm, ft or px (the picture).")
+@click.option("--language", type=click.Choice(LANGUAGES), help="Language of the pages (default: en).")
 @click.option("--distance", "distance_m", type=float, default=2.0, show_default=True, help="Legal distance in metres.")
 @click.option("--no-input", is_flag=True, help="Ask nothing; use options and defaults.")
 @json_option
@@ -38,6 +41,7 @@ def init(
     plan: str | None,
     plan_m_per_px: float | None,
     unit: str | None,
+    language: str | None,
     distance_m: float,
     no_input: bool,
     as_json: bool,
@@ -89,7 +93,19 @@ def init(
     unit = ask("6 Positions of your engine are in (m, mm, cm, ft, or px: the picture)", unit, "m", check=check_unit)
     check_unit(unit)
     split = tuple(part.strip() for part in named.split(",") if part.strip())
-    answers = FirstAnswers(name, timezone, site_id, opening, split, plan, plan_m_per_px, origin_m, distance_m)
+    answers = FirstAnswers(
+        name,
+        timezone,
+        site_id,
+        opening,
+        split,
+        plan,
+        plan_m_per_px,
+        origin_m,
+        distance_m,
+        language,
+        floor_name=wording(language or DEFAULT_LANGUAGE)["words"]["ground_floor"],
+    )
     site = write_first_config(folder, answers=answers)
     if as_json:
         emit_json({"ok": True, "file": str(folder / "vsd.toml"), "site": site.site_id})

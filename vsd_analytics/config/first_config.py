@@ -34,6 +34,8 @@ class FirstAnswers:
         plan_m_per_px: Metres per pixel of the plan.
         plan_origin_m: Floor metres of the plan's lower left corner.
         distance_m: Legal distance.
+        language: Of its pages; None = not said, which is English.
+        floor_name: Display name of its floor.
     """
 
     name: str
@@ -45,6 +47,8 @@ class FirstAnswers:
     plan_m_per_px: float | None = None
     plan_origin_m: tuple[float, float] = (0.0, 0.0)
     distance_m: float = DEFAULTS.distance_m
+    language: str | None = None
+    floor_name: str = "Ground floor"
 
 
 def write_first_config(folder: Path, *, answers: FirstAnswers) -> Site:
@@ -138,13 +142,14 @@ def render(answers: FirstAnswers) -> str:
         f"id = {_quoted(answers.site_id or suggest_id(answers.name))}",
         f"name = {_quoted(answers.name)}",
         f"timezone = {_quoted(answers.timezone)}",
+        *([] if answers.language is None else [f"language = {_quoted(answers.language)}"]),
         opening,
         '# closed = ["2026-12-25"]',
         f"distance_m = {answers.distance_m!r}",
         "",
         "[[floor]]",
         'id = "ground"',
-        'name = "Ground floor"',
+        f"name = {_quoted(answers.floor_name)}",
         *_plan(answers),
     ]
     for camera in answers.cameras:

@@ -39,13 +39,41 @@ def say(key: str, /, *, plural: float | None = None, **values: object) -> str:
     Raises:
         KeyError: There is no such sentence, or it has a place without a value.
     """
-    return template(key, plural=plural).format(**_with_days(key, values))
+    return nested_quotes(template(key, plural=plural).format(**_with_days(key, values)))
 
 
 def say_html(key: str, /, *, plural: float | None = None, **values: object) -> Markup:
     """Return a sentence as HTML: its values are escaped, and text between backticks is set as code."""
     safe = _CODE.sub(r"<code>\1</code>", str(escape(template(key, plural=plural))))
-    return Markup(safe).format(**_with_days(key, values))
+    return Markup(nested_quotes(Markup(safe).format(**_with_days(key, values))))
+
+
+def nested_quotes(text: str) -> str:
+    """Return a text with the inner quotation marks of the language in force for a quotation within a quotation.
+
+    A name or a sentence that a place is filled with may have quotation marks of its own: «Cassa “A”», not «Cassa «A»».
+    The mark of a quotation that nobody closes stays as it is.
+    """
+    (opens, closes), (inner_opens, inner_closes) = _quotation_marks(language())
+    if text.count(opens) < 2 or text.count(opens) != text.count(closes):
+        return text
+    depth, marked = 0, []
+    for char in text:
+        depth -= char == closes
+        if depth > 0 and char in (opens, closes):
+            marked.append(inner_opens if char == opens else inner_closes)
+        else:
+            marked.append(char)
+        depth += char == opens
+    return "".join(marked)
+
+
+@cache
+def _quotation_marks(language: str) -> tuple[tuple[str, str], tuple[str, str]]:
+    """Return the outer and the inner quotation marks of a language: opening and closing."""
+    words = wording(language)["format"]
+    outer, inner = (words[key].split("{text}") for key in ("quoted", "quoted_inside"))
+    return (outer[0], outer[1]), (inner[0], inner[1])
 
 
 def template(key: str, /, *, plural: float | str | None = None) -> str:

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from vsd_analytics.answer import TEXT, Reason, ReasonValue, Verdict
 from vsd_analytics.wording import format as fmt
-from vsd_analytics.wording.catalogue import has, template
+from vsd_analytics.wording.catalogue import has, nested_quotes, template
 from vsd_analytics.wording.languages import separated
 
 COLUMN: Final = "column."
@@ -58,7 +58,8 @@ def reason_text(reason: Reason | None) -> str:
         return ""
     if reason.code.startswith(COLUMN) and not has(f"reason.{reason.code}"):
         return reason.code.removeprefix(COLUMN).replace("_", " ")
-    return template(f"reason.{reason.code}").format(**{name: _shown(value) for name, value in reason.values.items()})
+    values = {name: _shown(value) for name, value in reason.values.items()}
+    return nested_quotes(template(f"reason.{reason.code}").format(**values))
 
 
 def text_or_none(reason: Reason | None) -> str | None:
