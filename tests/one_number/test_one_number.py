@@ -6,6 +6,8 @@ that enter rates; the estimate of `vsd today` makes up for cameras that were dow
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable
 from datetime import date
 from pathlib import Path
@@ -27,6 +29,7 @@ from vsd_analytics.simulate.demo import ingest_demo
 from vsd_analytics.simulate.demo_project import write_demo_project
 from vsd_analytics.warehouse.build import build
 
+README = Path(__file__).resolve().parents[2] / "README.md"
 MONDAY = date(2026, 11, 9)
 SIX_DIGITS = 2e-5
 """JSON and CSV are written with six digits."""
@@ -110,6 +113,13 @@ def test_a_logged_change_is_the_same_on_page_and_planner_in_command_and_python(t
         for key, values in of_changes.items()
         if any(_differ(v, next(iter(values.values()))) for v in values.values())
     }
+
+
+@pytest.mark.parametrize("told", ["canteen"], indirect=True)
+def test_the_sentence_that_the_readme_quotes_is_on_the_page(told: Outputs) -> None:
+    quoted = re.search(r"^> Till: (.*\n(?:> .*\n)*)", README.read_text(encoding="utf-8"), re.M)
+    assert quoted is not None
+    assert quoted[1].replace("\n> ", " ").strip() in json.dumps(told.page, ensure_ascii=False)
 
 
 def test_what_a_section_of_the_page_repeats_is_the_number_of_its_answer(told: Outputs) -> None:
