@@ -5,10 +5,11 @@ All classes inherit `VsdError`, so `except VsdError` catches everything this pac
 
 from __future__ import annotations
 
+import difflib
 import errno
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -45,6 +46,7 @@ class VsdError(Exception):
         where: The place, if there is one.
         why: Why it matters or what was expected and found instead.
         fix: What to do, as a command or a line of vsd.toml where possible.
+        in_python: What to do where Python raised it: a notebook has no options of commands. None = `fix`.
     """
 
     default_code = "E100"
@@ -57,6 +59,7 @@ class VsdError(Exception):
         where: Where | None = None,
         why: str | None = None,
         fix: str | None = None,
+        in_python: str | None = None,
     ) -> None:
         super().__init__(what)
         self.what = what
@@ -64,11 +67,12 @@ class VsdError(Exception):
         self.where = where
         self.why = why
         self.fix = fix
+        self.in_python = in_python
 
     def __str__(self) -> str:
-        """Return what could not be done, why, and how to fix it, on one line, as a notebook or a log shows an error."""
-        why, fix = (f": {self.why}" if self.why else ""), (f" (fix: {self.fix})" if self.fix else "")
-        return f"{self.what}{why}{fix}"
+        """Return what could not be done, why, and how to fix it in Python, on one line, as a notebook shows it."""
+        fix = self.in_python or self.fix
+        return f"{self.what}{f': {self.why}' if self.why else ''}{f' (fix: {fix})' if fix else ''}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the object `--json` prints for an error."""
@@ -84,6 +88,12 @@ class VsdError(Exception):
             "mend": self.fix,
             "where": where,
         }
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word closest to `word`, or None when none is close."""
+    matches = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.6)
+    return matches[0] if matches else None
 
 
 class UsageError(VsdError):

@@ -180,8 +180,8 @@ def test_another_distance_is_answered_beside_the_sites_own(demo_project: Path, t
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"distance": 1.0}, "distance is no setting of figures"),
-        ({"mask_below": 3}, "mask_below is no setting of figures"),
+        ({"distance": 1.0}, "distance is no setting.*did you mean distance_m"),
+        ({"mask_below": 3}, "mask_below is set in vsd.toml alone"),
         ({"people": "guests"}, "people = 'guests' is not one of all, visitors, staff"),
         ({"distance_m": 11.0}, "not between 0.1 and 10 metres"),
         ({"distance_m": 2.6}, "more than pair_max_m = 2.5"),

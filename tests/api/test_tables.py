@@ -152,5 +152,5 @@ def test_what_cannot_be_answered_is_an_error_that_says_how_to_ask(demo_project: 
 
 
 def test_an_error_of_a_query_says_why_where_a_notebook_shows_it(day: vsd.Days) -> None:
-    with pytest.raises(vsd.VsdError, match=r"no_such_column.*vsd sql --list"):
+    with pytest.raises(vsd.VsdError, match=r"no_such_column.*week.hours.columns"):
         day.sql("select no_such_column from hours")

@@ -12,7 +12,7 @@ import pyarrow as pa
 from vsd_analytics.answer import Answer
 from vsd_analytics.api.table import Table
 from vsd_analytics.config.change_log import read_log
-from vsd_analytics.errors import UsageError
+from vsd_analytics.errors import UsageError, nearest
 from vsd_analytics.figures import compare
 from vsd_analytics.figures import hotspots as hotspot_figures
 from vsd_analytics.figures.area_answers import place_rates
@@ -73,7 +73,12 @@ def context_figure_table(site: Site, first: date, last: date, *, name: str) -> T
         UsageError: E101, these days are no week, or there are no such figures.
     """
     if name not in CONTEXT_FIGURES:
-        raise UsageError(f"there are no figures {name!r}", why=f"there are {', '.join(CONTEXT_FIGURES)}")
+        near = nearest(str(name), CONTEXT_FIGURES) or CONTEXT_FIGURES[0]
+        raise UsageError(
+            f"there are no figures {name!r}",
+            why=f"there are {', '.join(CONTEXT_FIGURES)}",
+            fix=f'context_figures("{near}")',
+        )
     if first.weekday() or last - first != timedelta(days=6):
         raise UsageError(
             f"{first} to {last} is no week from Monday to Sunday",

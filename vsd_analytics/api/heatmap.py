@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vsd_analytics.api.floor_view import PictureView, ink, picture_view
-from vsd_analytics.errors import UsageError
+from vsd_analytics.errors import UsageError, nearest
 from vsd_analytics.figures import maps
 from vsd_analytics.figures.floor_days import Grid
 from vsd_analytics.figures.maps import CellMap
@@ -211,7 +211,9 @@ def heatmap_of(site: Site, days: tuple[date, date], kind: str, *, floor_id: str 
         "excess": maps.excess_map,
     }
     if kind not in functions:
-        raise UsageError(f"there is no map of {kind!r}", why=f"the maps are {', '.join(functions)}")
+        why = f"the maps are {', '.join(functions)}"
+        near = nearest(str(kind), functions) or "burden"
+        raise UsageError(f"there is no map of {kind!r}", why=why, fix=f'heatmap("{near}")')
     check_cell_m(cell_m)
     floor = known_floor(site, floor_id)
     with open_warehouse(site, *days) as warehouse:

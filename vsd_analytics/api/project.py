@@ -83,7 +83,8 @@ class OpenProject:
         """
         extent = stored_extent(self.site)
         if extent is None:
-            raise StoreError("nothing is stored yet", code="E301", fix="vsd ingest FILES...")
+            fix = "site.ingest(frame), or vsd ingest FILES... in a terminal"
+            raise StoreError("nothing is stored yet", code="E301", fix=fix)
         last = extent.last_day - timedelta(days=extent.last_day.weekday())
         try:
             monday = parse_week(week if isinstance(week, str) else "", last=last)

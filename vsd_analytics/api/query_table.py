@@ -40,5 +40,5 @@ def query_table(days: Days, query: str, tables: Mapping[str, pd.DataFrame | pa.T
     computed = {name: getattr(days, name).arrow() for name in named.tables if name in COMPUTED}
     given = {name: rows.arrow() if isinstance(rows, Table) else rows for name, rows in tables.items()}
     with open_warehouse(days.site, days.first, days.last, relations=named.reads) as warehouse:
-        rows = run_query(warehouse, query, computed=computed, given=given)
+        rows = run_query(warehouse, query, computed=computed, given=given, known=COMPUTED)
     return Table(rows, title="Query")

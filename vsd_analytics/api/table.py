@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from vsd_analytics.errors import UsageError
+from vsd_analytics.errors import UsageError, nearest
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -168,7 +168,12 @@ class Table:
 
     def _check(self, column: str) -> None:
         if column not in self.columns:
-            raise UsageError(f"{self.title}: there is no column {column!r}", why=f"these are {', '.join(self.columns)}")
+            near = nearest(str(column), self.columns)
+            raise UsageError(
+                f"{self.title}: there is no column {column!r}",
+                why=f"these are {', '.join(self.columns)}",
+                fix=f'did you mean "{near}"?' if near else None,
+            )
 
     def _head(self) -> Table:
         return Table(self._rows.slice(0, SHOWN_ROWS), title=self.title)

@@ -14,6 +14,7 @@ from vsd_analytics.api.table import Table
 from vsd_analytics.errors import UsageError
 from vsd_analytics.geometry.homography import to_floor
 from vsd_analytics.schema import SCHEMAS
+from vsd_analytics.site.cameras_by_name import nearest_camera_id
 from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.store.erasures import RecordScope
 from vsd_analytics.store.layout import HOUR_MS
@@ -89,7 +90,9 @@ def _camera(site: Site, camera_id: str | None) -> Camera:
     if camera_id is None and len(cameras) == 1:
         return site.cameras[0]
     if camera_id not in cameras:
-        raise UsageError("which camera?", why=f"this site has {', '.join(cameras)}", fix="name one of them")
+        what = "which camera?" if camera_id is None else f"there is no camera {camera_id!r}"
+        near = nearest_camera_id(camera_id or "", site.cameras) or next(iter(cameras), None)
+        raise UsageError(what, why=f"this site has {', '.join(cameras)}", fix=f'tracks("{near}")')
     return cameras[camera_id]
 
 

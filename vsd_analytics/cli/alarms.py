@@ -122,7 +122,7 @@ def live_alarms(project: Project, *, clock: Callable[[], datetime]) -> Iterator[
 
 
 def _rules(project: Project, rule_ids: Sequence[str]) -> list[AlarmRule]:
-    from vsd_analytics.config.reader import nearest
+    from vsd_analytics.errors import nearest
 
     known = {r.alarm_id: r for r in project.site.alarms}
     for rule_id in rule_ids:

@@ -38,7 +38,7 @@ def explanation(code: str) -> str:
     Raises:
         UsageError: No message has this code (E101).
     """
-    from vsd_analytics.config.reader import nearest
+    from vsd_analytics.errors import nearest
 
     known = explanations().get(code.strip().upper())
     if known is not None:

@@ -190,7 +190,7 @@ def renames_of(given: Sequence[str]) -> dict[str, str]:
     Raises:
         UsageError: E101, one is not OURS=THEIRS, or no column of ours is called so.
     """
-    from vsd_analytics.config.reader import nearest
+    from vsd_analytics.errors import nearest
 
     renames: dict[str, str] = {}
     said_at: dict[str, int] = {}

@@ -69,9 +69,9 @@ def sql(
         asked = Days(project.site, warehouse.first, warehouse.last, name="")
         computed = {name: getattr(asked, name).arrow() for name in named.tables if name in COMPUTED}
         if as_json:
-            emit_json({"rows": query_rows(warehouse, query, computed=computed)})
+            emit_json({"rows": query_rows(warehouse, query, computed=computed, known=COMPUTED)})
             return
-        frame = Table(run_query(warehouse, query, computed=computed), title="").df()
+        frame = Table(run_query(warehouse, query, computed=computed, known=COMPUTED), title="").df()
     if kind == "csv":
         click.echo(_csv(frame), nl=False)
     else:
@@ -98,7 +98,7 @@ def _list(*, as_json: bool) -> None:
 def _text_of(name: str) -> str:
     """Return the SQL file of a table, or of a relation behind the tables with or without `internal.`."""
     from vsd_analytics.api.computed_tables import COMPUTED_TABLES
-    from vsd_analytics.errors import UsageError
+    from vsd_analytics.errors import UsageError, nearest
     from vsd_analytics.warehouse.analyst_names import INTERNAL, sql_tables
     from vsd_analytics.warehouse.sqlfiles import queried_relations, relations
 
@@ -109,7 +109,9 @@ def _text_of(name: str) -> str:
         why = "it is a figure with its statistics, the change log or added context, computed in Python"
         raise UsageError(f"{name} has no SQL file", why=why, fix=f'vsd sql "select * from {name}"')
     if relation is None:
-        raise UsageError(f"no table or relation is called {name!r}", fix="vsd sql --list")
+        near = nearest(bare, [*sql_tables(), *behind])
+        fix = "vsd sql --list" if near is None else f"vsd sql --show {near}"
+        raise UsageError(f"no table or relation is called {name!r}", fix=fix)
     return relation.path.read_text(encoding="utf-8")
 
 

@@ -14,8 +14,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any, Final
 
-from vsd_analytics.config.reader import nearest
-from vsd_analytics.errors import InputError, UsageError, Where
+from vsd_analytics.errors import InputError, UsageError, Where, nearest
 from vsd_analytics.site.model import Site
 from vsd_analytics.site.questions import AskedQuestion
 

@@ -6,7 +6,8 @@ from collections.abc import Collection
 from typing import TypeVar, get_args
 from urllib.parse import urlsplit
 
-from vsd_analytics.config.reader import TableReader, nearest
+from vsd_analytics.config.reader import TableReader
+from vsd_analytics.errors import nearest
 from vsd_analytics.site.model import AlarmDelivery, AlarmKind, AlarmRule, Area, Broker, Camera
 
 _KINDS: tuple[AlarmKind, ...] = get_args(AlarmKind)

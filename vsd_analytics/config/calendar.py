@@ -5,8 +5,9 @@ from __future__ import annotations
 from datetime import date
 from typing import Final
 
-from vsd_analytics.config.reader import DATE, TableReader, nearest
+from vsd_analytics.config.reader import DATE, TableReader
 from vsd_analytics.config.values import parse_date
+from vsd_analytics.errors import nearest
 from vsd_analytics.site.calendar import Calendar, Event, public_holidays
 
 A_YEAR: Final = 2026

@@ -27,9 +27,8 @@ from vsd_analytics.config.log_records import (
     torn_lines,
 )
 from vsd_analytics.config.predictions import read_predictions
-from vsd_analytics.config.reader import nearest
 from vsd_analytics.config.values import parse_instant
-from vsd_analytics.errors import CONTROL, UsageError
+from vsd_analytics.errors import CONTROL, UsageError, nearest
 from vsd_analytics.site.model import LogEntry, Site
 from vsd_analytics.site.questions import AnswerKind, QuestionAnswer
 from vsd_analytics.store.durable import digest

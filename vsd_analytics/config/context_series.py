@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from vsd_analytics.config.append_only import AppendOnlyFile
 from vsd_analytics.config.context_file import ContextColumns, read_context_file
 from vsd_analytics.config.interval_rows import AddedIntervals, new_rows, nothing_usable
-from vsd_analytics.config.reader import nearest
-from vsd_analytics.errors import CONTROL, UsageError
+from vsd_analytics.errors import CONTROL, UsageError, nearest
 from vsd_analytics.site.model import Site
 
 FILE: Final = "context.jsonl"

@@ -27,8 +27,7 @@ from vsd_analytics.config.interval_rows import (
     new_rows,
     nothing_usable,
 )
-from vsd_analytics.config.reader import nearest
-from vsd_analytics.errors import InputError, StoreError, UsageError, Where
+from vsd_analytics.errors import InputError, StoreError, UsageError, Where, nearest
 from vsd_analytics.schema import TS
 from vsd_analytics.site.lines import Line
 from vsd_analytics.site.model import Site

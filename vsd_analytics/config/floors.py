@@ -14,8 +14,9 @@ from zoneinfo import ZoneInfo
 
 from vsd_analytics.config.calibrations import read_calibrations, view_of_planes
 from vsd_analytics.config.camera_source import read_camera_source
-from vsd_analytics.config.reader import DATE, Form, TableReader, nearest
+from vsd_analytics.config.reader import DATE, Form, TableReader
 from vsd_analytics.config.values import BOX_MAX_M2, is_simple, parse_instant, parse_picture_px, zone
+from vsd_analytics.errors import nearest
 from vsd_analytics.geometry.picture_size import picture_size
 from vsd_analytics.site.lines import Line, Side
 from vsd_analytics.site.model import Area, Camera, Fixture, FixtureKind, Floor, Point

@@ -13,9 +13,9 @@ from typing import Any, Final, get_args
 from vsd_analytics.config.floors import fixture_kind, read_floor, read_polygon
 from vsd_analytics.config.opening_hours import read_opening
 from vsd_analytics.config.project import refused
-from vsd_analytics.config.reader import Mistakes, TableReader, nearest
+from vsd_analytics.config.reader import Mistakes, TableReader
 from vsd_analytics.config.toml_lines import TomlText, read_toml, syntax_problem
-from vsd_analytics.errors import UsageError, VsdError
+from vsd_analytics.errors import UsageError, VsdError, nearest
 from vsd_analytics.owners import is_there
 from vsd_analytics.site.layout import DoorEdit, DoorKind, Edit, FixtureEdit, LayoutEdits, OneWayEdit, OpeningEdit
 from vsd_analytics.site.model import Fixture, Point, Site

@@ -48,6 +48,7 @@ def find_project(start: Path) -> Path:
         code="E102",
         why=f"{FILE} says which site, cameras and opening hours the records belong to",
         fix="go to your project folder, pass it with -C DIR, or make one: vsd init",
+        in_python='vsd.open("FOLDER") with the folder of a vsd.toml',
     )
 
 
@@ -77,6 +78,7 @@ def load_site(folder: str | Path, *, environ: Mapping[str, str] | None = None) -
             f"there is no {FILE} in {folder}",
             code="E102",
             fix="pass the project folder with -C DIR, or make one: vsd init",
+            in_python='give the folder of a vsd.toml; vsd.open("FOLDER") looks above it, too',
         )
     text, problem = read_toml(path, name=FILE)
     if problem is not None:

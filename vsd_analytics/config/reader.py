@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
 from vsd_analytics.config.toml_lines import KeyPath, TomlText
-from vsd_analytics.errors import CONTROL, VsdError
+from vsd_analytics.errors import CONTROL, VsdError, nearest
 from vsd_analytics.owners import denied, is_there
 from vsd_analytics.settings import SETTINGS
 
@@ -37,12 +37,6 @@ REFUSED: Form = {"not": {}}
 """A key that is known to be a mistake."""
 
 _NUMBER: Form = {"type": "number"}
-
-
-def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word closest to `word`, or None when none is close."""
-    matches = difflib.get_close_matches(word.lower(), list(known), n=1, cutoff=0.6)
-    return matches[0] if matches else None
 
 
 def suggest_id(text: str) -> str:

@@ -13,9 +13,10 @@ from typing import Any
 from vsd_analytics.config import camera_in_name
 from vsd_analytics.config.broker_and_alarms import read_topics
 from vsd_analytics.config.file_columns import MAP_COLUMNS, METRES, PLACES
-from vsd_analytics.config.reader import Form, TableReader, nearest
+from vsd_analytics.config.reader import Form, TableReader
 from vsd_analytics.config.row_filter import EXAMPLE, FilterError, parse_filter
 from vsd_analytics.config.values import parse_picture_px, zone
+from vsd_analytics.errors import nearest
 from vsd_analytics.site.model import Camera, ReadingRule
 
 _FILES: Form = {

@@ -11,7 +11,8 @@ from typing import Any, Final
 from zoneinfo import ZoneInfo
 
 from vsd_analytics.config.opening import parse_clock
-from vsd_analytics.config.reader import TableReader, nearest
+from vsd_analytics.config.reader import TableReader
+from vsd_analytics.errors import nearest
 from vsd_analytics.site.model import Point
 
 LATEST_DAY_START_MIN = 12 * 60

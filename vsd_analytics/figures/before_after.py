@@ -198,6 +198,7 @@ def before_after(
         raise UsageError(
             f"entry {number} of the log concerns the whole site, so there is nothing to compare it with",
             fix=f"vsd compare --change {number} --area ID",
+            in_python=f'site.change({number}, area_id="ID")',
         )
     area = known_area(site, area_id or str(entry.area_id))
     data = FloorHours(warehouse, floor=known_floor(site, None, [area]))

@@ -77,6 +77,7 @@ def log_entry(site: Site, number: int) -> LogEntry:
             f"the change log has no entry {number}",
             why=f"it has {len(entries)}" if entries else "it is empty",
             fix="vsd log list" if entries else 'vsd log add "what was moved" --at 2026-11-11T12:00 --area ID',
+            in_python="site.changes lists them, by number",
         )
     return entries[number - 1]
 

@@ -167,8 +167,9 @@ def compare(
             f"{a[0]} to {a[1]} and {b[0]} to {b[1]} have days in common",
             why="what happened on a day cannot be compared with itself",
             fix="vsd compare 2026-W45 2026-W46",
+            in_python='site.compare("2026-W45", "2026-W46")',
         )
-    areas = [known_area(site, area_id) for area_id in area_ids]
+    areas = [known_area(site, area_id) for area_id in ([area_ids] if isinstance(area_ids, str) else area_ids)]
     floor = known_floor(site, floor_id, areas)
     data = FloorHours(warehouse, floor=floor)
     pair = TwoPeriods(Period(data, *a), Period(data, *b))

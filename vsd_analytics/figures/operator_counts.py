@@ -50,7 +50,9 @@ def check_cell_m(cell_m: float) -> None:
     """
     n_stored = cell_m / FLOOR_CELL_M
     if not 0 < cell_m <= CELL_MAX_M or abs(n_stored - round(n_stored)) > ROUNDING:
-        raise UsageError(f"a cell of {cell_m:g} m is not a multiple of {FLOOR_CELL_M:g} m", fix="--cell 0.5")
+        raise UsageError(
+            f"a cell of {cell_m:g} m is not a multiple of {FLOOR_CELL_M:g} m", fix="--cell 0.5", in_python="cell_m=0.5"
+        )
 
 
 def begun_until_ms(warehouse: Warehouse, *, now: datetime) -> int | None:

@@ -57,6 +57,7 @@ def parse_week(text: str, *, last: date) -> date:
         f"{text!r} is not a week",
         why="weeks are ISO weeks, Monday to Sunday",
         fix="--week 2026-W46, or last, or last-2",
+        in_python='"2026-W46", "last" or "last-2"',
     )
 
 
@@ -82,5 +83,9 @@ def parse_range(text: str) -> tuple[date, date]:
     except ValueError:
         days = None
     if days is None or days[0] > days[1]:
-        raise UsageError(f"{text!r} is not a range of days", fix="2026-11-09..2026-11-15, 2026-W46 or 2026-11-09")
+        raise UsageError(
+            f"{text!r} is not a range of days",
+            fix="2026-11-09..2026-11-15, 2026-W46 or 2026-11-09",
+            in_python='"2026-11-09..2026-11-15", "2026-W46" or "2026-11-09"',
+        )
     return days

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import date, datetime, time, timedelta
 
-from vsd_analytics.errors import UsageError
+from vsd_analytics.errors import UsageError, nearest
 from vsd_analytics.site.model import Area, Fixture, Floor, Site
 
 
@@ -14,10 +14,12 @@ def known_area(site: Site, area_id: str) -> Area:
     area = next((a for a in site.areas if a.area_id == area_id), None)
     if area is None:
         known = [a.area_id for a in site.areas]
+        near = nearest(area_id, known) or next(iter(known), None)
         raise UsageError(
             f"the site has no area {area_id!r}",
             why=f"its areas are: {', '.join(known)}" if known else "vsd.toml describes no [[area]]",
-            fix=f"--area {known[0]}" if known else "describe the area in vsd.toml",
+            fix=f"--area {near}" if known else "describe the area in vsd.toml",
+            in_python=f'"{near}"' if known else None,
         )
     return area
 
@@ -34,7 +36,8 @@ def known_floor(site: Site, floor_id: str | None, areas: Sequence[Area] = ()) ->
         wanted = set(floors)
     if len(wanted) != 1 or not wanted <= floors.keys():
         what = "the areas lie on several floors" if areas else f"which floor? This site has {', '.join(floors)}"
-        raise UsageError(what, fix=f"--floor {next(iter(floors))}")
+        near = _near_floor(floor_id, list(floors))
+        raise UsageError(what, fix=f"--floor {near}", in_python=f'floor_id="{near}"')
     return floors[wanted.pop()]
 
 
@@ -47,8 +50,10 @@ def named_floors(site: Site, floor_id: str | None) -> list[str]:
     """
     floors = [f.floor_id for f in site.floors]
     if floor_id is not None and floor_id not in floors:
+        why = f"this site has {', '.join(floors)}"
+        near = _near_floor(floor_id, floors)
         raise UsageError(
-            f"no floor has the id {floor_id!r}", why=f"this site has {', '.join(floors)}", fix=f"--floor {floors[0]}"
+            f"no floor has the id {floor_id!r}", why=why, fix=f"--floor {near}", in_python=f'floor_id="{near}"'
         )
     asked = [floor_id] if floor_id is not None else floors
     seen = [floor for floor in asked if any(camera.floor_id == floor for camera in site.cameras)]
@@ -60,6 +65,10 @@ def named_floors(site: Site, floor_id: str | None) -> list[str]:
             fix="vsd lines --week last --page" if is_counted else "add [[camera]] with its floor to vsd.toml",
         )
     return seen
+
+
+def _near_floor(floor_id: str | None, floors: Sequence[str]) -> str:
+    return nearest(floor_id or "", floors) or floors[0]
 
 
 def fixtures_at(site: Site, floor_id: str, day: date) -> tuple[Fixture, ...]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Mapping
 from datetime import datetime
 from decimal import Decimal
 from itertools import count
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
-from vsd_analytics.errors import SqlError
+from vsd_analytics.errors import SqlError, nearest
 from vsd_analytics.warehouse.analyst_names import named_query, sql_tables, table_view
 from vsd_analytics.warehouse.warehouse import Warehouse
 
@@ -26,6 +27,7 @@ def run_query(
     *,
     computed: Mapping[str, pa.Table] | None = None,
     given: Mapping[str, Any] | None = None,
+    known: Collection[str] = (),
 ) -> pa.Table:
     """Return the rows of one `select` over the tables of a range of days.
 
@@ -39,6 +41,7 @@ def run_query(
         query: The query.
         computed: Rows of the tables that are no SQL file, by name; those that the query names are enough.
         given: The caller's own tables, by the names of the query.
+        known: Names of all tables that are no SQL file, to propose one where the query names none.
 
     Returns:
         The rows; sums of counts, which are HUGEINT, are whole numbers.
@@ -59,6 +62,7 @@ def run_query(
                 code="E603",
                 why="only a single select is allowed: a query cannot write, set or attach anything",
                 fix='vsd sql "select * from hours"',
+                in_python='week.sql("select * from hours")',
             )
         named = named_query(warehouse.con, query, tables={*files, *computed}, given=own)
         rows = {table_view(name): computed[name] for name in named.tables if name not in files}
@@ -74,12 +78,21 @@ def run_query(
 
         return warehouse.run(" ".join(f"from {name}" for name in named.reads), restrict_and_read)
     except (duckdb.Error, OverflowError, ValueError) as error:  # the latter: rows that Python cannot hold
-        raise SqlError(
-            "the query could not be run",
-            code="E603",
-            why=" ".join(str(error).split())[:600],
-            fix="vsd sql --list, vsd sql --show hours",
-        ) from None
+        raise _failed(str(error), {*files, *known, *own}) from None
+
+
+def _failed(said: str, tables: Collection[str]) -> SqlError:
+    """Return the error of a query that DuckDB cannot run; of what it would propose, only tables for analysts."""
+    why = " ".join(said.split())[:600]
+    if unknown := re.match(r"(Catalog Error: Table with name (\S+) does not exist!)", why):
+        why, near = unknown[1], nearest(unknown[2], tables)
+        if near is not None:
+            why += f" Did you mean {near!r}?"
+        known = f"the tables are {', '.join(sorted(tables))}"
+    else:
+        known = "week.hours.columns names the columns of hours"
+    fix = "vsd sql --list, vsd sql --show hours"
+    return SqlError("the query could not be run", code="E603", why=why, fix=fix, in_python=known)
 
 
 def query_rows(warehouse: Warehouse, query: str, **tables: Any) -> list[dict[str, Any]]:

@@ -372,6 +372,7 @@ def open_warehouse(site: Site, first: date | str, last: date | str, **options: A
             code="E301",
             why=f"{site.root.name}/store holds no records of site {site.site_id!r}",
             fix="vsd ingest FILES...",
+            in_python="site.ingest(frame), or vsd ingest FILES... in a terminal",
         )
     begin = parse_range(first)[0] if isinstance(first, str) else first
     end = parse_range(last)[1] if isinstance(last, str) else last

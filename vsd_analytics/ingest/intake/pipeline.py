@@ -412,8 +412,9 @@ def with_site(site: Site, options: IngestOptions) -> IngestOptions:
     elif camera is not None and camera not in known:
         near = nearest_camera_id(camera, site.cameras)
         raise UsageError(
-            f"--camera {camera!r} is no camera of vsd.toml",
+            f"{camera!r} is no camera of vsd.toml",
             why=f"known: {', '.join(list(known)[:20]) or 'none'}",
+            in_python=f'camera="{near}"' if near else None,
             fix=f"--camera {near}" if near else "--camera with one of them, or add a [[camera]] to vsd.toml",
         )
     engine = options.engine
