@@ -22,7 +22,7 @@
 --   exposure_h                      person-hours in view
 --   recorded_share                  recorded over open camera-hours of the cameras that see it
 --   state                           ok, not_enough_data or not_measurable; masked or held_back where hidden
---   reason                          why a rate is missing
+--   reason                          why numbers are hidden, or a rate is missing or has no interval
 -- assumes: where state is masked or held_back, all numbers but recorded_share are null
 with listed as (
     select
@@ -69,6 +69,6 @@ select
     cast(shown ->> '$.exposure_h' as double) as exposure_h,
     cast(area ->> '$.recorded_share' as double) as recorded_share,
     state,
-    shown ->> '$.violation_rate.reason' as reason
+    coalesce(area ->> '$.violation_rate.reason', area ->> '$.encounter_rate.reason') as reason
 from marked
 order by floor_id, week, area_id

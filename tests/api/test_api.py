@@ -78,6 +78,7 @@ def test_violations_add_up_to_those_of_the_hours(week: vsd.Days) -> None:
 def test_areas_are_those_of_the_report(demo_project: Path, week: vsd.Days, capsys: pytest.CaptureFixture[str]) -> None:
     report = printed(demo_project, capsys, "report", "--week", WEEK)
     [whole] = [row for row in week.areas.arrow().to_pylist() if row["kind"] == "floor"]
+    assert {row["area_id"] for row in week.areas} == {*week.area_hours["area_id"], None}, "the rest has one name"
     violation_rate, close = (report["level"][key] for key in ("violation_rate", "close_time_share"))  # type: ignore[index, call-overload]
     assert whole["violations_per_open_h"] == pytest.approx(violation_rate["value"], rel=1e-3)
     assert whole["close_time_share"] == pytest.approx(close["value"], rel=1e-3)

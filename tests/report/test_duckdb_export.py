@@ -154,6 +154,8 @@ def test_a_hidden_area_has_no_numbers(export: Path, report: dict[str, Any]) -> N
         numbers = [row[k] for k in ("violations", "violations_per_open_h", "violations_per_open_h_lo", "floor_share")]
         assert (numbers == [None] * 4) == (area_id in hidden)
         assert (row["state"] in ("masked", "held_back")) == (area_id in hidden)
+        assert row["reason"] or area_id not in hidden, "a number that is missing says why"
+        assert row["reason"] or row["violations_per_person_h"] is not None
 
 
 def test_nothing_by_camera_or_area_and_hour_leaves_from_which_hidden_counts_could_be_solved(export: Path) -> None:

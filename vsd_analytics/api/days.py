@@ -249,9 +249,10 @@ class Days:
     def areas(self) -> Table:
         """Return one row for each floor, area and rest of a floor, with intervals.
 
-        Columns: `floor_id`, `kind` (floor, area or rest), `area_id`, `name`; `violations_per_open_h` (M0),
-        `close_time_share` (M6), `close_min_per_open_h`, `people` (M5); `floor_m2` to walk on, and by it (M54)
-        `violations_per_open_h_100_m2`, `people_per_m2`. Numbers have `_lo`, `_hi`, `_state` and `_reason`.
+        Columns: `floor_id`, `kind` (floor, area, rest), `area_id` (rest for the rest), `name`;
+        `violations_per_open_h` (M0), `close_time_share` (M6), `close_min_per_open_h`, `people` (M5); `floor_m2` to walk
+        on, and by it (M54) `violations_per_open_h_100_m2`, `people_per_m2`. Numbers have `_lo`, `_hi`, `_state`,
+        `_reason`.
 
         Example:
             >>> week.areas.df()["kind"].tolist()

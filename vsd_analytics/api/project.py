@@ -122,8 +122,8 @@ class OpenProject:
             area_ids: Areas; none = all, and the rest of the floor.
 
         Returns:
-            A row for the floor, each area and the rest of the floor: `kind`, `area_id`, `name`, and for each of
-            `violations_per_open_h` (M0), `close_time_share` (M6), `close_min_per_open_h`, `people` (M5) and
+            A row for the floor, each area and the rest of the floor: `kind`, `area_id` (of areas), `name`, and for
+            each of `violations_per_open_h` (M0), `close_time_share` (M6), `close_min_per_open_h`, `people` (M5) and
             `violations_per_person_h` (M7) the level `_before` and `_after`, `_change` (-0.2 = 20 % fewer) and
             `_verdict`. Levels and changes have `_lo`, `_hi`, `_state` and `_reason`. No row where the periods cannot
             be compared; `note` says why.

@@ -28,6 +28,9 @@ PLACES: Final = (
 )
 """Columns of `place_rates`."""
 
+REST: Final = "rest"
+"""`area_id` of the rest of a floor, as in the table `area_hours`."""
+
 
 def place_rates(period: Period, *, rest: str) -> Answer:
     """Return `place_rates`: the floor, each area and the rest of the floor, for the operator.
@@ -65,7 +68,7 @@ def _row(period: Period, where: Floor | Area | None, rest: str, floor_m2: float 
     return {
         "floor_id": period.data.floor.floor_id,
         "kind": "floor" if is_floor else "rest" if where is None else "area",
-        "area_id": area_id,
+        "area_id": REST if where is None else area_id,
         "name": rest if where is None else where.name,
         "violations_per_open_h": measured(rate),
         "close_time_share": measured(close_time.close_time_share(period, close)),
