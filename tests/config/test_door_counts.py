@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import shlex
+from contextlib import suppress
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -153,6 +155,30 @@ def test_counts_of_no_line_cannot_be_removed(site: Site) -> None:
     added(site, "2026-11-09T08:00,5,1")
     with pytest.raises(UsageError, match="there are counts of entrance"):
         remove_counts(site, "../vsd")
+
+
+def test_a_removal_that_was_stopped_goes_on_where_vsd_toml_has_the_line_no_more(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    added(site, "2026-11-09T08:00,5,1")
+    without = replace(site, lines=())
+
+    def stop(folder: Path) -> None:
+        if folder.name == "counts":
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("vsd_analytics.store.durable.fsync_dir", stop)
+        with suppress(KeyboardInterrupt):
+            remove_counts(without, "entrance")
+    assert not (site.root / "counts" / "entrance.parquet").exists(), "stopped behind the unlink"
+    synced: list[Path] = []
+    with monkeypatch.context() as patch:
+        patch.setattr("vsd_analytics.store.durable.fsync_dir", synced.append)
+        assert not remove_counts(without, "entrance")
+    assert site.root / "counts" in synced
+    with pytest.raises(UsageError):
+        remove_counts(without, "exit")
 
 
 def test_the_command_says_what_was_added_and_what_was_not(site: Site, capsys: pytest.CaptureFixture[str]) -> None:

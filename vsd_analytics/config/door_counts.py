@@ -233,16 +233,19 @@ def _bytes(counts: Mapping[Interval, Counts]) -> bytes:
 def remove_counts(site: Site, line_id: str) -> bool:
     """Delete the counts of a line, durably. Returns False where a line that a counter counts has none.
 
-    A removal that was stopped may be done and not yet durable: the same command again makes it so.
+    A removal that was stopped may be done and not yet durable: the same command again makes it so, also where vsd.toml
+    no longer has the line. `status/counts-remove` names the line that was removed last.
 
     Raises:
         UsageError: E101, there are none, and no such line.
         DiskError: E304 to E306, the disk refused.
     """
-    from vsd_analytics.store.durable import exclusive, fsync_dir, remove, sweep_temporaries
+    from vsd_analytics.store.durable import exclusive, fsync_dir, publish, remove, sweep_temporaries
 
-    stored = stored_lines(site)
-    if line_id not in {*stored, *(line.line_id for line in site.lines if line.is_by_counter)}:
+    stored, note = stored_lines(site), site.root / "status" / "counts-remove"
+    counted = [line.line_id for line in site.lines if line.is_by_counter]
+    began = note.read_text(encoding="utf-8") if note.exists() else None
+    if line_id not in {*stored, *counted, began}:
         close = nearest(line_id, stored)
         raise UsageError(
             f"there are no counts of a line {line_id[:60]!r}",
@@ -253,6 +256,7 @@ def remove_counts(site: Site, line_id: str) -> bool:
         folder = site.root / FOLDER
         if not folder.is_dir():
             return False
+        publish(note, line_id.encode())
         sweep_temporaries(folder, file_name=_file(site, line_id).name)
         remove(_file(site, line_id))
         fsync_dir(folder)
