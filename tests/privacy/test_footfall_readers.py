@@ -123,15 +123,34 @@ def test_a_week_before_that_changed_a_little_is_told_by_no_change_range_or_expec
 
 
 def test_people_in_closed_hours_are_not_told_by_all_less_those_of_open_hours(tmp_path: Path) -> None:
+    """A few count with the week, and the week is still shown: nobody comes before a shop opens but some do."""
     counts = weeks(n_weeks=13)
-    root = site(tmp_path, {**counts, datetime(2026, 11, 12, 6): (2, 1)})
+    root = site(tmp_path, {**counts, datetime(2026, 11, 12, 6): (2, 1), datetime(2026, 11, 5, 6): (0, 1)})
     (row,) = answers(root, is_exact=False)["footfall"].rows
-    assert [value(row[name]) for name in ("n_open", "per_open_h", "change_week")] == [None] * 3
-    assert row["beside_usual"] is None
-    assert [value(r["n_open"]) is None for r in answers(root, is_exact=False)["footfall_weeks"].rows][-2:] == [
-        False,
-        True,
-    ]
+    (whole,) = lines_of_week(root)["lines"].rows
+    assert value(row["n_open"]) == value(whole["n_both"]) == week_sum(counts, MONDAY) + 3
+    assert value(row["per_open_h"]) == pytest.approx((week_sum(counts, MONDAY) + 3) / 28)
+    before = week_sum(counts, MONDAY - WEEK) + 1
+    assert value(row["change_week"]) == pytest.approx((week_sum(counts, MONDAY) + 3) / before - 1)
+    history = [value(r["n_open"]) for r in answers(root, is_exact=False)["footfall_weeks"].rows]
+    assert history[-2:] == [before, week_sum(counts, MONDAY) + 3]
+    (exact,) = answers(root)["footfall"].rows
+    assert value(exact["n_open"]) == week_sum(counts, MONDAY), "the operator sees the open hours alone"
+
+
+def test_the_few_of_closed_hours_change_nothing_that_is_expected_but_by_the_sum_of_their_week(tmp_path: Path) -> None:
+    """Two worlds with the same sums of weeks, one with two people before it opens: as many are expected."""
+    counts = weeks(n_weeks=13)
+    first = min(h for h in counts if h.date() >= MONDAY)
+    n_in, n_out = counts[first]
+    moved = {**counts, first: (n_in - 2, n_out), datetime(2026, 11, 9, 6): (2, 0)}
+    sums = []
+    for name, world in (("open", counts), ("closed", moved)):
+        (tmp_path / name).mkdir()
+        days = answers(site(tmp_path / name, world), is_exact=False)["footfall_next"].rows
+        sums.append(sum(value(day["n_expected"]) or 0 for day in days))
+    assert sums[0] > 0
+    assert sums[1] == pytest.approx(sums[0], rel=2e-3)
 
 
 @pytest.mark.parametrize("n_before", [(3, 0), (500, 2)])

@@ -182,12 +182,11 @@ def _write_page(project: Project, answers: Answers, out: str | None, *, is_opene
     """Write the page of alarms, and print its headline and its file."""
     from vsd_analytics.cli.report_formats import write
     from vsd_analytics.figures.week.results import WeekRef
-    from vsd_analytics.report.model.assemble import MADE_UP_ENGINE
     from vsd_analytics.report.pages.alarms import alarm_html, make_alarm_page
-    from vsd_analytics.warehouse.provenance import engines
+    from vsd_analytics.warehouse.provenance import are_made_up, engines
 
     site, holds = project.site, answers["alarms"].holds_for
-    is_made_up = any(e.startswith(MADE_UP_ENGINE) for e in engines(site, holds.first, holds.last))
+    is_made_up = are_made_up(engines(site, holds.first, holds.last))
     page = make_alarm_page(answers, site, is_made_up=is_made_up)
     week = WeekRef.of(holds.first, zone=site.timezone)
     if (holds.first, holds.last) != (week.monday, week.sunday) or week.monday.weekday():

@@ -111,12 +111,16 @@ def _write_page(project: Project, floor: Floor, week: str, out: str | None) -> i
     from vsd_analytics.figures.share.answers import audience_answers
     from vsd_analytics.figures.trend import TREND_WEEKS
     from vsd_analytics.report.pages.footfall import footfall_html
+    from vsd_analytics.warehouse.provenance import are_made_up, engines
 
     project.speak()
     folder = project.pages(out)
     with period_with_history(project, floor, week=week, days=None, n_weeks=TREND_WEEKS) as period:
         answers = Answers(audience_answers(footfall_answers(period), project.site))
-        html = footfall_html(answers, project.site, floor, period.first, is_exact=project.is_exact)
+        is_made_up = are_made_up(engines(project.site, period.first, period.last))
+        html = footfall_html(
+            answers, project.site, floor, period.first, is_exact=project.is_exact, is_made_up=is_made_up
+        )
     name = f"footfall-{period.first:%G-W%V}" + ("" if len(project.site.floors) == 1 else f"-{floor.floor_id}")
     [path] = write(folder, {f"{name}.html": html.encode()})
     click.echo(path)

@@ -162,15 +162,14 @@ def _write(project: Project, card: Today, out: str | None, options: MailOptions 
     from vsd_analytics.cli.report_formats import write
     from vsd_analytics.figures.share.days import closed_days
     from vsd_analytics.figures.today import first_day
-    from vsd_analytics.report.model.assemble import MADE_UP_ENGINE
     from vsd_analytics.report.pages.mail import as_bytes, filled
     from vsd_analytics.report.pages.today import make_today_page, today_html, today_mail
     from vsd_analytics.report.send.sent_mails import FOLDER, Week
-    from vsd_analytics.warehouse.provenance import engines
+    from vsd_analytics.warehouse.provenance import are_made_up, engines
 
     site = project.site
     sent_by = engines(site, first_day(card.at), card.at.date())
-    is_made_up = any(e.startswith(MADE_UP_ENGINE) for e in sent_by)
+    is_made_up = are_made_up(sent_by)
     page = make_today_page(card, site, is_made_up=is_made_up)
     click.echo(filled("today_mail.txt.j2", page).partition("\n-- \n")[0])
     floor = "" if len(site.floors) == 1 else f"-{card.floor_id}"

@@ -2,8 +2,9 @@
 
 A week is its crossings per recorded open hour, so that an outage lowers nothing. The usual range is made of the weeks
 before. Changes are over the hours of the week that both weeks recorded in full. They have no verdict: how much footfall
-differs by chance is shown by the range. For readers, ranges, changes and expected numbers are made without weeks whose
-sums are hidden, and of hours with few crossings by their sum alone.
+differs by chance is shown by the range. For readers, crossings outside recorded open time count with the others where
+they are few: all crossings less those of open time would tell how few. Ranges, changes and expected numbers are made
+without weeks whose sums are hidden, and of hours with few crossings by their sum alone.
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ select
     sum(n_to_left) filter (where is_open and state = 'full') as n_left,
     sum(n_to_right) filter (where is_open and state = 'full') as n_right,
     sum(n_both) filter (where not (is_open and state = 'full')) as n_rest,
+    sum(n_to_left) filter (where not (is_open and state = 'full')) as n_rest_left,
+    sum(n_to_right) filter (where not (is_open and state = 'full')) as n_rest_right,
     count(*) filter (where is_open and state = 'full') / 4 as recorded_h
 from line_counts
 where floor_id = $floor and local_date between $first and $last and n_both is not null
@@ -52,6 +55,7 @@ order by line_id, local_date, local_hour
 _PARTS: Final = ("n_left", "n_right", "n_rest")
 """Sums that `n_open` tells, beside those of `vsd lines`: to either side, and all crossings less those of open hours."""
 _TELLS: Final = ("n_open", *_PARTS)
+_OF_REST: Final = ("n_rest_left", "n_rest_right")
 
 
 def _operator(*names: str) -> tuple[Column, ...]:
@@ -105,13 +109,16 @@ class LineWeeks:
 
     Attributes:
         n: Crossings either way, in quarter-hours that were recorded in full.
-        n_left, n_right: Of these to either side.
-        n_rest: All others: in closed hours, and in quarter-hours that were not recorded in full.
+        n_few: All others, in closed hours and in quarter-hours that were not recorded in full, of weeks with so few of
+            them that they count with the week; shape (n_weeks,).
+        n_left, n_right: Those that count, to either side.
+        n_rest: Those that do not count.
         recorded_h: Hours of such quarter-hours.
         open_h: Open hours.
     """
 
     n: Floats
+    n_few: Floats
     n_left: Floats
     n_right: Floats
     n_rest: Floats
@@ -119,16 +126,29 @@ class LineWeeks:
     open_h: Floats
 
     @property
+    def total(self) -> Floats:
+        """Return the crossings of each week."""
+        return np.asarray(self.n.sum(axis=1) + self.n_few)
+
+    @property
+    def by_hour(self) -> Floats:
+        """Return the crossings of each hour; few others of a week are spread over its hours like the rest of it."""
+        n = self.n.sum(axis=1)
+        share = np.divide(self.total, n, out=np.ones(len(n)), where=n > 0)
+        return np.asarray(self.n * share[:, None])
+
+    @property
     def per_open_h(self) -> Floats:
         """Return crossings per open hour of each week; NaN where less than `MOST_RECORDED` of it was recorded."""
         recorded_h, open_h = self.recorded_h.sum(axis=1), self.open_h.sum(axis=1)
         is_known = (recorded_h > 0) & (recorded_h >= MOST_RECORDED * open_h)
         nothing = np.full(len(self.n), np.nan)
-        return np.asarray(np.divide(self.n.sum(axis=1), recorded_h, out=nothing, where=is_known))
+        return np.asarray(np.divide(self.total, recorded_h, out=nothing, where=is_known))
 
     def least(self, k: int) -> float:
         """Return the smallest number above 0 that the sums of a week tell, 0 where there is none."""
-        return _least(*(float(grid[k].sum()) for grid in (self.n, self.n_left, self.n_right, self.n_rest)))
+        parts = (float(grid[k].sum()) for grid in (self.n_left, self.n_right, self.n_rest))
+        return _least(float(self.total[k]), *parts)
 
     def told(self, mask: Mask) -> Flags:
         """Return which weeks' sums the readers of a page may know, shape (n_weeks,)."""
@@ -138,19 +158,20 @@ class LineWeeks:
 def footfall_answers(week: Period) -> tuple[Answer, ...]:
     """Return the footfall of each counting line: the week, the weeks before it, and the week after it (M60).
 
-    Columns of `footfall`: crossings in recorded open time, and per open hour; the usual range of that by the weeks
-    before, and where the week lies beside it; relative changes to the week before and to the week 52 weeks before, over
-    the open hours of the week that both recorded in full; names of public holidays and events of this week or that one.
-    Of `footfall_weeks`: crossings of up to twelve weeks. Of `footfall_next`: crossings expected on each day of next
-    week, and in its busiest hour with the range that is to hold `forecast_share` of such hours.
+    Columns of `footfall`: crossings in recorded open time (for readers with all others, where these are few), and per
+    open hour; the usual range of that by the weeks before, and where the week lies beside it; relative changes to the
+    week before and to the week 52 weeks before, over the open hours of the week that both recorded in full; names of
+    public holidays and events of this week or that one. Of `footfall_weeks`: crossings of up to twelve weeks. Of
+    `footfall_next`: crossings expected on each day of next week, and in its busiest hour with the range that is to hold
+    `forecast_share` of such hours.
     """
     site, floor, monday = week.data.site, week.data.floor, week.first
     lines = [n for n in site.lines if n.floor_id == floor.floor_id and n.is_there(monday, week.last)]
-    weeks = line_weeks(week.data.warehouse, floor.floor_id, monday, n_weeks=TREND_WEEKS + 1)
-    before = _year_before(site, floor.floor_id, monday)
+    mask = week.data.mask
+    weeks = line_weeks(week.data.warehouse, floor.floor_id, monday, n_weeks=TREND_WEEKS + 1, mask=mask)
+    before = _year_before(site, floor.floor_id, monday, mask)
     special = days_of_one_week(site, monday - _YEAR, monday)
     known = [line for line in lines if line.line_id in weeks]
-    mask = week.data.mask
     rows = tuple(
         {**_keys(line), **_week(weeks[line.line_id], before.get(line.line_id), mask), "special_days": special}
         for line in known
@@ -170,7 +191,7 @@ def footfall_answers(week: Period) -> tuple[Answer, ...]:
     )
 
 
-def line_weeks(warehouse: Warehouse, floor_id: str, monday: date, *, n_weeks: int) -> dict[str, LineWeeks]:
+def line_weeks(warehouse: Warehouse, floor_id: str, monday: date, *, n_weeks: int, mask: Mask) -> dict[str, LineWeeks]:
     """Return the weeks of each counting line of a floor that end with the one from `monday`; none without crossings."""
     first = monday - timedelta(weeks=n_weeks - 1)
     asked = {"floor": floor_id, "first": first, "last": monday + timedelta(days=6)}
@@ -184,20 +205,25 @@ def line_weeks(warehouse: Warehouse, floor_id: str, monday: date, *, n_weeks: in
             continue
         week, day = np.divmod([(row["local_date"] - first).days for row in rows], 7)
         slot = 24 * day + np.array([row["local_hour"] for row in rows])
-        sums = {name: np.zeros((n_weeks, _SLOTS)) for name in ("n", *_PARTS, "recorded_h")}
+        sums = {name: np.zeros((n_weeks, _SLOTS)) for name in ("n", *_PARTS, *_OF_REST, "recorded_h")}
         for name, grid in sums.items():
             np.add.at(grid, (week, slot), [float(row[name] or 0) for row in rows])
-        weeks[line_id] = LineWeeks(**sums, open_h=open_h)
+        n_rest = sums["n_rest"].sum(axis=1)
+        is_few = np.array([mask.hides(n) for n in n_rest])
+        for side, of_rest in zip(("n_left", "n_right"), _OF_REST, strict=True):
+            sums[side][is_few] += sums.pop(of_rest)[is_few]
+        sums["n_rest"][is_few] = 0.0
+        weeks[line_id] = LineWeeks(**sums, n_few=np.where(is_few, n_rest, 0.0), open_h=open_h)
     return weeks
 
 
-def _year_before(site: Site, floor_id: str, monday: date) -> dict[str, LineWeeks]:
+def _year_before(site: Site, floor_id: str, monday: date, mask: Mask) -> dict[str, LineWeeks]:
     """Return the week 52 weeks before of each line, none where nothing of it is stored."""
     first, last = monday - _YEAR, monday - _YEAR + timedelta(days=6)
     if not has_records(site, first, last):
         return {}
     with open_warehouse(site, first, last, threads=1, relations=("line_counts",)) as warehouse:
-        return line_weeks(warehouse, floor_id, first, n_weeks=1)
+        return line_weeks(warehouse, floor_id, first, n_weeks=1, mask=mask)
 
 
 def _keys(line: Line) -> dict[str, Cell]:
@@ -218,7 +244,7 @@ def _week(weeks: LineWeeks, year: LineWeeks | None, mask: Mask) -> dict[str, Cel
     no_year = Value.missing(Reason("footfall.year"))
     change_year, year_least = (no_year, 0.0) if year is None else _change(year, 0, weeks)
     return {
-        "n_open": Value(int(weeks.n[-1].sum())) if recorded_h else Value.of(NOT_RECORDED),
+        "n_open": Value(int(weeks.total[-1])) if recorded_h else Value.of(NOT_RECORDED),
         "per_open_h": Value(rate) if is_known else not_recorded,
         "usual_lo": ends[0],
         "usual_hi": ends[1],
@@ -226,7 +252,7 @@ def _week(weeks: LineWeeks, year: LineWeeks | None, mask: Mask) -> dict[str, Cel
         "change_week": change_week,
         "change_year": change_year,
         "n_week_least": Value(week_least),
-        "n_year": no_year if year is None else Value(int(year.n[0].sum())),
+        "n_year": no_year if year is None else Value(int(year.total[0])),
         "n_year_least": Value(year_least),
         "recorded_open_h": recorded_h,
         "open_h": float(weeks.open_h[-1].sum()),
@@ -241,7 +267,7 @@ def _change(before: LineWeeks, k: int, now: LineWeeks) -> tuple[Value, float]:
     """
     is_whole = [(w.recorded_h[at] > 0) & (w.recorded_h[at] >= w.open_h[at]) for w, at in ((before, k), (now, -1))]
     both = is_whole[0] & is_whole[1]
-    n_before, n_now = float(before.n[k][both].sum()), float(now.n[-1][both].sum())
+    n_before, n_now = (float(w.n[at][both].sum() + w.n_few[at]) for w, at in ((before, k), (now, -1)))
     if now.open_h[-1][both].sum() < MOST_RECORDED * now.open_h[-1].sum() or not n_before:
         return Value.missing(Reason("footfall.compared", least=MOST_RECORDED)), 0.0
     left_out = before.n[k][~both].sum(), now.n[-1][~both].sum()
@@ -269,7 +295,7 @@ def _history(line: Line, weeks: LineWeeks, monday: date) -> list[Row]:
         {
             **_keys(line),
             "week": f"{monday - timedelta(weeks=n_weeks - 1 - k):%G-W%V}",
-            "n_open": Value(int(weeks.n[k].sum())) if recorded_h[k] else Value.of(NOT_RECORDED),
+            "n_open": Value(int(weeks.total[k])) if recorded_h[k] else Value.of(NOT_RECORDED),
             "per_open_h": Value(float(rates[k])) if np.isfinite(rates[k]) else missing,
             "recorded_open_h": float(recorded_h[k]),
             "open_h": float(weeks.open_h[k].sum()),
@@ -284,7 +310,7 @@ def _coming(site: Site, line: Line, weeks: LineWeeks, monday: date, mask: Mask) 
     following = monday + timedelta(weeks=1)
     open_h = open_hours(site, following)
     recorded_h = np.where((weeks.recorded_h >= weeks.open_h) & weeks.told(mask)[:, None], weeks.recorded_h, 0.0)[1:]
-    n = evened_hours(weeks.n[1:], recorded_h, mask=mask)
+    n = evened_hours(weeks.by_hour[1:], recorded_h, mask=mask)
     recorded_h = np.where(np.isnan(n), 0.0, recorded_h)
     days = special_days(site, monday, n_weeks=len(n))
     forecast = forecast_week(
@@ -306,7 +332,7 @@ def _coming(site: Site, line: Line, weeks: LineWeeks, monday: date, mask: Mask) 
             **_keys(line),
             "local_date": following + timedelta(days=k),
             "open_h": float(open_h[hours].sum()),
-            "n_open": Value(int(weeks.n[-1].sum())),
+            "n_open": Value(int(weeks.total[-1])),
             **_parts(weeks, -1),
         }
         if not np.isfinite(n_h[is_open]).all():

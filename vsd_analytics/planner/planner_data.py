@@ -50,10 +50,10 @@ from vsd_analytics.planner.layouts import Layout, layouts
 from vsd_analytics.planner.lines_layer import crossings
 from vsd_analytics.planner.logged_changes import MOST_WEEKS, PlannerChange, entries_of, logged_changes
 from vsd_analytics.planner.replay import Replay, replay
-from vsd_analytics.report.model.assemble import MADE_UP_ENGINE, floor_level
+from vsd_analytics.report.model.assemble import floor_level
 from vsd_analytics.site.model import Area, Camera, Floor, Site
 from vsd_analytics.stats.rates import HISTORY_WEEKS
-from vsd_analytics.warehouse.provenance import engines
+from vsd_analytics.warehouse.provenance import are_made_up, engines
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 from vsd_analytics.wording.catalogue import say
 
@@ -321,7 +321,7 @@ def planner_data(
         walkable=_walkable(data, shown),
         seen=_seen(data, shown),
         hotspots=shared_spots(hotspots, data.mask, revealing=revealing_spots(data, hotspots)),
-        is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in engines(data.site, monday, data.sunday)),
+        is_made_up=are_made_up(engines(data.site, monday, data.sunday)),
         weeks=weeks,
         changes=changes,
         layouts=layouts(data, before=before, changes=changes),

@@ -5,10 +5,9 @@ from __future__ import annotations
 from datetime import datetime
 
 from vsd_analytics.figures.now import READ_BEFORE, UsualDay, day_of, first_day, now, relations, usual_day
-from vsd_analytics.report.model.assemble import MADE_UP_ENGINE
 from vsd_analytics.service.now_page import render_now
 from vsd_analytics.site.model import Site
-from vsd_analytics.warehouse.provenance import engines
+from vsd_analytics.warehouse.provenance import are_made_up, engines
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import open_warehouse
 from vsd_analytics.wording.languages import speaking
@@ -34,7 +33,7 @@ class LivePages:
             usual = self._usual_day(site, floor_id, at)
             with open_warehouse(site, usual.day, at.date(), relations=relations(site)) as warehouse:
                 floor_now = now(warehouse, usual, at)
-            is_made_up = any(e.startswith(MADE_UP_ENGINE) for e in engines(site, usual.day, at.date()))
+            is_made_up = are_made_up(engines(site, usual.day, at.date()))
         with speaking(site.language):
             page = render_now(floor_now, site, floor_id=floor_id, at=at, folder=folder, is_made_up=is_made_up)
         return page.encode()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from datetime import UTC, date, datetime, timedelta
 from itertools import groupby
 from pathlib import Path
@@ -17,6 +17,8 @@ from vsd_analytics.store.part_files import engines_of
 from vsd_analytics.store.store import Store
 from vsd_analytics.warehouse.sealed import sealed_range
 
+MADE_UP_ENGINE = "vsd-demo "
+"""What the simulator of `vsd demo` calls itself."""
 LOOK_BACK = timedelta(days=60)
 """How far back `last_records` searches. A camera silent for longer is reported as without records."""
 
@@ -45,6 +47,11 @@ def engines(site: Site, first: date, last: date) -> tuple[str, ...]:
                 for part in (parts[0], parts[-1]):
                     noted.update(engines_of(part) if isinstance(part, Path) else part)
     return tuple(sorted(noted))
+
+
+def are_made_up(sent_by: Iterable[str]) -> bool:
+    """Tell of names of engines whether one is the simulator of `vsd demo`: its pages say that the data are made up."""
+    return any(name.startswith(MADE_UP_ENGINE) for name in sent_by)
 
 
 def last_records(site: Site, camera_ids: Collection[str], *, until: date) -> dict[str, datetime]:

@@ -51,13 +51,14 @@ class LineDay:
         return (self.n_left, 0.14, 0.34, *_BARS[0]), (self.n_right, 0.52, 0.34, *_BARS[1])
 
 
-def line_chart(days: Sequence[LineDay], *, width: int, label: str) -> Markup:
+def line_chart(days: Sequence[LineDay], *, width: int, label: str, is_weekly: bool = False) -> Markup:
     """Draw the days of a counting line; a number that is hidden is a dash.
 
     Args:
         days: The days, at least one with a number above zero.
         width: Width of the drawing; text is as large in each.
         label: Text alternative.
+        is_weekly: Each is a week, named by its first day.
     """
     top = max(n for d in days for n, *_ in d.bars if n is not None)
     step = (width - LEFT - RIGHT) / len(days)
@@ -83,7 +84,11 @@ def line_chart(days: Sequence[LineDay], *, width: int, label: str) -> Markup:
             elif n is None and day.is_recorded:
                 parts.append(chart_text(fmt.MISSING, x + (at + share / 2) * step, base - 4))
         if k % every == 0:
-            parts.append(chart_text(_name(day.day, n_days=len(days)), x + step / 2, HEIGHT - 7))
+            parts.append(
+                chart_text(
+                    f"W{day.day:%V}" if is_weekly else _name(day.day, n_days=len(days)), x + step / 2, HEIGHT - 7
+                )
+            )
     return drawing(parts, (width, HEIGHT), class_="tr wide" if width == WIDE else "tr nar", label=label)
 
 

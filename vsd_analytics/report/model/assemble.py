@@ -37,7 +37,7 @@ from vsd_analytics.report.model.sections import add_days_sections, add_maps, add
 from vsd_analytics.report.model.week import WeekReport
 from vsd_analytics.site.model import Floor, Site
 from vsd_analytics.version import VERSION
-from vsd_analytics.warehouse.provenance import engines
+from vsd_analytics.warehouse.provenance import are_made_up, engines
 from vsd_analytics.warehouse.stored_days import stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 from vsd_analytics.wording.catalogue import say
@@ -54,8 +54,6 @@ _MARTS = (
 )
 """Marts that the report of a site with enough data reads."""
 _WHOM = {"all": "everybody", "visitors": "visitors", "staff": "staff"}
-MADE_UP_ENGINE = "vsd-demo "
-"""What the simulator of `vsd demo` calls itself: its reports say that the data are made up."""
 
 
 def measured(
@@ -194,7 +192,7 @@ def _report(
             settings_non_default=tuple((k, _plain(v)) for k, v in settings.non_default().items()),
             inputs_digest=data.warehouse.inputs_digest,
             language=language(),
-            is_made_up=any(e.startswith(MADE_UP_ENGINE) for e in sent),
+            is_made_up=are_made_up(sent),
             notes=tuple(run.warning(site) for run in data.warehouse.other_rules()),
         ),
         rules=same_fields(Rules, settings),

@@ -62,6 +62,7 @@ class FootfallPage:
         next_notes: What the calendar says of next week, and why numbers are missing.
         style, style_hash: The page's only style, and its hash for the content security policy.
         is_exact: It is the operator's.
+        is_made_up: The data are those of `vsd demo`.
         made_by: The program.
     """
 
@@ -83,10 +84,13 @@ class FootfallPage:
     style: Markup
     style_hash: str
     is_exact: bool
+    is_made_up: bool
     made_by: str
 
 
-def footfall_html(answers: Answers, site: Site, floor: Floor, monday: date, *, is_exact: bool) -> str:
+def footfall_html(
+    answers: Answers, site: Site, floor: Floor, monday: date, *, is_exact: bool, is_made_up: bool = False
+) -> str:
     """Return the page as one self-contained HTML file, in the language in force.
 
     Args:
@@ -95,6 +99,7 @@ def footfall_html(answers: Answers, site: Site, floor: Floor, monday: date, *, i
         floor: The floor.
         monday: First day of the week.
         is_exact: Nothing is hidden.
+        is_made_up: The data are those of `vsd demo`.
     """
     week, history, coming = (answers[name] for name in ("footfall", "footfall_weeks", "footfall_next"))
     style = shipped_style("report.css") + shipped_style("footfall.css")
@@ -120,7 +125,8 @@ def footfall_html(answers: Answers, site: Site, floor: Floor, monday: date, *, i
         style=Markup(style),
         style_hash=policy_hash(style),
         is_exact=is_exact,
-        made_by=f"vsd_analytics {VERSION}",
+        is_made_up=is_made_up,
+        made_by=say("today.made_by", version=VERSION),
     )
     return rendered("footfall.html.j2", page)
 
@@ -210,7 +216,7 @@ def _weeks(rows: Sequence[Row]) -> LineWeeksView:
     return LineWeeksView(
         name=name,
         said="",
-        chart=line_chart(days, width=NARROW, label=say("footfall.week_label", name=name, weeks=weeks)),
+        chart=line_chart(days, width=NARROW, label=say("footfall.week_label", name=name, weeks=weeks), is_weekly=True),
     )
 
 
