@@ -401,7 +401,7 @@ def test_commands_that_print_answers_compute_nothing() -> None:
 
 OUTPUTS = ("report", "planner", "calibration_page", "site_index", "service", "api", "live", "doctor", "cli")
 COMPUTE_OUTSIDE_FIGURES = {
-    "vsd_analytics.api.days": "hands on whole tables of sql/tables",
+    "vsd_analytics.api.asked_days": "hands on whole tables of sql/tables",
     "vsd_analytics.live.companions": "one rule on the people of this second, of whom nothing is stored yet",
     "vsd_analytics.planner.cell_counts": "packs counts by hour and cell, which the page's script adds up",
     "vsd_analytics.planner.script": "gives the script the factors of its intervals",

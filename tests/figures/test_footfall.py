@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from report import ingested_worlds as w
 
+import vsd_analytics as vsd
 from vsd_analytics.answer import Answer, Value
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
@@ -174,6 +175,31 @@ def test_reports_have_the_footfall_of_their_week(tmp_path: Path, capsys: pytest.
     (row,) = json.loads(capsys.readouterr().out)["answers"]["footfall"]["rows"]
     assert row["line_id"] == "door"
     assert row["n_open"]["value"] == week_sum(weeks(n_weeks=13), MONDAY)
+
+
+@pytest.mark.parametrize("has_few", [False, True])
+def test_python_has_the_footfall_of_the_json_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], has_few: bool
+) -> None:
+    counts = {hour: (n, 0 if has_few else m) for hour, (n, m) in weeks(n_weeks=9).items()}
+    root = site(tmp_path, {**counts, datetime(2026, 11, 10, 9): (40, 2)})
+    capsys.readouterr()
+    words = ["--quiet", "report", "--week", "2026-W46", "--format", "json", "--out", "-"]
+    assert run(cli, ["-C", str(root), "--now", "2026-11-20T12:00:00Z", *words]) == 0
+    shared = json.loads(capsys.readouterr().out)["answers"]
+    week = vsd.open(root).week("2026-W46")
+    for name in ("footfall", "footfall_weeks", "footfall_next"):
+        found = list(getattr(week, name))
+        assert found
+        for row, of_file in zip(found, shared[name]["rows"], strict=True):
+            for key, cell in of_file.items():
+                if isinstance(cell, dict):
+                    assert row[key] == (None if cell["value"] is None else pytest.approx(cell["value"], rel=1e-5)), key
+                    assert (row[f"{key}_state"], row[f"{key}_reason"]) == (cell["state"], cell["reason"])
+    assert len(week.sql("select * from footfall_weeks")) == len(week.footfall_weeks) > 1
+    few_days = vsd.open(root).days("2026-11-09..2026-11-11").footfall
+    assert (len(few_days), few_days.columns) == (0, week.footfall.columns)
+    assert 'site.week("2026-W46")' in few_days.note
 
 
 @pytest.mark.parametrize(

@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from datetime import date
 from functools import cached_property
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Literal
 
 import pandas as pd
 import pyarrow as pa
 
+from vsd_analytics.api.asked_days import AskedDays
 from vsd_analytics.api.heatmap import Heatmap, heatmap_of
 from vsd_analytics.api.settings_asked import site_with
 from vsd_analytics.api.table import Table
-from vsd_analytics.site.model import Site
-from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
 if TYPE_CHECKING:
-    from vsd_analytics.answer import Answer
     from vsd_analytics.api.tracks import TrackTable
-    from vsd_analytics.figures.periods import Period
 
 MapKind = Literal["exposure", "burden", "risk", "excess"]
 ContextFigures = Literal["context_change", "context_conversion", "context_value"]
 
-_NOTES: Final = {
-    "violations": "numbers at different distances do not compare: a short distance cuts one meeting into several"
-}
 
-
-class Days:
+class Days(AskedDays):
     """A week or a range of local days. Each table is computed when it is first asked for, and then held.
 
     No file of the store is locked between two questions: an open notebook makes nobody wait.
@@ -41,15 +31,6 @@ class Days:
         last: Last local day, inclusive.
         name: For printing.
     """
-
-    def __init__(self, site: Site, first: date, last: date, *, name: str) -> None:
-        self.site = site
-        self.first = first
-        self.last = last
-        self.name = name
-
-    def __repr__(self) -> str:
-        return f"{self.site.name}, {self.name}: {self.first} to {self.last}"
 
     def at(self, **settings: float | str) -> Days:
         """Return the same days with other settings, such as `distance_m=1.0`; what is stored of others stays.
@@ -357,6 +338,39 @@ class Days:
         return self._table("line_counts")
 
     @cached_property
+    def footfall(self) -> Table:
+        """Return how many people crossed each `[[line]]` in a week, beside its usual range and a year before (M60).
+
+        A row for each line, as in the JSON file of the report and on the page of `vsd lines --page`. Columns: `n_open`,
+        `per_open_h`, `usual_lo`, `usual_hi`, `change_week`, `change_year` and others. Numbers have `_state`, `_reason`.
+
+        Example:
+            >>> len(week.footfall)  # no [[line]] is drawn
+            0
+        """
+        return self._footfall("footfall")
+
+    @cached_property
+    def footfall_weeks(self) -> Table:
+        """Return the footfall of each `[[line]]` in the week and up to twelve weeks before it, oldest first.
+
+        Example:
+            >>> len(week.footfall_weeks)  # no [[line]] is drawn
+            0
+        """
+        return self._footfall("footfall_weeks")
+
+    @cached_property
+    def footfall_next(self) -> Table:
+        """Return the crossings of each `[[line]]` that are expected on each day of the week after.
+
+        Example:
+            >>> len(week.footfall_next)  # no [[line]] is drawn
+            0
+        """
+        return self._footfall("footfall_next")
+
+    @cached_property
     def hotspots(self) -> Table:
         """Return the hotspots of the 28 days that end with these days: where time too close exceeds the crowd's share.
 
@@ -430,21 +444,4 @@ class Days:
             >>> len(week.sql("select local_date, sales from hours join tills using (local_hour)", tills=tills))
             14
         """
-        from vsd_analytics.api.query_table import query_table
-
-        return query_table(self, query, tables)
-
-    def _answer(self, name: str, answers: Callable[[Period], Sequence[Answer]]) -> Table:
-        from vsd_analytics.api.figure_tables import answer_table
-
-        title = f"{name.replace('_', ' ').capitalize()}, {self.name}"
-        return answer_table(self.site, (self.first, self.last), self._warehouse, answers, name=name, title=title)
-
-    def _table(self, name: str) -> Table:
-        rows = self.sql(f"select * from {name}").arrow()
-        return Table(rows, title=f"{name.replace('_', ' ').capitalize()}, {self.name}", note=_NOTES.get(name, ""))
-
-    @contextmanager
-    def _warehouse(self, first: date | None = None, last: date | None = None) -> Iterator[Warehouse]:
-        with open_warehouse(self.site, first or self.first, last or self.last) as warehouse:
-            yield warehouse
+        return self._query(query, tables)

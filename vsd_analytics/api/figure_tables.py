@@ -32,7 +32,7 @@ CONTEXT_FIGURES: Final = ("context_change", "context_conversion", "context_value
 def answer_table(
     site: Site,
     days: tuple[date, date],
-    opened: Callable[[date, date], AbstractContextManager[Warehouse]],
+    opened: Callable[[], AbstractContextManager[Warehouse]],
     answers: Callable[[Period], Sequence[Answer]],
     *,
     name: str,
@@ -43,13 +43,13 @@ def answer_table(
     Args:
         site: The project.
         days: First and last local day.
-        opened: Opens a warehouse from one day to another.
+        opened: Opens a warehouse over the days and what the answers read before them.
         answers: Makes the answers of a floor that belong together.
         name: Name of the answer.
         title: For printing.
     """
     tables, why = [], []
-    with opened(*compare.days_needed(site, days)) as warehouse:
+    with opened() as warehouse:
         for floor in site.floors:
             period = Period(FloorHours(warehouse, floor=floor), *days)
             answer = audience_answers(answers(period), site, leaves=False)[name]

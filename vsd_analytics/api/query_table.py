@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-    from vsd_analytics.api.days import Days
+    from vsd_analytics.api.asked_days import AskedDays
 
 
-def query_table(days: Days, query: str, tables: Mapping[str, pd.DataFrame | pa.Table | Table]) -> Table:
+def query_table(days: AskedDays, query: str, tables: Mapping[str, pd.DataFrame | pa.Table | Table]) -> Table:
     """Return the rows of one `select`, as `Days.sql` describes it.
 
     Args:
