@@ -135,15 +135,17 @@ def test_a_public_holiday_of_next_week_is_expected_like_a_sunday(tmp_path: Path)
         assert bool(found.notes) is is_special
 
 
-def test_few_people_of_one_direction_hide_all_that_tells_them(tmp_path: Path) -> None:
+def test_few_people_of_one_direction_do_not_count_for_readers(tmp_path: Path) -> None:
     counts = {hour: (n, 0) for hour, (n, _) in weeks(n_weeks=13).items()}
     counts[datetime(2026, 11, 10, 9)] = (40, 2)
     root = site(tmp_path, counts)
     (row,) = answers(root, is_exact=False)["footfall"].rows
-    assert [value(row[name]) for name in ("n_open", "per_open_h", "change_week")] == [None] * 3
+    assert value(row["n_open"]) == week_sum(counts, MONDAY) - 2
     assert "n_left" not in row
-    coming = answers(root, is_exact=False)["footfall_next"].rows
-    assert {value(day[name]) for day in coming for name in ("n_expected", "n_busiest")} == {None}
+    alone = {hour: (n_in, 0) for hour, (n_in, _) in counts.items()}
+    (tmp_path / "alone").mkdir()
+    without = answers(site(tmp_path / "alone", alone), is_exact=False)
+    assert answers(root, is_exact=False)["footfall_next"].rows == without["footfall_next"].rows
     (exact,) = answers(root)["footfall"].rows
     assert value(exact["n_open"]) == week_sum(counts, MONDAY)
 

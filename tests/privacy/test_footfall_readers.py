@@ -138,6 +138,20 @@ def test_people_in_closed_hours_are_not_told_by_all_less_those_of_open_hours(tmp
     assert value(exact["n_open"]) == week_sum(counts, MONDAY), "the operator sees the open hours alone"
 
 
+@pytest.mark.parametrize("closed", [{}, {datetime(2026, 11, 12, 6): (2, 0)}, {datetime(2026, 11, 12, 6): (0, 1)}])
+def test_a_way_in_that_three_people_leave_by_has_its_footfall_without_them(closed: Counts, tmp_path: Path) -> None:
+    counts = {hour: (n_in, 0) for hour, (n_in, _) in weeks(n_weeks=13).items()}
+    hour = datetime(2026, 11, 10, 9)
+    root = site(tmp_path, {**counts, hour: (counts[hour][0], 2), **closed})
+    (row,) = answers(root, is_exact=False)["footfall"].rows
+    (whole,) = lines_of_week(root)["lines"].rows
+    assert (value(whole["n_both"]), value(whole["n_to_right"])) == (None, None)
+    assert value(row["n_open"]) == value(whole["n_to_left"])
+    assert value(row["n_open"]) == week_sum(counts, MONDAY) + sum(n_in for n_in, _ in closed.values())
+    (exact,) = answers(root)["footfall"].rows
+    assert value(exact["n_open"]) == week_sum(counts, MONDAY) + 2
+
+
 def test_the_few_of_closed_hours_change_nothing_that_is_expected_but_by_the_sum_of_their_week(tmp_path: Path) -> None:
     """Two worlds with the same sums of weeks, one with two people before it opens: as many are expected."""
     counts = weeks(n_weeks=13)
@@ -159,8 +173,10 @@ def test_a_change_does_not_tell_the_few_people_of_the_week_before(n_before: tupl
     before = [h for h in counts if MONDAY - WEEK <= h.date() < MONDAY]
     counts |= dict.fromkeys(before, (0, 0)) | {before[0]: n_before}
     (row,) = answers(site(tmp_path, counts), is_exact=False)["footfall"].rows
-    assert value(row["n_open"]) is not None
-    assert value(row["change_week"]) is None
+    n_now, change = value(row["n_open"]), value(row["change_week"])
+    assert n_now is not None
+    assert change is None or n_now / (1 + change) == pytest.approx(n_before[0]), "those to the other side do not count"
+    assert (change is None) is (n_before[0] < BELOW)
 
 
 def test_a_change_does_not_tell_the_few_people_of_an_hour_that_one_week_did_not_record(tmp_path: Path) -> None:
@@ -229,6 +245,11 @@ def test_no_small_number_is_told_by_any_answer_or_difference(
         for monday, line in whole.items():
             n_open, n_both = weekly[f"{monday:%G-W%V}"], value(line["n_both"])
             told.append(None if n_open is None or n_both is None else n_both - n_open)
+            ways = [value(line[name]) for name in ("n_to_left", "n_to_right")]
+            if n_open is not None and (
+                not closed or monday != MONDAY
+            ):  # only then a side less the open hours is a side
+                told += [n_open - n for n in ways if n is not None]
         if (change := value(row["change_week"])) is not None:
             told.append((value(row["n_open"]) or 0) / (1 + change))
         assert not any(is_small(n) for n in told), told

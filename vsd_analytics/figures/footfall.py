@@ -3,8 +3,9 @@
 A week is its crossings per recorded open hour, so that an outage lowers nothing. The usual range is made of the weeks
 before. Changes are over the hours of the week that both weeks recorded in full. They have no verdict: how much footfall
 differs by chance is shown by the range. For readers, crossings outside recorded open time count with the others where
-they are few: all crossings less those of open time would tell how few. Ranges, changes and expected numbers are made
-without weeks whose sums are hidden, and of hours with few crossings by their sum alone.
+they are few: all crossings less those of open time would tell how few. And few crossings to one side do not count: the
+sum less those to the other side would tell them. Ranges, changes and expected numbers are made without weeks whose sums
+are hidden, and of hours with few crossings by their sum alone.
 """
 
 from __future__ import annotations
@@ -55,6 +56,7 @@ order by line_id, local_date, local_hour
 _PARTS: Final = ("n_left", "n_right", "n_rest")
 """Sums that `n_open` tells, beside those of `vsd lines`: to either side, and all crossings less those of open hours."""
 _TELLS: Final = ("n_open", *_PARTS)
+_SIDES: Final = ("n_left", "n_right")
 _OF_REST: Final = ("n_rest_left", "n_rest_right")
 
 
@@ -108,7 +110,7 @@ class LineWeeks:
     """The weeks of a counting line, oldest first, by open hour of the week: shape (n_weeks, 168).
 
     Attributes:
-        n: Crossings either way, in quarter-hours that were recorded in full.
+        n: Crossings that count, in quarter-hours that were recorded in full.
         n_few: All others, in closed hours and in quarter-hours that were not recorded in full, of weeks with so few of
             them that they count with the week; shape (n_weeks,).
         n_left, n_right: Those that count, to either side.
@@ -208,13 +210,25 @@ def line_weeks(warehouse: Warehouse, floor_id: str, monday: date, *, n_weeks: in
         sums = {name: np.zeros((n_weeks, _SLOTS)) for name in ("n", *_PARTS, *_OF_REST, "recorded_h")}
         for name, grid in sums.items():
             np.add.at(grid, (week, slot), [float(row[name] or 0) for row in rows])
+        _leave_out_few_to_a_side(sums, mask)
         n_rest = sums["n_rest"].sum(axis=1)
         is_few = np.array([mask.hides(n) for n in n_rest])
-        for side, of_rest in zip(("n_left", "n_right"), _OF_REST, strict=True):
+        for side, of_rest in zip(_SIDES, _OF_REST, strict=True):
             sums[side][is_few] += sums.pop(of_rest)[is_few]
         sums["n_rest"][is_few] = 0.0
         weeks[line_id] = LineWeeks(**sums, n_few=np.where(is_few, n_rest, 0.0), open_h=open_h)
     return weeks
+
+
+def _leave_out_few_to_a_side(sums: dict[str, Floats], mask: Mask) -> None:
+    """Leave only the crossings to one side in weeks with few to the other."""
+    few = np.array(
+        [[mask.hides(n) for n in (sums[s] + sums[r]).sum(axis=1)] for s, r in zip(_SIDES, _OF_REST, strict=True)]
+    )
+    for k, is_few in enumerate(few & ~few[::-1]):
+        for name, few_side, other in (("n", _SIDES[k], _SIDES[1 - k]), ("n_rest", _OF_REST[k], _OF_REST[1 - k])):
+            sums[name][is_few] = sums[other][is_few]
+            sums[few_side][is_few] = 0.0
 
 
 def _year_before(site: Site, floor_id: str, monday: date, mask: Mask) -> dict[str, LineWeeks]:
