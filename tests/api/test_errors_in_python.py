@@ -83,6 +83,15 @@ def test_a_project_without_records_says_both_ways(tmp_path: Path) -> None:
             ask()
 
 
+def test_days_outside_of_what_is_stored_say_so_and_what_is_there(site: vsd.OpenProject) -> None:
+    said = "nothing is stored of these days; stored are 2026-11-09 to 2026-11-09"
+    for days in (site.days("2020-01-01"), site.week("2030-W01")):
+        assert said in repr(days)
+        assert days.hours.note == said
+        assert said in repr(days.hours)
+    assert "nothing" not in repr(site.days("2026-11-08..2026-11-09")) + repr(site.week().hours)
+
+
 def test_one_area_may_be_named_by_itself(site: vsd.OpenProject) -> None:
     of_list = site.compare("2026-11-09", "2026-11-10", area_ids=["queue"])
     assert site.compare("2026-11-09", "2026-11-10", area_ids="queue").columns == of_list.columns

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 from vsd_analytics.api.query_table import query_table
 from vsd_analytics.api.table import Table
 from vsd_analytics.site.model import Site
+from vsd_analytics.warehouse.stored_days import has_records, stored_extent
 from vsd_analytics.warehouse.warehouse import Warehouse, open_warehouse
 
 if TYPE_CHECKING:
@@ -38,14 +39,23 @@ class AskedDays:
         self.name = name
 
     def __repr__(self) -> str:
-        return f"{self.site.name}, {self.name}: {self.first} to {self.last}"
+        nothing = self._why_nothing()
+        return f"{self.site.name}, {self.name}: {self.first} to {self.last}" + (f"; {nothing}" if nothing else "")
+
+    def _why_nothing(self) -> str:
+        """Return that nothing is stored of these days, and of which there is something; empty where there is."""
+        if has_records(self.site, self.first, self.last):
+            return ""
+        extent = stored_extent(self.site)
+        stored = "" if extent is None else f"; stored are {extent.first_day} to {extent.last_day}"
+        return f"nothing is stored of these days{stored}"
 
     def _query(self, query: str, tables: Mapping[str, object]) -> Table:
         return query_table(self, query, tables)
 
     def _table(self, name: str) -> Table:
         rows = self._query(f"select * from {name}", {}).arrow()
-        return Table(rows, title=self._title(name), note=_NOTES.get(name, ""))
+        return Table(rows, title=self._title(name), note=self._why_nothing() or _NOTES.get(name, ""))
 
     def _answer(
         self, name: str, answers: Callable[[Period], Sequence[Answer]], *, n_weeks_before: int | None = None
