@@ -345,8 +345,8 @@ class Days(AskedDays):
         `per_open_h`, `usual_lo`, `usual_hi`, `change_week`, `change_year` and others. Numbers have `_state`, `_reason`.
 
         Example:
-            >>> len(week.footfall)  # no [[line]] is drawn
-            0
+            >>> print(week.footfall.note)
+            no [[line]] is drawn in vsd.toml
         """
         return self._footfall("footfall")
 

@@ -183,13 +183,11 @@ def footfall_answers(week: Period) -> tuple[Answer, ...]:
     special_now, special_next = (
         tuple((None, note) for note in notes_of_days(site, first)) for first in (monday, monday + timedelta(weeks=1))
     )
-    holds = week.holds_for
+    holds, why_none = week.holds_for, NOT_RECORDED.reason if lines else Reason("lines.not_asked")
     return (
-        Answer("footfall", FOOTFALL, rows, holds, notes=special_now, nothing=None if rows else NOT_RECORDED.reason),
-        Answer("footfall_weeks", WEEKS, history, holds, nothing=None if history else NOT_RECORDED.reason),
-        Answer(
-            "footfall_next", NEXT, coming, holds, notes=special_next, nothing=None if coming else NOT_RECORDED.reason
-        ),
+        Answer("footfall", FOOTFALL, rows, holds, notes=special_now, nothing=None if rows else why_none),
+        Answer("footfall_weeks", WEEKS, history, holds, nothing=None if history else why_none),
+        Answer("footfall_next", NEXT, coming, holds, notes=special_next, nothing=None if coming else why_none),
     )
 
 
