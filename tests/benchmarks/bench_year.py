@@ -187,7 +187,7 @@ def commands(weeks: int, out: Path) -> Mapping[str, list[str]]:
     made = ["--now", now]
     return {
         "report": [*made, "report", "--week", week, "--format", "html", "--out", str(out)],
-        "planner": [*made, "planner", "--exact", "--week", week, "--out", str(out / "planner.html")],
+        "planner": [*made, "planner", "--exact", "--week", week, "--out", str(out)],
         "hours": [*made, "hours", "--week", week, "--json"],
         "compare": [*made, "compare", f"{before:%G-W%V}", week],
     }
