@@ -1,6 +1,6 @@
 # make demo   installs into .venv and makes the made-up shop's weekly report
 # make check  formatting, lint, types and the fast tests, within a minute on two cores: before each commit
-# make test   installs the test extra and runs everything but the long proofs, in about 10 minutes on two cores, after the installation
+# make test   installs the test extra and runs everything but the long proofs, in half an hour on two cores
 # make prove  the long proofs, whose tables are in docs/
 # make bench  this machine beside other tools
 # make performance  every number of docs/performance.md; QUICK=1 tries it with small sets
@@ -26,11 +26,19 @@ FAST := $(addprefix tests/, test_architecture.py test_light_imports.py cli/test_
         docs/test_contributing.py docs/test_docs.py docs/test_words.py figures/test_figures_catalogue.py geometry \
         report/pages report/story sql stats)
 
+# Files of these folders that report weeks, write files or draw worlds a hundred times.
+SLOW := $(addprefix tests/, config/test_count_checks.py config/test_door_counts.py config/test_drawing.py \
+        config/test_opening_changes.py config/test_place_edits.py geometry/test_owners.py \
+        report/pages/test_lines_section.py report/pages/test_single_figures.py report/pages/test_today_page.py \
+        stats/test_decomposition.py stats/test_gatherings.py stats/test_logged_changes_at_once.py \
+        stats/test_stats_levels.py)
+
 check: $(VENV)/.installed-check $(VENV)/.linted-sql
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/ruff check --quiet .
 	$(BIN)/mypy --num-workers 2
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not browser and not realdata and not simulation and not long" $(FAST)
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not browser and not realdata and not simulation and not long" \
+		$(SLOW:%=--ignore=%) $(FAST)
 
 test: $(VENV)/.installed-test lint
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder

@@ -230,10 +230,11 @@ def test_contributing_has_no_block_that_no_test_reads() -> None:
     assert [b.language for b in blocks(PAGE) if b.language == "python"] == []  # examples are indented, within a list
 
 
-def test_make_check_names_folders_and_files_that_exist() -> None:
+@pytest.mark.parametrize("variable", ["FAST", "SLOW"])
+def test_make_check_names_folders_and_files_that_exist(variable: str) -> None:
     makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
-    fast = re.search(r"FAST := \$\(addprefix tests/, (.*?)\)\n\n", makefile, re.S)
-    assert fast
-    names = fast[1].replace("\\\n", " ").split()
+    listed = re.search(variable + r" := \$\(addprefix tests/, (.*?)\)\n\n", makefile, re.S)
+    assert listed
+    names = listed[1].replace("\\\n", " ").split()
     assert len(names) >= 5
     assert [n for n in names if not (REPOSITORY / "tests" / n).exists()] == []
