@@ -209,6 +209,7 @@ def test_control_characters_of_data_never_reach_the_terminal(vsd: Vsd, tmp_path:
         (["ingest", "a.csv", "--resolution", "big"], "640x480"),
         (["ingest", "a.tar", "--per-camera", "--camera", "cam-1"], "leave out --camera"),
         (["--now", "soon", "check", "a.csv"], "--now"),
+        (["site", "build", "--out", "pages/index.html"], "--out pages"),
     ],
 )
 def test_a_wrong_call_is_exit_code_2_and_says_how_to_call(vsd: Vsd, arguments: list[str], words: str) -> None:

@@ -357,6 +357,29 @@ def test_a_version_that_knows_no_days_names_a_file_it_misses(purged: Path) -> No
     assert not any(path.exists() for path in looked_for)
 
 
+def test_a_link_in_the_place_of_read_files_leads_a_purge_nowhere(project: Path) -> None:
+    site, soon = load_site(project), datetime.now(tz=UTC).date() + timedelta(days=1)
+    (project / "inbox").mkdir()
+    watch(site, project / "inbox", IngestOptions(), clock=lambda: NOW, stop=lambda: True)
+    for place in ("done", "failed"):
+        if (project / "inbox" / place).exists():
+            (project / "inbox" / place).rmdir()
+        (project / "inbox" / place).symlink_to(project, target_is_directory=True)
+    assert purge_older(site, before=soon, terms=Terms(now=NOW, is_forced=True)).n_files == 0
+    assert (project / "vsd.toml").exists()
+
+
+@pytest.mark.parametrize("listed", ["", "[", "7", '{"a": 1}', "null"])
+def test_a_damaged_list_of_watched_folders_stops_no_purge(listed: str, project: Path) -> None:
+    site, soon = load_site(project), datetime.now(tz=UTC).date() + timedelta(days=1)
+    (project / "inbox").mkdir()
+    watch(site, project / "inbox", IngestOptions(), clock=lambda: NOW, stop=lambda: True)
+    (project / "status" / "watched.json").write_text(listed, encoding="utf-8")
+    (project / "inbox" / "done").mkdir(exist_ok=True)
+    (project / "inbox" / "done" / "a.csv").write_text("positions", encoding="utf-8")
+    assert purge_older(site, before=soon, terms=Terms(now=NOW, is_forced=True)).n_files == 1
+
+
 def test_facts_sealed_before_a_column_was_known_are_read_with_nulls(
     purged: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -42,7 +42,7 @@ def watched_folders(root: Path) -> tuple[Path, ...]:
         listed = json.loads((root / _LIST).read_text(encoding="utf-8"))
     except (FileNotFoundError, ValueError):
         listed = []
-    folders = {Path(str(folder)) for folder in listed}
+    folders = {Path(str(folder)) for folder in listed} if isinstance(listed, list) else set()
     if (root / INBOX / LOCK).exists():
         folders.add((root / INBOX).resolve())
     return tuple(sorted(folders))
@@ -51,7 +51,8 @@ def watched_folders(root: Path) -> tuple[Path, ...]:
 def files_read_before(root: Path, instant: datetime) -> Iterator[Path]:
     """Yield the files that a watch moved to `done/` or `failed/` before an instant, and the texts beside them.
 
-    The time is that of the move: a file system notes it, and nobody sets it.
+    The time is that of the move: a file system notes it, and nobody sets it. A `done` that is a link is left alone: who
+    may write to a watched folder must not choose what a purge deletes.
 
     Args:
         root: The project's folder.
@@ -59,6 +60,8 @@ def files_read_before(root: Path, instant: datetime) -> Iterator[Path]:
     """
     for folder in watched_folders(root):
         for place in (folder / DONE, folder / FAILED):
+            if place.is_symlink():
+                continue
             try:
                 paths = sorted(place.iterdir())
             except (FileNotFoundError, NotADirectoryError):
