@@ -26,35 +26,36 @@
 --   sum_distance_mm  sum of distances over n_measured
 --   is_owned         this camera counts any of it; in hours sealed by older versions, which did not store it: it owns the mean midpoint
 -- steps:
+--   segments  an episode is mostly one segment, which is taken as it is
 --   stitched  time before and after comes from the segments that begin first and end last; distances from all records, owned or not
 --   counted   only records this camera owns count; where another camera owns the first record, this one does not know when the two met,
 --             so before_ms is null
 -- assumes: segments of the hours around a range are loaded, so that an episode is whole; records of a double count as a person's
-with stitched as (
+with segments as materialized (
     select
         j.number,
-        max(s.camera_id) as camera_id,
-        min_by(s.track_a, (s.started_ms, s.track_a, s.track_b)) as track_a,
-        min_by(s.track_b, (s.started_ms, s.track_a, s.track_b)) as track_b,
-        min(s.started_ms) as started_ms,
-        max(s.ended_ms) as ended_ms,
-        min_by(coalesce(s.before_ms, -1), (s.started_ms, s.track_a, s.track_b)) as before_ms,
-        max_by(coalesce(s.after_ms, -1), (s.ended_ms, s.track_a, s.track_b)) as after_ms,
-        sum(j.apart_ms)::bigint as apart_ms,
-        (sum(j.apart_ms) filter (where j.is_after_owned and s.n_owned > 0))::bigint as owned_apart_ms,
-        max(s.interval_ms) as interval_ms,
-        sum(s.n_records)::bigint as n_records,
-        sum(s.n_located)::bigint as n_located,
-        sum(s.sum_x2_mm)::bigint as x2_mm,
-        sum(s.sum_y2_mm)::bigint as y2_mm,
-        min(s.min_distance_mm) as min_distance_mm,
-        sum(s.sum_distance_mm)::bigint as sum_distance_mm,
-        case when count(s.n_owned) = count(*) then sum(s.n_owned)::bigint end as n_owned,
-        min(s.owned_from_ms) as owned_from_ms,
-        max(s.owned_to_ms) as owned_to_ms,
-        sum(s.n_owned_located)::bigint as n_owned_located,
-        sum(s.owned_x2_mm)::bigint as owned_x2_mm,
-        sum(s.owned_y2_mm)::bigint as owned_y2_mm
+        j.apart_ms,
+        j.is_after_owned,
+        s.camera_id,
+        s.track_a,
+        s.track_b,
+        s.started_ms,
+        s.ended_ms,
+        coalesce(s.before_ms, -1) as before_ms,
+        coalesce(s.after_ms, -1) as after_ms,
+        s.interval_ms,
+        s.n_records,
+        s.n_located,
+        s.sum_x2_mm as x2_mm,
+        s.sum_y2_mm as y2_mm,
+        s.min_distance_mm,
+        s.sum_distance_mm,
+        s.n_owned,
+        s.owned_from_ms,
+        s.owned_to_ms,
+        s.n_owned_located,
+        s.owned_x2_mm,
+        s.owned_y2_mm
     from joined_segments as j
     inner join episode_segments as s
         on
@@ -62,7 +63,70 @@ with stitched as (
             and j.track_a = s.track_a
             and j.track_b = s.track_b
             and j.started_ms = s.started_ms
-    group by j.number
+),
+
+several as materialized (
+    select number
+    from joined_segments
+    group by number
+    having count(*) > 1
+),
+
+stitched as (
+    select
+        number,
+        camera_id,
+        track_a,
+        track_b,
+        started_ms,
+        ended_ms,
+        before_ms,
+        after_ms,
+        apart_ms,
+        null as owned_apart_ms,
+        interval_ms,
+        n_records,
+        n_located,
+        x2_mm,
+        y2_mm,
+        min_distance_mm,
+        sum_distance_mm,
+        n_owned,
+        owned_from_ms,
+        owned_to_ms,
+        n_owned_located,
+        owned_x2_mm,
+        owned_y2_mm
+    from segments
+    anti join several using (number)
+    union all
+    select
+        number,
+        max(camera_id) as camera_id,
+        min_by(track_a, (started_ms, track_a, track_b)) as track_a,
+        min_by(track_b, (started_ms, track_a, track_b)) as track_b,
+        min(started_ms) as started_ms,
+        max(ended_ms) as ended_ms,
+        min_by(before_ms, (started_ms, track_a, track_b)) as before_ms,
+        max_by(after_ms, (ended_ms, track_a, track_b)) as after_ms,
+        sum(apart_ms)::bigint as apart_ms,
+        (sum(apart_ms) filter (where is_after_owned and n_owned > 0))::bigint as owned_apart_ms,
+        max(interval_ms) as interval_ms,
+        sum(n_records)::bigint as n_records,
+        sum(n_located)::bigint as n_located,
+        sum(x2_mm)::bigint as x2_mm,
+        sum(y2_mm)::bigint as y2_mm,
+        min(min_distance_mm) as min_distance_mm,
+        sum(sum_distance_mm)::bigint as sum_distance_mm,
+        case when count(n_owned) = count(*) then sum(n_owned)::bigint end as n_owned,
+        min(owned_from_ms) as owned_from_ms,
+        max(owned_to_ms) as owned_to_ms,
+        sum(n_owned_located)::bigint as n_owned_located,
+        sum(owned_x2_mm)::bigint as owned_x2_mm,
+        sum(owned_y2_mm)::bigint as owned_y2_mm
+    from segments
+    semi join several using (number)
+    group by number
 ),
 
 counted as (

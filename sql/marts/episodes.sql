@@ -40,7 +40,18 @@
 --   needs        half of violation time in ids that can be followed for 15 minutes
 --   uncertainty  a lower bound
 --   by           vsd_analytics.figures.episodes.episode_figures
+-- steps:
+--   tracks  the groups are computed once, for both people
 -- assumes: segments of the hours around the calendar are loaded, so that an episode is whole; one that began before it is left out
+with tracks as materialized (
+    select
+        camera_id,
+        site_day,
+        track_id,
+        group_id
+    from track_groups
+)
+
 select
     s.camera_id,
     s.track_a,
@@ -70,9 +81,9 @@ from whole_episodes as s
 cross join params
 inner join calendar on floor(s.started_ms / 900000) = calendar.quarter
 left join site_days on floor(s.started_ms / 900000) = site_days.quarter
-left join track_groups as a
+left join tracks as a
     on s.camera_id = a.camera_id and site_days.site_day = a.site_day and s.track_a = a.track_id
-left join track_groups as b
+left join tracks as b
     on s.camera_id = b.camera_id and site_days.site_day = b.site_day and s.track_b = b.track_id
 left join standing_episodes as standing
     on

@@ -12,6 +12,7 @@
 --   is_after_owned  records that this camera owns lie before the segment, in the episode
 -- steps:
 --   named     a person has one id here, however often the tracker changed it; two ids of one person are no pair
+--   again     pairs that met more than once; all others, which are most, begin an episode and need no look back
 --   marked    the greatest end of all earlier segments, because a later segment may end first
 --   numbered  a running number: it grows at each segment before which the pair parted
 -- assumes: people who do not part, by 0.3 m beyond distance_m or for longer than gap_ms, are in one episode; ids are of one site day
@@ -39,6 +40,16 @@ with named as (
         on s.camera_id = b.camera_id and site_days.site_day = b.site_day and s.track_b = b.track_id
 ),
 
+again as materialized (
+    select
+        camera_id,
+        person_a,
+        person_b
+    from named
+    group by camera_id, person_a, person_b
+    having count(*) > 1
+),
+
 marked as (
     select
         camera_id,
@@ -47,7 +58,20 @@ marked as (
         person_a,
         person_b,
         started_ms,
-        n_owned,
+        owned_to_ms,
+        1 as is_start,
+        0 as apart_ms
+    from named
+    anti join again using (camera_id, person_a, person_b)
+    where person_a <> person_b or track_a = track_b
+    union all
+    select
+        camera_id,
+        track_a,
+        track_b,
+        person_a,
+        person_b,
+        started_ms,
         owned_to_ms,
         case when near_from_ms - max(near_to_ms) over earlier <= gap_ms then 0 else 1 end as is_start,
         case
@@ -55,6 +79,7 @@ marked as (
             else 0
         end as apart_ms
     from named
+    semi join again using (camera_id, person_a, person_b)
     where person_a <> person_b or track_a = track_b
     window
         earlier as (

@@ -96,6 +96,16 @@ members as (
         min(group_id) as group_id
     from labels
     group by camera_id, site_day, track_id
+),
+
+sizes as (
+    select
+        camera_id,
+        site_day,
+        group_id,
+        count(*) as n_members
+    from members
+    group by camera_id, site_day, group_id
 )
 
 select
@@ -103,14 +113,16 @@ select
     track_days.site_day,
     track_days.track_id,
     members.group_id,
-    case
-        when members.group_id is null then 1
-        else count(*) over (partition by track_days.camera_id, track_days.site_day, members.group_id)
-    end as n_members
+    coalesce(sizes.n_members, 1) as n_members
 from track_days
 left join members
     on
         track_days.camera_id = members.camera_id
         and track_days.site_day = members.site_day
         and track_days.track_id = members.track_id
+left join sizes
+    on
+        members.camera_id = sizes.camera_id
+        and members.site_day = sizes.site_day
+        and members.group_id = sizes.group_id
 order by track_days.site_day, track_days.camera_id, track_days.track_id

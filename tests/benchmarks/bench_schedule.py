@@ -46,8 +46,7 @@ from vsd_analytics.cluster.workers import workers
 
 ENGINES = {"dask": Engine(ahead=2), "spark": Engine(ahead=4, n_series=1)}
 """How `vsd_analytics.cluster` hands out units."""
-N_CARRIED = 30
-IMPORTS = "import time, vsd_analytics.warehouse.build; print(time.process_time())"
+N_FIRST, N_CARRIED = 4, 30
 PROBE = """
 import time
 begun = time.perf_counter()
@@ -142,14 +141,42 @@ def carried(site: Site, day: int) -> dict[str, bytes]:
     return {"carried": random.Random(day).randbytes(day)}
 
 
-def engine_costs(site: Site, name: str, n_bytes: int, folder: Path) -> tuple[float, float]:
-    """Return what an engine adds to a unit of so many bytes: processor seconds of its worker, and of the driver."""
-    with engine(name, 1, folder) as (address, started), workers(address) as distributed:
-        list(distributed(carried, site, [n_bytes + k for k in range(4)]))  # imports and first use
+@dataclass(frozen=True, slots=True)
+class EngineCosts:
+    """What an engine adds to the work of a build, in processor seconds.
+
+    Attributes:
+        worker_s, driver_s: For each unit, of its worker and of the driver.
+        start_s, driver_start_s: Until a worker, and the driver, have done their first unit: the start of Java, imports,
+            and code that is compiled when it runs.
+    """
+
+    worker_s: float
+    driver_s: float
+    start_s: float
+    driver_start_s: float
+
+
+def engine_costs(site: Site, name: str, n_bytes: int, folder: Path) -> EngineCosts:
+    """Return what an engine adds to a build whose units return so many bytes."""
+
+    def carry(n: int) -> tuple[float, float]:
         before = processor_s(started[0]), _own_s()
-        list(distributed(carried, site, [n_bytes + k for k in range(N_CARRIED)]))
-        took = processor_s(started[0]) - before[0], _own_s() - before[1]
-    return took[0] / N_CARRIED, took[1] / N_CARRIED
+        list(distributed(carried, site, [n_bytes + k for k in range(n)]))
+        return processor_s(started[0]) - before[0], _own_s() - before[1]
+
+    with engine(name, 1, folder) as (address, started):
+        connecting_s = processor_s(started[0])
+        with workers(address) as distributed:
+            connected_s = processor_s(started[0]) - connecting_s
+            first_s, driver_first_s = carry(N_FIRST)
+            worker_s, driver_s = (took / N_CARRIED for took in carry(N_CARRIED))
+    return EngineCosts(
+        worker_s,
+        driver_s,
+        max(0.0, connected_s + first_s - N_FIRST * worker_s),
+        max(0.0, driver_first_s - N_FIRST * driver_s),
+    )
 
 
 def _own_s() -> float:
@@ -206,11 +233,11 @@ def _tables(site: Site, given: argparse.Namespace, folder: Path) -> None:
     forget_hourly(site)
     alone, beside = (units_s(hour_work, site, days, n_at_once=n) for n in (1, 2))
     slowdown = max(1.0, statistics.median(b / a for a, b in zip(alone, beside, strict=True)))
-    imports = subprocess.run([sys.executable, "-c", IMPORTS], capture_output=True, text=True, check=True)
-    worker_s, driver_s = engine_costs(site, given.engine, parts.returned[-1], folder)
-    how = replace(how, start_s=float(imports.stdout))
+    costs = engine_costs(site, given.engine, parts.returned[-1], folder)
+    how = replace(how, start_s=costs.start_s)
+    parts.before_s[0] += costs.driver_start_s
     phases = [
-        Phase(before_s, [unit + worker_s for unit in units], publish_s + driver_s)
+        Phase(before_s, [unit + costs.worker_s for unit in units], publish_s + costs.driver_s)
         for before_s, units, publish_s in zip(parts.before_s, (in_phase_1, alone), parts.publish_s, strict=True)
     ]
     print("| of a build | value |\n|---|--:|")
@@ -220,7 +247,8 @@ def _tables(site: Site, given: argparse.Namespace, folder: Path) -> None:
     print(f"| the same beside another one, times alone | {slowdown:.2f} |")
     print(f"| a unit of `camera_days`, s | {statistics.mean(in_phase_1):.3f} |")
     print(f"| bytes of a unit: sent, returned | {parts.sent[-1]:,}, {parts.returned[-1]:,} |")
-    print(f"| engine, of a unit: worker, driver, ms | {1e3 * worker_s:.1f}, {1e3 * driver_s:.1f} |")
+    print(f"| engine, of a unit: worker, driver, ms | {1e3 * costs.worker_s:.1f}, {1e3 * costs.driver_s:.1f} |")
+    print(f"| engine, start: worker, driver, s | {costs.start_s:.2f}, {costs.driver_start_s:.2f} |")
     print(f"| driver, publishing a unit, ms | {1e3 * parts.publish_s[-1]:.1f} |")
     print(f"| driver, planning, of a day, ms | {1e3 * sum(parts.before_s) / len(days):.1f} |")
     print(f"| driver, at the end, of a day, ms | {1e3 * parts.after_s / len(days):.1f} |")
