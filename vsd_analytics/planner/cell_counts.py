@@ -9,11 +9,13 @@ from the lower left corner of the grid.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
+import pyarrow as pa
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
@@ -34,6 +36,8 @@ FINE_M: Final = 0.25
 """Cells of the report's map, in which the page draws too."""
 SQUARES_MAX: Final = 100_000
 """Larger floors have no map: the page would not stay quick."""
+CAMERAS_AT_ONCE: Final = 6
+"""Cameras whose rows one query reads: each query reads the files of the whole week."""
 HELD_BACK: Final = -1
 """Place of the cells whose area is held back: they have no counts."""
 UNIT_MS: Final = 100
@@ -155,7 +159,7 @@ def week_cells(data: WeekData, asked: CellsAsked, *, excess: FloorHotspots) -> W
 def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
     """Return the violations and the person-time of a week by camera, cell and hour.
 
-    The rows of one camera are read at a time: all cameras of a large floor have millions a week.
+    The rows of a few cameras are read at a time: all cameras of a large floor have millions a week.
     """
     grid, n_across = asked.grid, round(1 / CELL_M)
     places = _places(data, grid, hidden=asked.hidden or ())
@@ -163,8 +167,8 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
     nothing: Any = np.zeros((6, 0), dtype=np.int32)  # of a floor without cameras
     counted: list[tuple[Ints, Ints]] = [(nothing, none)]
     timed: list[tuple[Ints, ...]] = [(nothing, none, none, none)]
-    for camera in sorted(range(len(data.ids)), key=lambda k: data.ids[k]):
-        keys, n, tracks, *times = _of_camera(data, asked, camera)
+    for camera, rows in _rows_by_camera(data, asked):
+        keys, n, tracks, *times = _of_camera(data, asked, camera, rows)
         is_able = (n > 0) & data.whole.cameras[camera] & (asked.hidden is not None)
         is_able &= places[keys[3] * grid.n_x * n_across + keys[2]] != HELD_BACK
         has_time = (times[0] > 0) & ~_is_on(asked.untimed, grid, *keys[2:4])
@@ -187,21 +191,33 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
     )
 
 
-def _of_camera(data: WeekData, asked: CellsAsked, camera: int) -> tuple[Ints, ...]:
+def _rows_by_camera(data: WeekData, asked: CellsAsked) -> Iterator[tuple[int, pa.Table]]:
+    """Yield the cells of each camera by hour, cameras in order of their ids."""
+    x0, y0, x1, y1 = (end / CELL_M for end in asked.extent)
+    ends = {"x0": math.floor(x0), "y0": math.floor(y0), "x1": math.ceil(x1), "y1": math.ceil(y1)}
+    cameras = sorted(range(len(data.ids)), key=lambda k: data.ids[k])
+    for first in range(0, len(cameras), CAMERAS_AT_ONCE):
+        few = cameras[first : first + CAMERAS_AT_ONCE]
+        rows = data.warehouse.table(
+            "select camera_id, hour_start_ms, cx, cy, n_violations, n_tracks, exposure_ms, violation_ms "
+            "from planner_cells where floor_id = $floor and camera_id in (select unnest($cameras)) "
+            "and hour_start_ms between $from and $to and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1 order by all",
+            {
+                "floor": data.floor.floor_id,
+                "cameras": [data.ids[camera] for camera in few],
+                **_from_to(data, asked.slots),
+                **ends,
+            },
+        )
+        position = positions(rows["camera_id"], [data.ids[camera] for camera in few], otherwise=-1)
+        edges = np.searchsorted(position, np.arange(len(few) + 1))
+        for camera, (start, end) in zip(few, pairwise(edges.tolist()), strict=True):
+            yield camera, rows.slice(start, end - start).drop_columns("camera_id")
+
+
+def _of_camera(data: WeekData, asked: CellsAsked, camera: int, rows: pa.Table) -> tuple[Ints, ...]:
     """Return the rows of a camera: keys as for `_merged`, violations, tracks, person-time and that in violation."""
     slots, grid, n_across = asked.slots, asked.grid, round(1 / CELL_M)
-    x0, y0, x1, y1 = (end / CELL_M for end in asked.extent)
-    rows = data.warehouse.table(
-        "select hour_start_ms, cx, cy, n_violations, n_tracks, exposure_ms, violation_ms from planner_cells "
-        "where floor_id = $floor and camera_id = $camera and hour_start_ms between $from and $to "
-        "and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1 order by all",
-        {
-            "floor": data.floor.floor_id,
-            "camera": data.ids[camera],
-            **_from_to(data, slots),
-            **{"x0": math.floor(x0), "y0": math.floor(y0), "x1": math.ceil(x1), "y1": math.ceil(y1)},
-        },
-    )
     hour_ms, x, y, *values = (column.to_numpy() for column in rows.columns)
     start_ms = data.hours.start_ms[slots]
     slot = np.minimum(np.searchsorted(start_ms, hour_ms), len(slots) - 1).astype(np.int32)
@@ -241,10 +257,11 @@ def _is_on(floor: BaseGeometry | None, grid: CellGrid, x: Ints, y: Ints) -> Flag
     """Return which cells of half a metre, by column and row of the grid, have floor in common with some floor."""
     if floor is None or floor.is_empty:
         return np.zeros(x.shape, dtype=np.bool_)
-    cells, inverse = np.unique(np.stack((x, y)), axis=1, return_inverse=True)
-    left, low = (first + at * CELL_M for first, at in zip((grid.x0, grid.y0), cells, strict=True))
+    n_across = grid.n_x * round(1 / CELL_M)
+    cells, inverse = np.unique(y.astype(np.int64) * n_across + x, return_inverse=True)
+    left, low = grid.x0 + cells % n_across * CELL_M, grid.y0 + cells // n_across * CELL_M
     boxes = shapely.box(left, low, left + CELL_M, low + CELL_M)
-    return np.asarray(shapely.relate_pattern(boxes, floor, "T********"))[inverse.ravel()]
+    return np.asarray(shapely.relate_pattern(boxes, floor, "T********"))[inverse]
 
 
 def _from_to(data: WeekData, slots: Ints) -> dict[str, int]:

@@ -219,6 +219,7 @@ class Warehouse:
         have it computed as often as it asks.
         """
         self._retry_carefully(", ".join(marts), lambda: self._sources.prefetch(marts))
+        self._close_days()  # facts of the last days, which nothing else reads
 
     def prepare(self, query: str) -> None:
         """Create the facts and marts that a query names. `run`, `table`, `frame` and `rows` do it themselves."""

@@ -111,7 +111,7 @@ class WeekFile:
         """
         self.encode()
         assert self._writer is not None
-        data = self._writer.finish()
+        data, self._writer = self._writer.finish(), None  # which holds the bytes of the whole file
         try:
             publish(self.path, data, is_synced=False)
             sweep_temporaries(self.path.parent)
