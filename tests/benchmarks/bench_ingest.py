@@ -39,6 +39,8 @@ from vsd_analytics.ingest.reading.adapter import IngestOptions
 from vsd_analytics.schema import SCHEMAS, TableName
 from vsd_analytics.store.store import Store
 
+HERE = Path(__file__).resolve().parents[2]
+COMMAND = "from vsd_analytics.cli import main; main()"
 BATCH_ROWS = 10_000
 CAMERAS = 18
 PEOPLE = 15
@@ -197,28 +199,30 @@ def processor_s() -> float:
     return sum(of.ru_utime + of.ru_stime for of in used)
 
 
-def commands(table: TableName, lines: list[bytes], n_rows: int, rounds: int) -> None:
+def commands(table: TableName, lines: list[bytes], n_rows: int, rounds: int, before: Path | None) -> None:
     """Print the wall time of `vsd ingest` with all cores and with one, and of two at once into one store.
 
     The two files at once have the messages of half of the cameras each. Times include the start of Python and the fold.
+    With `before`, the checkout of another version, that one ingests the same file with all cores.
     """
-    vsd = Path(sys.executable).with_name("vsd")
     halves: tuple[list[bytes], list[bytes]] = ([], [])
     for line in lines:
         camera = line.split(b'"', 6)[5]  # {"v":1,"camera":"cam-1"
         halves[int(camera.removeprefix(b"cam-")) % 2].append(line)
     cores = os.sched_getaffinity(0)
     ways = {
-        "one core": (["all"], {min(cores)}),
-        f"{len(cores)} cores": (["all"], cores),
-        "two commands at once, half of the cameras each": (["half-0", "half-1"], cores),
+        "one core": (["all"], {min(cores)}, HERE),
+        f"{len(cores)} cores": (["all"], cores, HERE),
+        "two commands at once, half of the cameras each": (["half-0", "half-1"], cores, HERE),
     }
+    if before is not None:
+        ways[f"the version before, {len(cores)} cores"] = (["all"], cores, before.resolve())
     took: dict[str, list[tuple[float, float]]] = {way: [] for way in ways}
     with tempfile.TemporaryDirectory() as root:
         for name, some in {"all": lines, "half-0": halves[0], "half-1": halves[1]}.items():
             (Path(root) / f"{name}.jsonl").write_bytes(b"\n".join(some) + b"\n")
         for k in range(rounds):
-            for way, (names, own_cores) in list(ways.items())[:: -1 if k % 2 else 1]:
+            for way, (names, own_cores, checkout) in list(ways.items())[:: -1 if k % 2 else 1]:
                 folder = Path(root) / "project"
                 folder.mkdir()
                 (folder / "vsd.toml").write_text(CONFIG)
@@ -226,7 +230,9 @@ def commands(table: TableName, lines: list[bytes], n_rows: int, rounds: int) -> 
                 os.sched_setaffinity(0, own_cores)  # the commands have them too
                 group = [
                     subprocess.Popen(
-                        [vsd, "-C", folder, "ingest", Path(root) / f"{name}.jsonl"], stdout=subprocess.DEVNULL
+                        [sys.executable, "-c", COMMAND, "-C", folder, "ingest", Path(root) / f"{name}.jsonl"],
+                        env={**os.environ, "PYTHONPATH": str(checkout)},
+                        stdout=subprocess.DEVNULL,
                     )
                     for name in names
                 ]
@@ -259,12 +265,13 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--pairs", action="store_true")
     parser.add_argument("--commands", action="store_true")
+    parser.add_argument("--before", type=Path, help="with --commands: a checkout of another version, beside this one")
     given = parser.parse_args()
     table: TableName = "pairs" if given.pairs else "observations"
     rows = pairs(given.rows) if given.pairs else observations(given.rows)
     lines = pair_messages(rows) if given.pairs else messages(rows)
     if given.commands:
-        commands(table, lines, given.rows, given.rounds)
+        commands(table, lines, given.rows, given.rounds, given.before)
         return
     measured = steps(table, rows, lines)
     times: dict[str, list[float]] = {name: [] for name in measured}

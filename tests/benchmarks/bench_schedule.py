@@ -234,8 +234,7 @@ def _tables(site: Site, given: argparse.Namespace, folder: Path) -> None:
     alone, beside = (units_s(hour_work, site, days, n_at_once=n) for n in (1, 2))
     slowdown = max(1.0, statistics.median(b / a for a, b in zip(alone, beside, strict=True)))
     costs = engine_costs(site, given.engine, parts.returned[-1], folder)
-    how = replace(how, start_s=costs.start_s)
-    parts.before_s[0] += costs.driver_start_s
+    how = replace(how, start_s=costs.start_s, driver_start_s=costs.driver_start_s)
     phases = [
         Phase(before_s, [unit + costs.worker_s for unit in units], publish_s + costs.driver_s)
         for before_s, units, publish_s in zip(parts.before_s, (in_phase_1, alone), parts.publish_s, strict=True)

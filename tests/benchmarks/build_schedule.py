@@ -37,12 +37,14 @@ class Engine:
     Attributes:
         ahead: Units handed out for each worker and not published yet.
         n_series: Series of units whose results come back together, whole. 0 = each unit comes back by itself.
-        start_s: Processor seconds of a worker before its first unit: imports.
+        start_s: Processor seconds of a worker before its first unit: a start of Java, imports.
+        driver_start_s: The same of the driver.
     """
 
     ahead: int
     n_series: int = 0
     start_s: float = 0.0
+    driver_start_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +136,9 @@ def simulate(
         machines: What driver and workers run on.
         after_s: Processor seconds of the driver at the end.
     """
-    clock, unstarted, most, driver_s, units_s = _Clock(machines), n_workers, 0, after_s, 0.0
+    clock, unstarted, most, driver_s, units_s = _Clock(machines), n_workers, 0, after_s + engine.driver_start_s, 0.0
+    clock.start(engine.driver_start_s, _DRIVER)
+    clock.next()
     for phase in phases:
         driver_s += phase.before_s + phase.publish_s * len(phase.units_s)
         units_s += sum(phase.units_s)

@@ -15,7 +15,6 @@ from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-import pyarrow as pa
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
@@ -167,8 +166,8 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
     nothing: Any = np.zeros((6, 0), dtype=np.int32)  # of a floor without cameras
     counted: list[tuple[Ints, Ints]] = [(nothing, none)]
     timed: list[tuple[Ints, ...]] = [(nothing, none, none, none)]
-    for camera, rows in _rows_by_camera(data, asked):
-        keys, n, tracks, *times = _of_camera(data, asked, camera, rows)
+    for camera, columns in _rows_by_camera(data, asked):
+        keys, n, tracks, *times = _of_camera(data, asked, camera, columns)
         is_able = (n > 0) & data.whole.cameras[camera] & (asked.hidden is not None)
         is_able &= places[keys[3] * grid.n_x * n_across + keys[2]] != HELD_BACK
         has_time = (times[0] > 0) & ~_is_on(asked.untimed, grid, *keys[2:4])
@@ -191,34 +190,39 @@ def counts_by_cell(data: WeekData, asked: CellsAsked) -> CellCounts:
     )
 
 
-def _rows_by_camera(data: WeekData, asked: CellsAsked) -> Iterator[tuple[int, pa.Table]]:
-    """Yield the cells of each camera by hour, cameras in order of their ids."""
+def _rows_by_camera(data: WeekData, asked: CellsAsked) -> Iterator[tuple[int, Sequence[Ints]]]:
+    """Yield hour, column, row and values of the cells of each camera, in their order; cameras in order of their ids."""
     x0, y0, x1, y1 = (end / CELL_M for end in asked.extent)
     ends = {"x0": math.floor(x0), "y0": math.floor(y0), "x1": math.ceil(x1), "y1": math.ceil(y1)}
     cameras = sorted(range(len(data.ids)), key=lambda k: data.ids[k])
     for first in range(0, len(cameras), CAMERAS_AT_ONCE):
         few = cameras[first : first + CAMERAS_AT_ONCE]
+        ids = [data.ids[camera] for camera in few]
         rows = data.warehouse.table(
             "select camera_id, hour_start_ms, cx, cy, n_violations, n_tracks, exposure_ms, violation_ms "
             "from planner_cells where floor_id = $floor and camera_id in (select unnest($cameras)) "
-            "and hour_start_ms between $from and $to and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1 order by all",
-            {
-                "floor": data.floor.floor_id,
-                "cameras": [data.ids[camera] for camera in few],
-                **_from_to(data, asked.slots),
-                **ends,
-            },
+            "and hour_start_ms between $from and $to and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1",
+            {"floor": data.floor.floor_id, "cameras": ids, **_from_to(data, asked.slots), **ends},
         )
-        position = positions(rows["camera_id"], [data.ids[camera] for camera in few], otherwise=-1)
-        edges = np.searchsorted(position, np.arange(len(few) + 1))
+        position, columns = positions(rows["camera_id"], ids, otherwise=-1), [c.to_numpy() for c in rows.columns[1:]]
+        order = _order(position, *columns[:3])
+        edges = np.searchsorted(position[order], np.arange(len(few) + 1))
         for camera, (start, end) in zip(few, pairwise(edges.tolist()), strict=True):
-            yield camera, rows.slice(start, end - start).drop_columns("camera_id")
+            yield camera, [column[order[start:end]] for column in columns]
 
 
-def _of_camera(data: WeekData, asked: CellsAsked, camera: int, rows: pa.Table) -> tuple[Ints, ...]:
+def _order(*keys: Ints) -> Ints:
+    """Return the order of rows by some columns: by one number of them all, which is sorted in a fraction of the time."""
+    ranks = [key.astype(np.int64) - key.min(initial=0) for key in keys]
+    step = np.gcd.reduce(ranks[1])  # of hours in milliseconds
+    ranks[1] //= max(1, int(step))
+    return np.argsort(np.ravel_multi_index(ranks, [int(rank.max(initial=0)) + 1 for rank in ranks]), kind="stable")
+
+
+def _of_camera(data: WeekData, asked: CellsAsked, camera: int, columns: Sequence[Ints]) -> tuple[Ints, ...]:
     """Return the rows of a camera: keys as for `_merged`, violations, tracks, person-time and that in violation."""
     slots, grid, n_across = asked.slots, asked.grid, round(1 / CELL_M)
-    hour_ms, x, y, *values = (column.to_numpy() for column in rows.columns)
+    hour_ms, x, y, *values = columns
     start_ms = data.hours.start_ms[slots]
     slot = np.minimum(np.searchsorted(start_ms, hour_ms), len(slots) - 1).astype(np.int32)
     taken = asked.used[camera, slot] & (start_ms[slot] == hour_ms)
