@@ -75,7 +75,8 @@ def observations(n_rows: int) -> pa.Table:
         "v_px": pa.nulls(n_rows, pa.float32()),
         "quality": pa.repeat("metric", n_rows),
     }
-    return pa.table([columns[c] for c in SCHEMAS["observations"].names], schema=SCHEMAS["observations"])
+    fields = SCHEMAS["observations"]
+    return pa.table([columns.get(f.name, pa.nulls(n_rows, f.type)) for f in fields], schema=fields)
 
 
 def messages(rows: pa.Table) -> list[bytes]:
