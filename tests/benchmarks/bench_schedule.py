@@ -233,11 +233,14 @@ def _tables(site: Site, given: argparse.Namespace, folder: Path) -> None:
     forget_hourly(site)
     alone, beside = (units_s(hour_work, site, days, n_at_once=n) for n in (1, 2))
     slowdown = max(1.0, statistics.median(b / a for a, b in zip(alone, beside, strict=True)))
-    costs = engine_costs(site, given.engine, parts.returned[-1], folder)
+    every = [engine_costs(site, given.engine, n_bytes, folder) for n_bytes in parts.returned]
+    costs = every[-1]
     how = replace(how, start_s=costs.start_s, driver_start_s=costs.driver_start_s)
     phases = [
-        Phase(before_s, [unit + costs.worker_s for unit in units], publish_s + costs.driver_s)
-        for before_s, units, publish_s in zip(parts.before_s, (in_phase_1, alone), parts.publish_s, strict=True)
+        Phase(before_s, [unit + own.worker_s for unit in units], publish_s + own.driver_s)
+        for before_s, units, publish_s, own in zip(
+            parts.before_s, (in_phase_1, alone), parts.publish_s, every, strict=True
+        )
     ]
     print("| of a build | value |\n|---|--:|")
     longest, mean = max(alone), statistics.mean(alone)

@@ -9,6 +9,7 @@ from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from warehouse.small_projects import Frame, Person, make_site, put
 
@@ -158,6 +159,16 @@ def test_where_no_week_can_be_written_the_days_are_read(stored: Path, tmp_path: 
     assert not weeks(site)
     assert rows(site) == without
     assert [p.name for p in weeks(site)] == [p.name for p in weeks(site_of(read))]
+
+
+def test_weeks_that_are_written_hold_no_memory(stored: Path, tmp_path: Path) -> None:
+    """Else a report of many new weeks needs more with each of them."""
+    site = site_of(Path(shutil.copytree(stored, tmp_path / "shop")))
+    with Warehouse(site, MONDAY, SUNDAY) as warehouse:
+        before = pa.total_allocated_bytes()
+        warehouse.prefetch("violations", "cell_hours")
+        held = pa.total_allocated_bytes() - before
+    assert held < sum(path.stat().st_size for path in (site.root / "facts" / FOLDER).glob("*/**/*.parquet")) / 10
 
 
 def test_verify_finds_a_flipped_bit_and_a_wrong_name(project: Site) -> None:

@@ -191,12 +191,13 @@ class OpenProject:
             read every week, `floor` what became of the whole floor.
 
         Raises:
-            UsageError: E101, there is no such entry or area, or the entry names none.
+            UsageError: E101, there is no such entry or area, or the entry names none; or `weeks` is no number from 1.
 
         Example:
             >>> site.change(1).state  # one week is too little
             'not_enough_data'
         """
+        _refuse_none("weeks", weeks)
         from vsd_analytics.figures import before_after
         from vsd_analytics.figures.change_weeks import days_needed
 
@@ -217,7 +218,7 @@ class OpenProject:
             it is made now, None where `weeks_max` is too few; `comparison` are the areas that serve for comparison.
 
         Raises:
-            UsageError: E101, there is no such area, or effect or power is no share.
+            UsageError: E101, there is no such area, effect or power is no share, or `weeks_max` is no number from 1.
 
         Example:
             >>> site.plan("checkout-queue", effect=-0.2).state  # needs four weeks before the change
@@ -229,6 +230,7 @@ class OpenProject:
             if isinstance(value, bool) or not isinstance(value, int | float):
                 raise UsageError(f"{name} {value!r} is no number", fix="effect=-0.15 is 15 % less")
         check_plan(effect=effect, power=power)
+        _refuse_none("weeks_max", weeks_max)
         with open_warehouse(self.site, *plan_days(self.site)) as warehouse:
             return plan_experiment(warehouse, area_id, effect=effect, power=power, weeks_max=weeks_max)
 
@@ -313,3 +315,9 @@ def _range(asked: DaysAsked) -> tuple[date, date]:
 
 def _named(days: tuple[date, date]) -> str:
     return f"{days[0]}..{days[1]}"
+
+
+def _refuse_none(name: str, weeks: object) -> None:
+    """Raise UsageError when a number of weeks is none."""
+    if isinstance(weeks, bool) or not isinstance(weeks, int) or weeks < 1:
+        raise UsageError(f"{name} {weeks!r} is no whole number of weeks from 1", fix=f"{name}=4")

@@ -115,6 +115,8 @@ def _cells(path: Path, columns: ContextColumns) -> Iterator[tuple[int, str, str,
         text = path.read_bytes().decode("utf-8-sig")
     except PermissionError:
         raise
+    except IsADirectoryError:
+        raise InputError(f"{name} is a folder", code="E201", fix=f"name one file in it: {name}/FILE") from None
     except OSError as error:
         raise InputError(f"there is no file {name} that can be read", code="E201", why=error.strerror) from None
     except UnicodeDecodeError as error:
