@@ -1,6 +1,6 @@
 """Processor time and memory of two versions for the same questions, in turn.
 
-    python tests/benchmarks/compare_versions.py OLD_CHECKOUT PROJECT --week 2026-W47 [--rounds 5] [--steps report planner]
+    python tests/benchmarks/compare_versions.py OLD_CHECKOUT PROJECT --week 2026-W47 [--rounds 5] [--steps report]
 
 OLD_CHECKOUT is a folder of another commit (`git worktree add`). PROJECT has a store and no facts, such as
 `made_up_sets.py` writes. Each version gets a copy of it and computes its own facts. Every step of a round is a process

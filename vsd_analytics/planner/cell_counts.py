@@ -212,7 +212,7 @@ def _rows_by_camera(data: WeekData, asked: CellsAsked) -> Iterator[tuple[int, Se
 
 
 def _order(*keys: Ints) -> Ints:
-    """Return the order of rows by some columns: by one number of them all, which is sorted in a fraction of the time."""
+    """Return the order of rows by some columns: by one number of them all, which takes a fraction of the time."""
     ranks = [key.astype(np.int64) - key.min(initial=0) for key in keys]
     step = np.gcd.reduce(ranks[1])  # of hours in milliseconds
     ranks[1] //= max(1, int(step))

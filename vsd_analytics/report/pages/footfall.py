@@ -113,7 +113,7 @@ def footfall_html(
         days=fmt.days_span(monday, monday + timedelta(days=6)),
         title=say("footfall.title", site=site.name, week=name),
         headline=_headline(week.rows),
-        said=(*_said(week.rows), *_special(week), *(() if is_exact else _few(week.rows, int(site.settings.mask_below)))),
+        said=(*_said(week.rows), *_special(week), *_few(week.rows, 0 if is_exact else int(site.settings.mask_below))),
         lines=tuple(_line(row) for row in week.rows),
         line_notes=_line_notes(week.rows),
         weeks=tuple(_weeks(list(rows)) for _, rows in groupby(history.rows, key=lambda row: row["line_id"])),
