@@ -98,7 +98,7 @@ stitched as (
         owned_x2_mm,
         owned_y2_mm
     from segments
-    anti join several using (number)
+    anti join several on segments.number = several.number
     union all
     select
         number,
@@ -125,7 +125,7 @@ stitched as (
         sum(owned_x2_mm)::bigint as owned_x2_mm,
         sum(owned_y2_mm)::bigint as owned_y2_mm
     from segments
-    semi join several using (number)
+    semi join several on segments.number = several.number
     group by number
 ),
 

@@ -9,7 +9,7 @@
 --   started_ms    milliseconds since 1970, UTC, as in episodes
 --   local_date
 --   area_id       area of vsd.toml; null for the rest of the floor, which is one place beside the areas
---   share         share of the episode's person-time in violation that lies there, above 0 to 1; null where only its middle is known, or none of it lies in an area
+--   share         share of its person-time in violation that lies there, above 0; null where only its middle is known or it is in no area
 -- steps:
 --   members  as in episodes: the camera that counts an episode gives its key, and members that own no record are left out where another
 --            member owns one; most episodes were seen by one camera alone and need no ranks

@@ -62,7 +62,11 @@ marked as (
         1 as is_start,
         0 as apart_ms
     from named
-    anti join again using (camera_id, person_a, person_b)
+    anti join again
+        on
+            named.camera_id = again.camera_id
+            and named.person_a = again.person_a
+            and named.person_b = again.person_b
     where person_a <> person_b or track_a = track_b
     union all
     select
@@ -79,7 +83,11 @@ marked as (
             else 0
         end as apart_ms
     from named
-    semi join again using (camera_id, person_a, person_b)
+    semi join again
+        on
+            named.camera_id = again.camera_id
+            and named.person_a = again.person_a
+            and named.person_b = again.person_b
     where person_a <> person_b or track_a = track_b
     window
         earlier as (
