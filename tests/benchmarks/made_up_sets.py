@@ -1,19 +1,23 @@
-"""Writes the made-up projects whose facts are measured: a busy week, and a day of an engine that sends pairs only.
+"""Writes the made-up projects that are measured.
 
-    python tests/benchmarks/made_up_sets.py DIR    # makes DIR/week and DIR/pairs
+    python tests/benchmarks/made_up_sets.py DIR [week] [pairs] [site] [history] [day]    # makes DIR/week and so on
 
-The week is that of `bench_marts.py`. The pairs are 2.4 million records of 18 cameras in twelve hours: episodes of
-twelve seconds at random places, with track ids, and no persons.
+`week` is the busy week of `bench_marts.py`. `pairs` are 2.4 million records of 18 cameras in twelve hours: episodes of
+twelve seconds at random places, with track ids, and no persons. The others are of `made_up_site.py`: `site` are two
+weeks of 18 cameras, a frame a second, 65.3 million person records; `history` ten weeks of three cameras, a frame in 20
+seconds; `day` a day of 46 cameras until minute 30 of its last hour.
 """
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 from bench_marts import CONFIG, FIRST_MS, stored_rows, write_week
+from made_up_site import DAY_MS, write_site
 
 from vsd_analytics.config.project import load_site
 from vsd_analytics.store.store import Store
@@ -56,13 +60,28 @@ def write_pairs(root: Path) -> None:
     store.fold()
 
 
-def main(folder: Path) -> None:
-    """Make both projects."""
-    for name in ("week", "pairs"):
+def write_day(root: Path) -> None:
+    """Write a project of a day that is open all day, without its last half hour."""
+    midnight_ms, n_hour = FIRST_MS // DAY_MS * DAY_MS, 46 * 3600 * 6
+    n_records = n_hour * 47 // 2
+    write_site(root, n_records=n_records, n_cameras=46, open_h=24, first_ms=midnight_ms, opening="00:00-24:00")
+
+
+SETS = {
+    "week": lambda root: write_week(root, days=7),
+    "pairs": write_pairs,
+    "site": lambda root: write_site(root, n_records=65_318_400),
+    "history": lambda root: write_site(root, n_records=2_721_600, n_cameras=3, interval_s=20),
+    "day": write_day,
+}
+
+
+def main(folder: Path, names: Sequence[str]) -> None:
+    """Make some of the projects, or all."""
+    for name in names or SETS:
         (folder / name).mkdir(parents=True)
-    write_week(folder / "week", days=7)
-    write_pairs(folder / "pairs")
+        SETS[name](folder / name)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), sys.argv[2:])
