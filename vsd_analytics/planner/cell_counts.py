@@ -213,20 +213,19 @@ def _rows_by_camera(data: WeekData, asked: CellsAsked) -> Iterator[tuple[int, Se
 
 def _order(*keys: Ints) -> Ints:
     """Return the order of rows by some columns: by one number of them all, which takes a fraction of the time."""
-    ranks = [key.astype(np.int64) - key.min(initial=0) for key in keys]
-    step = np.gcd.reduce(ranks[1])  # of hours in milliseconds
-    ranks[1] //= max(1, int(step))
+    ranks = [key - key.min(initial=np.iinfo(key.dtype).max) for key in keys]
+    ranks[1] //= max(1, int(np.gcd.reduce(ranks[1])))  # hours, in milliseconds
     return np.argsort(np.ravel_multi_index(ranks, [int(rank.max(initial=0)) + 1 for rank in ranks]), kind="stable")
 
 
-def _of_camera(data: WeekData, asked: CellsAsked, camera: int, columns: Sequence[Ints]) -> tuple[Ints, ...]:
+def _of_camera(data: WeekData, asked: CellsAsked, camera: int, columns: Sequence[Any]) -> tuple[Ints, ...]:
     """Return the rows of a camera: keys as for `_merged`, violations, tracks, person-time and that in violation."""
     slots, grid, n_across = asked.slots, asked.grid, round(1 / CELL_M)
-    hour_ms, x, y, *values = columns
+    hour_ms, x, y = columns[:3]
     start_ms = data.hours.start_ms[slots]
     slot = np.minimum(np.searchsorted(start_ms, hour_ms), len(slots) - 1).astype(np.int32)
     taken = asked.used[camera, slot] & (start_ms[slot] == hour_ms)
-    slot, x, y, *values = (v[taken] for v in (slot, x - grid.x0 * n_across, y - grid.y0 * n_across, *values))
+    slot, x, y, *values = (v[taken] for v in (slot, x - grid.x0 * n_across, y - grid.y0 * n_across, *columns[3:]))
     day, side = data.hours.day[slots].astype(np.int32)[slot], asked.shared[camera, slot]
     if not asked.is_by_hour:
         day, slot = np.zeros_like(slot), side.astype(np.int32)
