@@ -25,6 +25,7 @@ COMMANDS: Final = (
     "bench_demo.py",
     "bench_history.py --cameras 2 --hours 4 --interval 20 --rounds 10",
     "bench_year.py --weeks 2 10",
+    "bench_year.py --weeks 2 --only 'first planner'",
     "bench_live.py --cameras 46 --hours 1",
     "bench_live.py --cameras 46 --hours 23",
     "bench_retention_year.py --weeks 13",
