@@ -62,6 +62,7 @@ def observations(n_rows: int) -> pa.Table:
     track = person + PEOPLE * (second // 40)  # everybody stays 40 s
     start, pace = rng.uniform(0, 20, (2, n_rows // 40 + PEOPLE * 2, 2))[:, (track % (n_rows // 40 + 1))]
     walked = start + (pace - 10) / 40 * (second % 40)[:, None] + rng.normal(0, 0.03, (n_rows, 2))
+    walked += 40 * np.stack((camera % 5, camera // 5), axis=1)  # each camera sees a place of its own
     names = pa.array([f"cam-{c + 1}" for c in range(CAMERAS)]).take(pa.array(camera))
     ids = pa.array([f"{h:016x}" for h in rng.integers(0, 2**63, int(track.max()) + 1)]).take(pa.array(track))
     columns = {

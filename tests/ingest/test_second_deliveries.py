@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -128,6 +130,23 @@ def test_two_cameras_of_one_floor_are_asked_for_their_views_and_the_lines_settle
     assert "W231" not in vsd(root, "check", files[-1])[1]
     code, said = vsd(root, "ingest", files[-1])
     assert (code, "W231" in said, n_stored(root)) == (0, False, len(both)), said
+
+
+def test_pairs_without_places_say_nothing_of_what_two_cameras_see(tmp_path: Path, vsd: Vsd) -> None:
+    """They have distances alone, which are alike in all cameras."""
+    root, rng = project(tmp_path / "p", "a", "b"), np.random.default_rng(3)
+    lines = []
+    for k in range(600):
+        n_pairs = 1 + k // 60 % 3  # a busy minute is one in both
+        for camera in "ab":
+            ts = datetime.fromtimestamp(1_763_370_000 + k, tz=UTC).isoformat()
+            near = enumerate(rng.normal(1.3, 0.2, n_pairs).round(3).tolist())
+            pairs = [{"a": f"{camera}{i}", "b": f"{camera}{i + 1}", "distance_m": d} for i, d in near]
+            lines.append(json.dumps({"v": 1, "camera": camera, "ts": ts, "pairs": pairs}))
+    path = tmp_path / "pairs.jsonl"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    code, said = vsd(root, "ingest", path)
+    assert (code, "W231" in said) == (0, False), said
 
 
 @pytest.mark.parametrize("further_m", [0.3, 1.0])

@@ -56,6 +56,7 @@ from vsd_analytics.ingest.intake.stored_recordings import (
     at_instants,
     evenly,
     newest_rows,
+    on_floors,
     read_part,
     rows_of,
     stored_tables,
@@ -309,6 +310,7 @@ class Door:
 
 def _seen_by(here: Recording, there: Recording) -> Match | None:
     """Return how many people one other camera sees, of several; None where it is none."""
+    here, there = on_floors(here), on_floors(there)
     matched = best_match(here, there, lags_ms=[0], distances_m=VIEWS_M)
     if matched is None or not _is_there(matched, VIEW_SHARE):
         return None

@@ -62,6 +62,11 @@ class KeyedRecords:
         return KeyedRecords(self.recording.at(rows), self.key[rows], self.is_metric[rows])
 
 
+def on_floors(recording: Recording) -> Recording:
+    """Return the records with places in metres: pixels and pairs without places say nothing of what two cameras see."""
+    return recording.at(recording.places[:, 0] < _PIXELS_M / 2)
+
+
 def table_of(tables: Mapping[TableName, pa.Table]) -> TableName:
     """Return the table that tells where people are: pairs where there are no single people."""
     rows = tables.get("observations")
