@@ -101,7 +101,9 @@ def about(path: Path) -> About:
         OSError: It cannot be read, or is damaged.
     """
     if path.suffix == ARROW:
-        n_rows, first_ms, last_ms = map(int, (_opened(path).schema.metadata or {}).get(_ABOUT, b"").split())
+        with pa.OSFile(str(path)) as file:  # of which the footer is read alone
+            noted = pa.ipc.open_file(file).schema.metadata or {}
+        n_rows, first_ms, last_ms = map(int, noted.get(_ABOUT, b"").split())
         return About(n_rows, first_ms, last_ms)
     noted = pq.read_metadata(path)
     at = noted.schema.names.index("ts")
@@ -110,6 +112,21 @@ def about(path: Path) -> About:
         return About(noted.num_rows, None, None)
     ends = [int(pa.scalar(end, pa.timestamp("ms", "UTC")).value) for n in statistics for end in (n.min, n.max)]
     return About(noted.num_rows, min(ends), max(ends))
+
+
+def owners_in(path: Path) -> frozenset[str]:
+    """Return the imports that brought the rows of a segment, "" for rows of none; raises as `read_segment`."""
+    if path.suffix != ARROW:
+        rows = read_segment(path, columns=[OWNER]) if OWNER in schema_of(path).names else None
+    else:
+        with pa.OSFile(str(path)) as file:
+            at = pa.ipc.open_file(file).schema.get_field_index(OWNER)
+            options = pa.ipc.IpcReadOptions(use_threads=False, included_fields=[at])
+            rows = pa.ipc.open_file(file, options=options).read_all() if at >= 0 else None
+    if rows is None:
+        return frozenset([""])
+    rows.validate(full=True)
+    return frozenset(name or "" for name in rows[OWNER].unique().cast(pa.string()).to_pylist())
 
 
 def schema_of(path: Path) -> pa.Schema:

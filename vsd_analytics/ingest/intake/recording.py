@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -109,6 +110,35 @@ class Recording:
             if np.mean(off <= 0.51) > 0.99:
                 return step / 1000
         return 0.0
+
+    def of_cameras(self, numbers: frozenset[int]) -> Recording:
+        """Return the records of some cameras, by their numbers; the same recording each time."""
+        chosen = numbers & self._numbers
+        if chosen not in self._of_cameras:
+            self._of_cameras[chosen] = self.at(np.isin(self.camera, sorted(chosen)))
+        return self._of_cameras[chosen]
+
+    def near(self, *, side_m: float) -> Near:
+        """Return what finds its records near a place, with those between the records of a track; made once."""
+        if side_m not in self._near:
+            self._near[side_m] = Near(self._drawn, side_m=side_m)
+        return self._near[side_m]
+
+    @cached_property
+    def _numbers(self) -> frozenset[int]:
+        return frozenset(np.unique(self.camera).tolist())
+
+    @cached_property
+    def _of_cameras(self) -> dict[frozenset[int], Recording]:
+        return {}
+
+    @cached_property
+    def _near(self) -> dict[float, Near]:
+        return {}
+
+    @cached_property
+    def _drawn(self) -> Recording:
+        return self.drawn()
 
     def drawn(self) -> Recording:
         """Return the records with places between those of a track, in steps of `_DRAWN_S`, in straight lines."""
@@ -273,7 +303,7 @@ def best_match(
     """Return the match with the largest excess, of several lags, distances and times between; None without records."""
     if not len(here) or not len(stored):
         return None
-    there = Near(stored.drawn(), side_m=max(distances_m))
+    there = stored.near(side_m=max(distances_m))
     best: Match | None = None
     for lag_ms in lags_ms:
         for within_m in distances_m:
@@ -293,7 +323,7 @@ def match_beside(here: Recording, stored: Recording) -> tuple[Match, float] | No
     """
     if not len(here) or not len(stored):
         return None
-    there = Near(stored.drawn(), side_m=BESIDE_MAX_M)
+    there = stored.near(side_m=BESIDE_MAX_M)
     row, record, _ = _pairs(here, there, 0, BESIDE_MAX_M, round(1000 * _CLOSE_S))
     ways = here.places[row] - there.recording.places[record]
     if not len(ways):

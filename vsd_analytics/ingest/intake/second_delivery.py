@@ -53,6 +53,7 @@ from vsd_analytics.ingest.intake.recording import (
 from vsd_analytics.ingest.intake.stored_recordings import (
     KeyedRecords,
     ReadPart,
+    Spool,
     at_instants,
     evenly,
     newest_rows,
@@ -116,6 +117,10 @@ class Door:
     _kept: KeyedRecords | None = field(default=None, init=False)
     _read: ReadPart = field(default_factory=lambda: lru_cache(maxsize=2)(read_part), init=False)
     # each batch of a source lies in the hours of the one before
+    _spool: Spool = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._spool = Spool(self.import_id)
 
     def look(self, head: Sequence[Tables]) -> list[SourceWarning]:
         """Return what is stored already of the first records, or seen by a second camera."""
@@ -175,9 +180,7 @@ class Door:
         return warnings[:3]
 
     def _stored(self, table: TableName, here: Recording) -> list[pa.Table]:
-        return stored_tables(
-            self.site, self.stores, table, here, around_s=AROUND_S, but=self.import_id, read=self._read
-        )
+        return stored_tables(self.site, self.stores, table, here, around_s=AROUND_S, spool=self._spool, read=self._read)
 
     def _is_known(self, table: TableName, asked: KeyedRecords, rows: Sequence[pa.Table]) -> bool:
         """Return whether some of the records are all stored as they are: the same file again needs no closer look."""
@@ -190,8 +193,8 @@ class Door:
         there = stored.recording
         own = there.of_camera(camera.camera_id)
         others = [c for c in self._without_views(camera) if c.camera_id in there.cameras]
-        is_other = np.isin(there.camera, [there.cameras.index(c.camera_id) for c in others])
-        close = there.at(is_other | (there.camera == _no(there, camera.camera_id)))
+        numbers = frozenset(there.cameras.index(c.camera_id) for c in others)
+        close = there.of_cameras(numbers | {_no(there, camera.camera_id)})
         fine = fine_m(here, close)
         marks = own.some(300) if len(own) else close.some(300)
         lags = [0, *(lag for lag, n in lags_of(Near(here, side_m=fine), marks.ts_ms, marks.places,
@@ -216,7 +219,7 @@ class Door:
             matched = best_match(scaled, own, lags_ms=lags[:1], distances_m=[within])
             if matched is not None and _is_there(matched, SURE):
                 return [same_again(self.site, camera, here, matched, factor=factor)]
-        seen = there.at(is_other)
+        seen = there.of_cameras(numbers)
         return [self._second_view(camera, here, matched)] if (matched := _seen_by(here, seen)) is not None else []
 
     def _at_other_times(self, table: TableName, asked: KeyedRecords, dense: Recording) -> list[SourceWarning]:
@@ -255,7 +258,7 @@ class Door:
             recording = dense.recording
             others = [c for c in self._without_views(camera) if c.camera_id in recording.cameras]
             numbers = [recording.cameras.index(c.camera_id) for c in others if c.camera_id not in done]
-            there = recording.at(np.isin(recording.camera, numbers))
+            there = recording.of_cameras(frozenset(numbers))
             here = recording.of_camera(camera.camera_id).some(CAMERA_MAX)
             if len(here) < RECORDS_MIN or not len(there):
                 continue
@@ -286,7 +289,7 @@ class Door:
             table,
             camera,
             int(here.ts_ms[0]) if len(here) else 0,
-            self.import_id,
+            self._spool,
             self._read,
         )
         return None if rows is None else rows.recording.at(rows.is_metric)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
@@ -22,13 +23,15 @@ from vsd_analytics.site.model import Camera, Site
 from vsd_analytics.store.layout import HOUR_MS, segment_paths
 from vsd_analytics.store.owners import OWNER, owners_of
 from vsd_analytics.store.removal import reading
-from vsd_analytics.store.segments import read_segment
+from vsd_analytics.store.segments import owners_in, read_segment
 from vsd_analytics.store.spans import ends_ms
 from vsd_analytics.store.store import Store
 
 ROWS_MAX: Final = 600_000
 """Stored rows that are read; beyond it the hours with fewer incoming records are left out."""
 HOURS_MAX: Final = 48
+SEGMENTS_HELD: Final = 64
+"""Segments of others that are held in memory: a batch lies in the time of the one before."""
 PAST_PARTS, PAST_PARTS_OPENED, PAST_ROWS = 2, 200, 5_000
 _PIXELS_M: Final = 1_000_000.0
 """Places in pixels and pairs without places lie this far, and twice as far, from all floors."""
@@ -64,7 +67,8 @@ class KeyedRecords:
 
 def on_floors(recording: Recording) -> Recording:
     """Return the records with places in metres: pixels and pairs without places say nothing of what two cameras see."""
-    return recording.at(recording.places[:, 0] < _PIXELS_M / 2)
+    is_on_floor = recording.places[:, 0] < _PIXELS_M / 2
+    return recording if is_on_floor.all() else recording.at(is_on_floor)
 
 
 def table_of(tables: Mapping[TableName, pa.Table]) -> TableName:
@@ -120,7 +124,7 @@ def stored_tables(
     here: Recording,
     *,
     around_s: float,
-    but: str,
+    spool: Spool,
     read: ReadPart,
 ) -> list[pa.Table]:
     """Return the rows that are stored at the times of some records, on the floors of their cameras, for `rows_of`.
@@ -131,7 +135,7 @@ def stored_tables(
         table: Table of the records.
         here: The records.
         around_s: Seconds before the first and behind the last record of an hour that are read, too.
-        but: Import whose records in a spool are left out: they are the records themselves.
+        spool: The spool without the records themselves.
         read: Reads a part, perhaps from memory.
 
     Raises:
@@ -146,7 +150,7 @@ def stored_tables(
     n_rows = 0
     for store in stores:
         with reading(store.root), contextlib.suppress(pa.ArrowException, ValueError, OSError):  # a fold names damage
-            for rows in _of_spool(store, table, first_ms, last_ms, but):
+            for rows in spool.rows(store, table, first_ms, last_ms):
                 if n_rows > ROWS_MAX:
                     break
                 n_rows += rows.num_rows
@@ -172,7 +176,7 @@ def at_instants(tables: Sequence[pa.Table], ts_ms: Ints) -> list[pa.Table]:
 
 
 def newest_rows(
-    site: Site, stores: Sequence[Store], table: TableName, camera: Camera, at_ms: int, but: str, read: ReadPart
+    site: Site, stores: Sequence[Store], table: TableName, camera: Camera, at_ms: int, spool: Spool, read: ReadPart
 ) -> KeyedRecords | None:
     """Return some of the records of a camera that are stored nearest to an instant, in one hour; None = none.
 
@@ -182,7 +186,7 @@ def newest_rows(
         table: Table of the records.
         camera: The camera.
         at_ms: The instant.
-        but: Import whose records in a spool are left out.
+        spool: The spool without the records themselves.
         read: Reads a part, perhaps from memory.
     """
     camera_ids = pa.array([camera.camera_id])
@@ -192,7 +196,7 @@ def newest_rows(
             # a part of other cameras tells nothing: one column of it is read to know
             with_camera = (p for p in parts[:PAST_PARTS_OPENED] if _holds_camera(p.path, camera.camera_id))
             tables = (read(part.path, table) for part in islice(with_camera, PAST_PARTS))
-            for rows in (*_of_spool(store, table, -(1 << 60), 1 << 60, but), *tables):
+            for rows in (*spool.rows(store, table, -(1 << 60), 1 << 60), *tables):
                 own = rows.filter(pc.is_in(rows["camera_id"].cast(pa.string()), camera_ids)).slice(0, PAST_ROWS)
                 if own.num_rows >= PAST_ROWS // 100:
                     return rows_of(site, table, [own], keyed_ms=np.zeros(0, dtype=np.int64))
@@ -212,12 +216,36 @@ def read_part(path: Path, table: TableName) -> pa.Table:
     return rows.append_column(OWNER, owners_of(path))
 
 
-def _of_spool(store: Store, table: TableName, first_ms: int, last_ms: int, but: str) -> Iterator[pa.Table]:
-    for path in segment_paths(store.root, table):
-        ends = ends_ms(path)
-        if ends is None or (ends[0] <= last_ms and ends[1] >= first_ms):
-            rows = _plain(read_segment(path), table)
-            yield rows.filter(pc.not_equal(rows[OWNER], but)) if but else rows
+class Spool:
+    """The segments of the spool with rows of others than one import: each is opened once, however often it is asked.
+
+    Args:
+        but: Import whose rows are left out; "" = none.
+    """
+
+    def __init__(self, but: str) -> None:
+        self._but = but
+        self._ends: dict[Path, tuple[int, int] | None] = {}
+        self._own: set[Path] = set()
+        self._read = lru_cache(maxsize=SEGMENTS_HELD)(self._rows)
+
+    def rows(self, store: Store, table: TableName, first_ms: int, last_ms: int) -> Iterator[pa.Table]:
+        """Yield the rows of segments that reach into some time."""
+        for path in segment_paths(store.root, table):
+            if path in self._own:
+                continue
+            if path not in self._ends:
+                if self._but and owners_in(path) == {self._but}:
+                    self._own.add(path)
+                    continue
+                self._ends[path] = ends_ms(path)
+            ends = self._ends[path]
+            if ends is None or (ends[0] <= last_ms and ends[1] >= first_ms):
+                yield self._read(path, table)
+
+    def _rows(self, path: Path, table: TableName) -> pa.Table:
+        rows = _plain(read_segment(path), table)
+        return rows.filter(pc.not_equal(rows[OWNER], self._but)) if self._but else rows
 
 
 def _within(rows: pa.Table, first_ms: int, last_ms: int, cameras: pa.Array) -> pa.Table:
