@@ -113,7 +113,7 @@ def footfall_html(
         days=fmt.days_span(monday, monday + timedelta(days=6)),
         title=say("footfall.title", site=site.name, week=name),
         headline=_headline(week.rows),
-        said=(*_said(week.rows), *_special(week), *_few(week.rows, 0 if is_exact else int(site.settings.mask_below))),
+        said=(*_said(week.rows), *_special(week), *(() if is_exact else _few(week.rows))),
         lines=tuple(_line(row) for row in week.rows),
         line_notes=_line_notes(week.rows),
         weeks=tuple(_weeks(list(rows)) for _, rows in groupby(history.rows, key=lambda row: row["line_id"])),
@@ -131,10 +131,10 @@ def footfall_html(
     return rendered("footfall.html.j2", page)
 
 
-def _few(rows: Sequence[Row], mask_below: int) -> Iterable[str]:
+def _few(rows: Sequence[Row]) -> Iterable[str]:
     """Yield that a reader's numbers may hold crossings of closed hours, which are few (`figures.footfall`)."""
-    if mask_below > 1 and any(value_of(row, "n_open").value is not None for row in rows):
-        yield say("footfall.few", n=fmt.count(mask_below - 1))
+    if any(value_of(row, "n_open").value is not None for row in rows):
+        yield say("footfall.few")
 
 
 def _headline(rows: Sequence[Row]) -> str:
