@@ -78,6 +78,10 @@ def test_the_fix_is_python(site: vsd.OpenProject, what: str) -> None:
     assert not re.search(r"(^|[\s(])(--[a-z]|vsd [a-z]+ )", said), "options and commands are of a terminal"
 
 
+def test_a_number_of_weeks_may_be_one_of_numpy(site: vsd.OpenProject) -> None:
+    assert site.plan("queue", effect=-0.1, weeks_max=np.int64(4)) == site.plan("queue", effect=-0.1, weeks_max=4)
+
+
 def test_a_project_without_records_says_both_ways(tmp_path: Path) -> None:
     (tmp_path / "vsd.toml").write_text(site_text("cam-1"), encoding="utf-8")
     empty = vsd.open(tmp_path)

@@ -1,4 +1,4 @@
-"""The benchmark of the ingest runs: its records have every column of the tables."""
+"""The benchmark of the ingest runs to its end: its records have every column of the tables."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 
 @pytest.mark.parametrize("options", [[], ["--pairs"]])
-def test_every_step_stores_every_record(
+def test_the_benchmark_prints_each_of_its_steps(
     options: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["bench_ingest.py", "--rows", "600", "--rounds", "1", *options])

@@ -228,3 +228,9 @@ def test_a_series_is_added_and_taken_back_again_at_one_instant(site: Site) -> No
         assert context_series(site)["sales"].values.tolist() == [8]
         assert remove_context(site, "sales", at=AT)
         assert context_series(site) == {}
+
+
+def test_a_folder_is_no_series(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
+    (site.root / "sales").mkdir()
+    assert run(cli, ["-C", str(site.root), "context", "add", str(site.root / "sales"), "--name", "sales"]) == 2
+    assert "sales is a folder" in capsys.readouterr().err

@@ -4,22 +4,31 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from ingest.prove_second_deliveries import NOW, again, beside_each_other, came, doubts, others, second_views
 from ingest.spellings import SPELLINGS, hall, of_people, project, renamed, seen_twice, write
+from store.stored_rows import NINE, person
+from store.stored_rows import table as stored_table
 
 from vsd_analytics.api.ingest_frame import ingest_frame
 from vsd_analytics.cli import cli
 from vsd_analytics.cli.exit_codes import run
 from vsd_analytics.config.project import load_site
 from vsd_analytics.errors import InputError
+from vsd_analytics.ingest.intake import stored_recordings
+from vsd_analytics.ingest.intake.recording import Recording
+from vsd_analytics.store.segments import read_segment
+from vsd_analytics.store.store import Store
 
 Vsd = Callable[..., tuple[int, str]]
 
@@ -132,21 +141,61 @@ def test_two_cameras_of_one_floor_are_asked_for_their_views_and_the_lines_settle
     assert (code, "W231" in said, n_stored(root)) == (0, False, len(both)), said
 
 
-def test_pairs_without_places_say_nothing_of_what_two_cameras_see(tmp_path: Path, vsd: Vsd) -> None:
-    """They have distances alone, which are alike in all cameras."""
+def test_segments_of_the_spool_are_opened_once_and_those_of_the_import_itself_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a file of many batches opens all of them again for each."""
+    store, own, other = Store(tmp_path / "store", site_id="shop"), "0" * 15 + "1", "0" * 15 + "2"
+    for k in range(6):
+        rows = stored_table("observations", [person(NINE + k, f"t{k}", k)])
+        store.append("observations", rows, import_id=own if k % 2 else other)
+    opened = Counter[str]()
+
+    def counted(path: Path, **options: Any) -> pa.Table:
+        opened[path.name] += 1
+        return read_segment(path, **options)
+
+    monkeypatch.setattr(stored_recordings, "read_segment", counted)
+    spool = stored_recordings.Spool(own)
+    for _ in range(3):
+        tables = list(spool.rows(store, "observations", NINE, NINE + 10))
+        assert sorted(pa.concat_tables(tables)["track_id"].to_pylist()) == ["t0", "t2", "t4"]
+        assert list(spool.rows(store, "observations", NINE + 10, NINE + 20)) == []
+    assert sorted(opened.values()) == [1, 1, 1]
+
+
+def test_what_finds_records_of_the_same_cameras_is_made_once() -> None:
+    """Else each camera of a batch has all the records of the others sorted again."""
+    camera = np.array([0, 1, 1, 2])
+    places = np.arange(8.0).reshape(4, 2)
+    recording = Recording(np.arange(4), places, camera, np.full(4, -1), np.zeros(4, dtype=np.int64), ("a", "b", "c"))
+    some = recording.of_cameras(frozenset({1, 2, -2}))
+    assert some.camera.tolist() == [1, 1, 2]
+    assert some is recording.of_cameras(frozenset({2, 1}))
+    assert some.near(side_m=0.5) is some.near(side_m=0.5)
+
+
+@pytest.mark.parametrize("kind", ["pairs", "persons"])
+def test_pairs_without_places_and_pixels_say_nothing_of_what_two_cameras_see(
+    kind: str, tmp_path: Path, vsd: Vsd
+) -> None:
+    """Distances are alike in all cameras, and in two pictures people may come to the same side."""
     root, rng = project(tmp_path / "p", "a", "b"), np.random.default_rng(3)
     lines = []
     for k in range(600):
-        n_pairs = 1 + k // 60 % 3  # a busy minute is one in both
+        n = 1 + k // 60 % 3  # a busy minute is one in both
         for camera in "ab":
             ts = datetime.fromtimestamp(1_763_370_000 + k, tz=UTC).isoformat()
-            near = enumerate(rng.normal(1.3, 0.2, n_pairs).round(3).tolist())
-            pairs = [{"a": f"{camera}{i}", "b": f"{camera}{i + 1}", "distance_m": d} for i, d in near]
-            lines.append(json.dumps({"v": 1, "camera": camera, "ts": ts, "pairs": pairs}))
-    path = tmp_path / "pairs.jsonl"
+            near = enumerate(rng.normal(1.3, 0.2, n).round(3).tolist())
+            made = {
+                "pairs": [{"a": f"{camera}{i}", "b": f"{camera}{i + 1}", "distance_m": d} for i, d in near],
+                "persons": [{"id": f"{camera}{i}", "u_px": 300 * n + rng.normal(0, 9), "v_px": 300} for i in range(n)],
+            }
+            lines.append(json.dumps({"v": 1, "camera": camera, "ts": ts, kind: made[kind]}))
+    path = tmp_path / "both.jsonl"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     code, said = vsd(root, "ingest", path)
-    assert (code, "W231" in said) == (0, False), said
+    assert (code, "W231" in said, "new records stored" in said) == (0 if kind == "pairs" else code, False, True), said
 
 
 @pytest.mark.parametrize("further_m", [0.3, 1.0])

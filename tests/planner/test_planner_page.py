@@ -19,14 +19,24 @@ from report.sample_space import AREAS, space
 from vsd_analytics.answer import Reason
 from vsd_analytics.figures.cell_places import CellPlace
 from vsd_analytics.figures.hotspots import ResolvedSpot
+from vsd_analytics.planner import cell_counts
 from vsd_analytics.planner.page import render_planner
 from vsd_analytics.planner.planner_data import PlannerData
+from vsd_analytics.site.model import Site
 from vsd_analytics.wording.reasons import read_reason, reason_text
 
 
 @pytest.fixture(scope="module")
 def texts(pages: dict[str, Path]) -> dict[str, str]:
     return {name: path.read_text(encoding="utf-8") for name, path in pages.items()}
+
+
+def test_however_many_cameras_are_read_at_once_the_page_is_the_same(
+    shop: Site, texts: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cell_counts, "CAMERAS_AT_ONCE", 1)
+    data = planted.known(planted.with_settings(shop, **planted.WHOLE))
+    assert render_planner(data) == texts["exact"]
 
 
 def test_the_page_asks_nobody_for_anything(texts: dict[str, str]) -> None:

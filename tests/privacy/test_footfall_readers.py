@@ -66,6 +66,17 @@ def test_no_page_of_a_week_that_goes_on_leaves_so_no_two_pages_tell_what_a_day_a
     assert "E105" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("options", "is_said"), [((), True), (("--exact",), False)])
+def test_readers_are_told_that_few_of_closed_hours_may_be_counted(
+    options: tuple[str, ...], is_said: bool, tmp_path: Path
+) -> None:
+    root = site(tmp_path, weeks(n_weeks=13))
+    words = ["-C", str(root), "--now", AFTER, "--quiet", "lines", "--week", "2026-W46", "--page", *options]
+    assert run(cli, words) in (0, 1)
+    (html,) = root.rglob("footfall-2026-W46*.html")
+    assert ("may include a few crossings outside the open time" in html.read_text(encoding="utf-8")) is is_said
+
+
 @pytest.mark.parametrize(("late", "leaves"), [((2, 0), False), ((3, 1), False), ((0, 0), True), ((30, 40), True)])
 def test_counts_that_come_after_the_page_do_not_leave_where_they_are_few(
     late: tuple[int, int], leaves: bool, tmp_path: Path

@@ -14,7 +14,7 @@ from vsd_analytics.schema import SCHEMAS, TABLES, TableName
 from vsd_analytics.store import durable
 from vsd_analytics.store.owners import OWNER, owned_by
 from vsd_analytics.store.part_files import engines_in, with_every_column
-from vsd_analytics.store.segments import About, about, read_segment, segment_bytes, sent_bytes
+from vsd_analytics.store.segments import About, about, owners_in, read_segment, segment_bytes, sent_bytes
 from vsd_analytics.store.store import Store
 
 Write = Callable[[TableName, pa.Table, Sequence[str]], pa.Buffer]
@@ -50,11 +50,12 @@ def test_a_segment_gives_back_its_rows_and_notes_their_ends(
 def test_owners_are_written_where_there_is_one(tmp_path: Path, write: Write, suffix: str) -> None:
     rows = table("observations", ROWS["observations"])
     several = pa.concat_tables([owned_by("", rows.slice(0, 1)), owned_by("0000000000000001", rows.slice(1))])
-    read = read_segment(written(tmp_path, write("observations", several, []), suffix))
-    assert read[OWNER].to_pylist() == ["", "0000000000000001", "0000000000000001"]
-    assert (
-        OWNER not in read_segment(written(tmp_path, write("observations", owned_by("", rows), []), suffix)).column_names
-    )
+    path = written(tmp_path, write("observations", several, []), suffix)
+    assert read_segment(path)[OWNER].to_pylist() == ["", "0000000000000001", "0000000000000001"]
+    assert owners_in(path) == {"", "0000000000000001"}
+    path = written(tmp_path, write("observations", owned_by("", rows), []), suffix)
+    assert OWNER not in read_segment(path).column_names
+    assert owners_in(path) == {""}
 
 
 def test_rows_with_dictionaries_of_several_pieces_are_the_same_rows(tmp_path: Path) -> None:
@@ -90,14 +91,18 @@ def test_a_spool_of_both_kinds_is_folded_as_one(tmp_path: Path) -> None:
 
 def test_a_damaged_segment_is_refused_or_harmless(tmp_path: Path) -> None:
     rows = table("observations", [person(NINE + i, f"t{i % 7}", i) for i in range(300)])
-    data = segment_bytes("observations", rows, ["a 1"]).to_pybytes()
+    data = segment_bytes("observations", owned_by("0000000000000001", rows), ["a 1"]).to_pybytes()
     path, rng = tmp_path / "0123456789abcdef.arrow", np.random.default_rng(5)
     n_refused = 0
     for bit in rng.integers(0, 8 * len(data), 2000).tolist():
         changed = bytearray(data)
         changed[bit // 8] ^= 1 << bit % 8
         path.write_bytes(changed)
-        for read in (lambda: read_segment(path).unify_dictionaries().nbytes, lambda: about(path)):
+        for read in (
+            lambda: read_segment(path).unify_dictionaries().nbytes,
+            lambda: about(path),
+            lambda: owners_in(path),
+        ):
             try:
                 read()
             except (pa.ArrowException, ValueError, OSError):

@@ -74,6 +74,28 @@ def test_an_episode_counts_where_most_of_its_persons_time_is(tmp_path: Path, see
     assert equal > 0
 
 
+@pytest.mark.parametrize(
+    ("places", "area", "share"),
+    [
+        # six seconds together in the west, four on the rest of the floor, where the middle of all lies
+        ([((-2200, 2000), (-1200, 2000))] * 6 + [((2500, 2000), (3500, 2000))] * 4, "west", 0.6),
+        # one on either side of a corner of the middle, which the point between them lies in
+        ([((1700, 900), (900, 1700))] * 10, None, 1.0),
+        # nothing of it lies in an area
+        ([((2500, 2000), (3500, 2000))] * 10, None, None),
+    ],
+)
+def test_an_episode_may_lie_elsewhere_than_its_middle(
+    places: list[tuple[tuple[int, int], tuple[int, int]]], area: str | None, share: float | None, tmp_path: Path
+) -> None:
+    site = site_of(tmp_path)
+    both = [zip("ab", of_frame, strict=True) for of_frame in places]
+    people = [Person(START + 1000 * k, track, *xy) for k, pairs in enumerate(both) for track, xy in pairs]
+    put(site, people)
+    with open_days(site) as warehouse:
+        assert warehouse.rows("select area_id, share from episode_areas") == [{"area_id": area, "share": share}]
+
+
 def test_areas_and_the_rest_of_the_floor_add_up_to_the_floor(tmp_path: Path) -> None:
     people = walk(np.random.default_rng(4), start=START, seconds=360)
     site = site_of(tmp_path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import date, datetime, timedelta
+from numbers import Integral
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -197,7 +198,7 @@ class OpenProject:
             >>> site.change(1).state  # one week is too little
             'not_enough_data'
         """
-        _refuse_none("weeks", weeks)
+        weeks = _whole_weeks("weeks", weeks)
         from vsd_analytics.figures import before_after
         from vsd_analytics.figures.change_weeks import days_needed
 
@@ -230,7 +231,7 @@ class OpenProject:
             if isinstance(value, bool) or not isinstance(value, int | float):
                 raise UsageError(f"{name} {value!r} is no number", fix="effect=-0.15 is 15 % less")
         check_plan(effect=effect, power=power)
-        _refuse_none("weeks_max", weeks_max)
+        weeks_max = _whole_weeks("weeks_max", weeks_max)
         with open_warehouse(self.site, *plan_days(self.site)) as warehouse:
             return plan_experiment(warehouse, area_id, effect=effect, power=power, weeks_max=weeks_max)
 
@@ -317,7 +318,8 @@ def _named(days: tuple[date, date]) -> str:
     return f"{days[0]}..{days[1]}"
 
 
-def _refuse_none(name: str, weeks: object) -> None:
-    """Raise UsageError when a number of weeks is none."""
-    if isinstance(weeks, bool) or not isinstance(weeks, int) or weeks < 1:
+def _whole_weeks(name: str, weeks: object) -> int:
+    """Return a number of weeks, of Python or numpy; raise UsageError when it is none from 1."""
+    if isinstance(weeks, bool) or not isinstance(weeks, Integral) or weeks < 1:
         raise UsageError(f"{name} {weeks!r} is no whole number of weeks from 1", fix=f"{name}=4")
+    return int(weeks)

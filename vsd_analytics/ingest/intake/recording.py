@@ -138,9 +138,6 @@ class Recording:
 
     @cached_property
     def _drawn(self) -> Recording:
-        return self.drawn()
-
-    def drawn(self) -> Recording:
         """Return the records with places between those of a track, in steps of `_DRAWN_S`, in straight lines."""
         order = np.lexsort((self.ts_ms, self.track, self.camera))
         order = order[self.track[order] >= 0]

@@ -30,8 +30,8 @@ from vsd_analytics.store.store import Store
 ROWS_MAX: Final = 600_000
 """Stored rows that are read; beyond it the hours with fewer incoming records are left out."""
 HOURS_MAX: Final = 48
-SEGMENTS_HELD: Final = 64
-"""Segments of others that are held in memory: a batch lies in the time of the one before."""
+SEGMENTS_HELD: Final = 16
+"""Segments of others that are held in memory, up to 9 MB each: a batch lies in the time of the one before."""
 PAST_PARTS, PAST_PARTS_OPENED, PAST_ROWS = 2, 200, 5_000
 _PIXELS_M: Final = 1_000_000.0
 """Places in pixels and pairs without places lie this far, and twice as far, from all floors."""
