@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -73,7 +74,7 @@ class FactWriter:
         return with_digest(self._sink.getvalue().to_pybytes())
 
     def _flush(self) -> None:
-        rows = pa.concat_tables(map(_with_texts, self._pieces))
+        rows = pa.concat_tables([_with_own_names(piece) for piece in self._pieces]).unify_dictionaries()
         self._pieces, self._n_rows = [], 0
         if self._writer is None:
             encoded = {field.name: encoding for field in rows.schema if (encoding := _encoding(field))}
@@ -93,12 +94,29 @@ class FactWriter:
         self._writer.write_table(rows.replace_schema_metadata(), row_group_size=max(1, rows.num_rows))
 
 
-def _with_texts(rows: pa.Table) -> pa.Table:
-    """Return rows with texts for dictionaries: these may have names that no row of the file has."""
+def _with_own_names(rows: pa.Table) -> pa.Table:
+    """Return rows whose dictionaries have the names of their own rows alone, in order of these; see `FactWriter.add`.
+
+    Names that hardly repeat are texts. So the bytes of a file follow from its rows, whichever way they came.
+    """
     for k, field in enumerate(rows.schema):
-        if pa.types.is_dictionary(field.type):
+        is_dictionary = pa.types.is_dictionary(field.type)
+        if field.name in _NAMES and is_dictionary:
             rows = rows.set_column(k, field.name, rows.column(k).cast(pa.string()))
+        elif field.name not in _NAMES and (is_dictionary or pa.types.is_string(field.type)):
+            rows = rows.set_column(k, field.name, _of_own_names(rows.column(k)))
     return rows
+
+
+def _of_own_names(column: pa.ChunkedArray) -> pa.Array:
+    names = column.combine_chunks()
+    if not pa.types.is_dictionary(names.type):
+        return names.dictionary_encode()
+    used = names.indices.drop_null().unique()
+    place = np.zeros(len(names.dictionary), dtype=np.int32)
+    place[used] = np.arange(len(used), dtype=np.int32)
+    indices = pa.array(place).take(names.indices)
+    return pa.DictionaryArray.from_arrays(indices, names.dictionary.take(used), safe=False)
 
 
 def _encoding(column: pa.Field) -> str | None:

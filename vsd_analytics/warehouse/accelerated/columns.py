@@ -142,6 +142,15 @@ def distinct(keys: Ints) -> Ints:
     return keys[order[starts]]
 
 
+def rows_of(keys: Ints, wanted: Ints) -> Ints:
+    """Return the row of each wanted key, -1 for none; keys are in order, each once."""
+    if not len(keys):
+        return np.full(len(wanted), -1, dtype=np.int64)
+    rows = np.searchsorted(keys, wanted)
+    rows[picked(keys, rows) != wanted] = -1  # beyond the last key the last one is picked
+    return rows
+
+
 def one_of_each(keys: Ints) -> Ints:
     """Return the number of one row of each different key, in no order.
 

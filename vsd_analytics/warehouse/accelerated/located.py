@@ -11,6 +11,7 @@ from vsd_analytics.warehouse.accelerated.columns import (
     order_by,
     picked,
     rounded,
+    rows_of,
     starts_of,
     take,
 )
@@ -22,17 +23,24 @@ _AFTER_ALL = 2**62
 
 
 def instants(held: Held, site: SiteTables) -> Columns:
-    """Return `staging/instants`, in order of camera and instant; `_key` finds a row by camera and instant."""
+    """Return `staging/instants`, in order of camera and instant; `_key` finds a row by camera and instant.
+
+    `_person` is the first stored record of each frame of people, in their order, and `_frame` its row, -1 for none.
+    """
     names = (f"stored_{t}" for t in ("frames", "observations", "pairs", "beside"))
     tables = [held[name] for name in names if name in held]
     low = min((int(t["ts_ms"].min()) for t in tables if len(t["ts_ms"])), default=0)
     span = max((int(t["ts_ms"].max()) for t in tables if len(t["ts_ms"])), default=low) - low + 1
-    firsts = ((t, starts_of(t["camera_id"], t["ts_ms"])) for t in tables)  # records of a frame follow each other
-    keys = [t["camera_id"][rows] * np.int64(span) + (t["ts_ms"][rows] - low) for t, rows in firsts]
+    firsts = [starts_of(t["camera_id"], t["ts_ms"]) for t in tables]  # records of a frame follow each other
+    keys = [
+        t["camera_id"][rows] * np.int64(span) + (t["ts_ms"][rows] - low) for t, rows in zip(tables, firsts, strict=True)
+    ]
     key = distinct(keys[0])
-    others = [k[~_are_among(k, key)] for k in keys[1:]]
+    frame_of_each = [rows_of(key, k) for k in keys[1:]]
+    others = [k[frame < 0] for k, frame in zip(keys[1:], frame_of_each, strict=True)]
     if any(map(len, others)):  # people of frames that were not sent as frames
         key = distinct(np.concatenate([key, *others]))
+        frame_of_each = [rows_of(key, k) for k in keys[1:]]
     camera, ts = key // span, key % span + low
     n = len(key)
     to_next = np.full(n, _AFTER_ALL, dtype=np.int64)
@@ -54,27 +62,17 @@ def instants(held: Held, site: SiteTables) -> Columns:
         "has_heartbeat": has_heartbeat,
         "_key": key,
     }
-    rows = take(frames, interval != NULL)
-    return {**rows, "_low": np.array([low]), "_span": np.array([span])}
+    is_known = interval != NULL
+    number = np.where(is_known, np.cumsum(is_known) - 1, -1)
+    of_persons = {"_person": firsts[1], "_frame": picked(number, frame_of_each[0])}
+    return {**take(frames, is_known), **of_persons, "_low": np.array([low]), "_span": np.array([span])}
 
 
 def frame_of(instants: Columns, camera: Ints, ts_ms: Ints) -> Ints:
     """Return the row of `instants` of each camera and instant, -1 for none."""
-    low, span, keys = int(instants["_low"][0]), int(instants["_span"][0]), instants["_key"]
-    if not len(keys):
-        return np.full(len(camera), -1, dtype=np.int64)
-    wanted = camera * np.int64(span) + (ts_ms - low)
-    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    return np.where((keys[at] == wanted) & (ts_ms >= low) & (ts_ms < low + span), at, -1)
-
-
-def _are_among(keys: Ints, known: Ints) -> Bools:
-    """Return whether each key is among some that are in order."""
-    if not len(known):
-        return np.zeros(len(keys), dtype=np.bool_)
-    at = np.minimum(np.searchsorted(known, keys), len(known) - 1)
-    is_among: Bools = known[at] == keys
-    return is_among
+    low, span = int(instants["_low"][0]), int(instants["_span"][0])
+    is_within = (ts_ms >= low) & (ts_ms < low + span)
+    return rows_of(instants["_key"], np.where(is_within, camera * np.int64(span) + (ts_ms - low), NULL))
 
 
 def located(held: Held, site: SiteTables) -> Columns | None:
@@ -90,7 +88,7 @@ def located(held: Held, site: SiteTables) -> Columns | None:
     x, y = _places(held, stored, site)
     if site.only_counts:
         return _by_frame({"camera_id": camera, "ts_ms": ts, "x_mm": x, "y_mm": y}, frames, site)
-    frame = frames_in_order(frames, camera, ts)
+    frame = np.repeat(frames["_frame"], np.diff(frames["_person"], append=len(ts)))
     track = stored["track_id"]
     key = frame * (site.n_tracks + 1)
     key += np.where(track < 0, site.n_tracks, track)  # nulls last
@@ -141,9 +139,8 @@ def _places(held: Held, stored: Columns, site: SiteTables) -> tuple[Ints, Ints]:
 
 def _by_frame(records: Columns, frames: Columns, site: SiteTables) -> Columns:
     """Return records in order of their frames, without members; weights and owners are computed when they are read."""
-    starts = starts_of(records["camera_id"], records["ts_ms"])
-    frame = frame_of(frames, *(records[c][starts] for c in ("camera_id", "ts_ms"))).astype(np.int32)
-    frame_of_each = np.repeat(frame, np.diff(starts, append=len(records["ts_ms"])))
+    frame = frames["_frame"].astype(np.int32)
+    frame_of_each = np.repeat(frame, np.diff(frames["_person"], append=len(records["ts_ms"])))
     if np.any(frame[1:] <= frame[:-1]) or np.any(frame[:1] < 0):  # of several parts, or of unknown cameras
         rows = order_by(frame_of_each)
         rows = rows[np.searchsorted(frame_of_each[rows], 0) :]

@@ -14,6 +14,7 @@ from vsd_analytics.warehouse.accelerated.columns import (
     grouped_by,
     order_by,
     picked,
+    rows_of,
     run_of,
     starts_of,
     take,
@@ -152,7 +153,7 @@ def _sent(stored: Columns, frame: Ints, instants: Columns, located: Columns, sit
     person[order] = run_of(starts, len(keys))
     frame_starts = starts_of(people // room)
     first = np.repeat(frame_starts, np.diff(frame_starts, append=len(people)))
-    row = _rows_of(located["_key"], people)
+    row = rows_of(located["_key"], people)
     member = np.where(row < 0, first - np.arange(len(people)) - 1, _at(located["member"], row))
     pairs = {**pairs, **dict(zip("ab", np.split(person, 2), strict=True))}
     is_near = (pairs["distance_mm"] != NULL) & (pairs["distance_mm"] <= site.params["pair_max_mm"])
@@ -182,14 +183,6 @@ def _sent(stored: Columns, frame: Ints, instants: Columns, located: Columns, sit
         "is_derived": np.zeros(len(frame), dtype=np.bool_),
         "_frame": frame,
     }
-
-
-def _rows_of(keys: Ints, wanted: Ints) -> Ints:
-    """Return the row of each wanted key, -1 for none; keys are in order."""
-    rows = np.searchsorted(keys, wanted)
-    rows[rows == len(keys)] = -1
-    rows[_at(keys, rows) != wanted] = -1
-    return rows
 
 
 def _at(values: Ints, rows: Ints) -> Ints:
