@@ -86,7 +86,8 @@ def hour_facts(
         SqlError: E604, DuckDB fails internally, also with careful settings.
     """
     computed, inputs = dependencies(facts)
-    margin_ms = lookback_ms(params(site), camera_days.to_pylist())
+    settings = params(site)
+    margin_ms = lookback_ms(settings, camera_days.to_pylist())
     spans = (first_hour * HOUR_MS - margin_ms, (last_hour + 1) * HOUR_MS + margin_ms)
     around = quarters(first_hour=first_hour - 1, last_hour=last_hour + 1)
     reader = reader or PartReader()
@@ -105,7 +106,7 @@ def hour_facts(
             else:
                 records = {table: read_records(table, parts[table], *spans) for table in tables}
             with _load(small, records, is_careful, only_counts) as held:
-                accelerator = Accelerator(held, params(site), is_careful=is_careful, only_counts=only_counts)
+                accelerator = Accelerator(held, settings, is_careful=is_careful, only_counts=only_counts)
                 order = [r for r in relations("staging", "facts").values() if r.name in computed]
                 last_read = {t: n for n, r in enumerate(order) for t in r.reads if t.startswith("stored_")}
                 for number, relation in enumerate(order):

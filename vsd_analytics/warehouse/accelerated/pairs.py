@@ -227,6 +227,7 @@ def _near_of_few(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints,
     on. So each two of a frame are compared in two rows of it.
     """
     kind = _kind_of_distances(x, y, reach)
+    coordinates = [values.astype(kind) for values in (x, y)]
     starts = starts_of(frame)
     sizes = np.diff(starts, append=len(frame))
     one, other = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
@@ -236,8 +237,8 @@ def _near_of_few(frame: Ints, x: Ints, y: Ints, reach: int) -> tuple[Ints, Ints,
         for rows in np.split(of_size, np.arange(0, len(of_size), max(1, _PAIRS // len(first)))[1:]):
             people = rows + np.arange(size)[:, None]
             square = np.zeros((len(first), len(rows)), dtype=kind)
-            for values in (x, y):
-                of_people = picked(values, people).astype(kind)
+            for values in coordinates:
+                of_people = picked(values, people)
                 apart = of_people.take(first, axis=0)
                 apart -= of_people.take(second, axis=0)
                 apart *= apart
