@@ -127,7 +127,7 @@ def relations(*layers: str) -> Mapping[str, Relation]:
         SqlError: E601, a header is incomplete or relations read each other in a circle.
     """
     paths = [path for layer in layers for path in sorted((shipped("sql") / layer).glob("*.sql"))]
-    known = {r.name: r for r in map(read_relation, paths)}
+    known = {r.name: r for r in map(_shipped_relation, paths)}
     ordered: dict[str, Relation] = {}
 
     def add(name: str, path: tuple[str, ...]) -> None:
@@ -142,6 +142,11 @@ def relations(*layers: str) -> Mapping[str, Relation]:
     for name in known:
         add(name, ())
     return ordered
+
+
+@cache
+def _shipped_relation(path: Path) -> Relation:
+    return read_relation(path)
 
 
 RECORD_RELATIONS = ("located", "pairs")

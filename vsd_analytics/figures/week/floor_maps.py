@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from vsd_analytics.figures.cell_places import as_rings
+from vsd_analytics.figures.floor_days import MART_CELL_M
 from vsd_analytics.figures.panels import Array
 from vsd_analytics.figures.week import bands as heat
 from vsd_analytics.figures.week.data import WeekData
@@ -92,17 +93,20 @@ def floor_maps(data: WeekData, *, areas: Sequence[AreaRow], is_ranked: bool) -> 
 
 
 def floor_extent(data: WeekData) -> Extent | None:
-    """Return the floor to draw: the plan, else what was walked on and the areas; None when unknown or too large."""
+    """Return the floor to draw: the plan, else what was walked on in opening hours and the areas.
+
+    None when it is unknown or too large.
+    """
     extent = camera_views.plan_bounds(data.floor)
     if extent is None:
         seen = data.warehouse.rows(
-            "select min(cx) as x0, min(cy) as y0, max(cx) + 1 as x1, max(cy) + 1 as y1 from floor_cells "
+            "select min(cx) as x0, min(cy) as y0, max(cx) + 1 as x1, max(cy) + 1 as y1 from cell_days "
             "where camera_id in (select unnest($ids))",
             {"ids": data.ids},
         )[0]
         if seen["x0"] is None:
             return None
-        walked = shapely.box(*(seen[k] * FLOOR_CELL_M for k in ("x0", "y0", "x1", "y1")))
+        walked = shapely.box(*(seen[k] * MART_CELL_M for k in ("x0", "y0", "x1", "y1")))
         whole = shapely.union_all([walked, *(shapely.Polygon(a.polygon) for a in data.areas)])
         extent = _at_least(whole.buffer(MARGIN_M).bounds)
     n_cells = (extent[2] - extent[0]) * (extent[3] - extent[1]) / FLOOR_CELL_M**2
