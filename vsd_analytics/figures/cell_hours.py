@@ -85,6 +85,8 @@ class CellHours:
         day = self.used["local_date"].to_numpy().astype("datetime64[D]")
         ends = np.array([first, last + timedelta(days=1)], dtype="datetime64[D]")
         start, end = (int(n) for n in np.searchsorted(day, ends))
+        if end - start == self.used.num_rows:
+            return self
         rows = slice(*np.searchsorted(self.hour, [start, end]))
         return replace(
             self,
@@ -145,7 +147,7 @@ def on_grid(grid: Grid, used: pa.Table, rows: pa.Table, *, is_everything: bool) 
     """Return camera-hours and the rows of their cells (`cells_of`) as arrays, without cells beyond a grid."""
     hour, cx, cy, exposure_s, violation_s = (c.to_numpy() for c in rows.columns)
     at = cy - grid.cy, cx - grid.cx
-    cell = at[0] * grid.shape[1] + at[1]
+    cell = at[0] * grid.shape[1] + at[1]  # of the type of cx and cy
     if any(len(i) and (i.min() < 0 or i.max() >= n) for i, n in zip(at, grid.shape, strict=True)):
         inside = np.all([(i >= 0) & (i < n) for i, n in zip(at, grid.shape, strict=True)], axis=0)
         hour, cell, exposure_s, violation_s = (v[inside] for v in (hour, cell, exposure_s, violation_s))

@@ -21,8 +21,8 @@ from vsd_analytics.warehouse.warehouse import Warehouse
 
 SIDE_M: Final = 1.0
 """Side of the cells of the mart `square_hours`."""
-PIECE_HOURS: Final = 2_000
-"""Camera-hours of a piece, or one day: a week of 18 cameras and 12 hours a day is one piece and a bit."""
+PIECE_HOURS: Final = 1_000
+"""Camera-hours of a piece, or one day: four days of 18 cameras and 12 hours a day."""
 
 
 class CellWeeks:
@@ -55,9 +55,10 @@ class CellWeeks:
         assert self.grid is not None
         day = self._days()
         asked = [(a, b) for a, b in self._spans if day[a] <= np.datetime64(last) and day[b - 1] >= np.datetime64(first)]
-        self._read = {span: self._read.get(span) or self._cells(*span) for span in asked}
-        pieces = self._read.values()
-        return [piece.between(first, last) for piece in pieces]
+        self._read = {span: cells for span, cells in self._read.items() if span in asked}
+        for span in asked:
+            self._read[span] = self._read.get(span) or self._cells(*span)
+        return [self._read[span].between(first, last) for span in asked]
 
     def _cells(self, start: int, end: int) -> CellHours:
         assert self.grid is not None
@@ -108,9 +109,9 @@ with used as (
 """
 _CELLS: Final = """
 select
-    used.number,
-    cx::bigint as cx,
-    cy::bigint as cy,
+    used.number::integer as number,
+    cx,
+    cy,
     exposure_open_s::double as exposure_s,
     violation_open_s::double as violation_s
 from square_hours

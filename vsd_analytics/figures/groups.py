@@ -15,6 +15,7 @@ from datetime import date
 from typing import Any, Final
 
 import numpy as np
+import pyarrow.compute as pc
 
 from vsd_analytics.answer import Reason, State
 from vsd_analytics.figures.floor_days import NO_FLOOR, NO_IDS
@@ -199,7 +200,6 @@ def camera_lives(
         "n_came_before from track_days where site_day between $first and $last",
         days,
     )
-    of_camera = tracks["camera_id"].to_numpy()
     values = {name: tracks[name].to_numpy() for name in tracks.column_names[1:]}
     counted = warehouse.rows(
         "select camera_id, sum(n_pairs)::bigint as n_pairs, sum(n_unknown)::bigint as n_unknown, "
@@ -220,7 +220,7 @@ def camera_lives(
     }
     all_lives = []
     for camera in (c.camera_id for c in cameras):
-        own, row = of_camera == camera, sums.get(camera, {})
+        own, row = pc.equal(tracks["camera_id"], camera).to_numpy(), sums.get(camera, {})
         lives = track_lives(
             values["life_s"][own],
             values["exposure_s"][own],
