@@ -110,8 +110,8 @@ with used as (
 _CELLS: Final = """
 select
     used.number::integer as number,
-    cx,
-    cy,
+    cx::integer as cx,
+    cy::integer as cy,
     exposure_open_s::double as exposure_s,
     violation_open_s::double as violation_s
 from square_hours

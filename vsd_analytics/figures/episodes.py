@@ -195,7 +195,7 @@ select
     sum(violation_records)::bigint as violation_records,
     sum(n_violations)::bigint as n_violations
 from camera_hours
-where camera_id in (select unnest($cameras)) and local_date between $first and $last
+where list_contains($cameras::varchar[], camera_id) and local_date between $first and $last
 """
 _DURATIONS: Final = """
 select
@@ -206,7 +206,7 @@ from violations as v
 inner join episodes as e
     on v.camera_id = e.camera_id and v.track_a = e.track_a and v.track_b = e.track_b and v.started_ms = e.started_ms
 where
-    v.is_open and v.camera_id in (select unnest($cameras)) and v.local_date between $first and $last
+    v.is_open and list_contains($cameras::varchar[], v.camera_id) and v.local_date between $first and $last
     and e.local_date between $first and $last
 order by v.started_ms, v.camera_id, v.track_a, v.track_b
 """
@@ -216,7 +216,7 @@ select
     sum(n_pairs)::bigint as n_pairs,
     sum(nearest_s)::double as nearest_s
 from distances
-where camera_id in (select unnest($cameras)) and local_date between $first and $last
+where list_contains($cameras::varchar[], camera_id) and local_date between $first and $last
 group by distance_mm
 order by distance_mm
 """
@@ -224,7 +224,7 @@ _EPISODES: Final = """
 with mine as (
     select camera_id, track_a, track_b, started_ms, ended_ms, duration_s
     from episodes
-    where is_owned and camera_id in (select unnest($cameras)) and local_date between $first and $last
+    where is_owned and list_contains($cameras::varchar[], camera_id) and local_date between $first and $last
 ),
 
 sides as (
@@ -256,14 +256,14 @@ select
         select coalesce(sum(e.person_records + e.n_doubled), 0)::bigint
         from exposure as e
         inner join site_days as s on e.quarter = s.quarter
-        where e.camera_id in (select unnest($cameras)) and s.site_day between $first and $last
+        where list_contains($cameras::varchar[], e.camera_id) and s.site_day between $first and $last
     ) as n_records,
     count(*) as n,
     coalesce(sum(n_records), 0)::bigint as n_identified,
     median(life_s)::double as median_life_s,
     ((sum(n_goes_on) - sum(n_came_before)) / nullif(sum(n_ends), 0))::double as cut_share,
-    (select coalesce(bool_or(has_tracks), false) from camera_days where camera_id in (select unnest($cameras)))
+    (select coalesce(bool_or(has_tracks), false) from camera_days where list_contains($cameras::varchar[], camera_id))
         as has_tracks
 from track_days
-where camera_id in (select unnest($cameras)) and site_day between $first and $last
+where list_contains($cameras::varchar[], camera_id) and site_day between $first and $last
 """

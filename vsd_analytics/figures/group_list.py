@@ -15,7 +15,7 @@ _STANDING: Final = """
 with companies as (
     select camera_id, window_ms, list(track_id order by track_id) as tracks
     from standing_groups
-    where camera_id in (select unnest($cameras))
+    where list_contains($cameras::varchar[], camera_id)
     group by camera_id, window_ms, group_id
 ),
 
@@ -68,7 +68,8 @@ def groups_of(warehouse: Warehouse, ids: Sequence[str], first: date, last: date)
         "select site_day, camera_id, false as is_standing, list(track_id order by track_id) as tracks, "
         "min(first_ms) as first_ms, max(last_ms) as last_ms "
         "from track_groups inner join track_days using (camera_id, site_day, track_id) "
-        "where group_id is not null and camera_id in (select unnest($cameras)) and site_day between $first and $last "
+        "where group_id is not null and list_contains($cameras::varchar[], camera_id) "
+        "and site_day between $first and $last "
         "group by site_day, camera_id, group_id",
         asked,
     )

@@ -329,7 +329,7 @@ def _notes(warehouse: Warehouse, data: FloorDays, look: Window) -> tuple[Reason,
     moved = warehouse.rows(
         "select camera_id from calibrations_used inner join (select distinct floor(quarter / 4)::bigint as hour "
         "from calendar where is_open and local_date between $first and $last) using (hour) "
-        "where camera_id in (select unnest($ids)) group by camera_id having count(distinct calibration_id) > 1 "
+        "where list_contains($ids::varchar[], camera_id) group by camera_id having count(distinct calibration_id) > 1 "
         "order by camera_id",
         {"ids": ids, "first": data.day(look.days.start), "last": data.day(look.days.stop - 1)},
     )

@@ -99,7 +99,7 @@ def _by_number(period: Period) -> dict[int, Array] | None:
     data = period.data
     rows = data.warehouse.table(
         "select camera_id, hour_start_ms, n_others, violation_s::double / 3600 as hours from neighbour_hours "
-        "where camera_id in (select unnest($cameras::varchar[])) and local_date between $first and $last "
+        "where list_contains($cameras::varchar[], camera_id) and local_date between $first and $last "
         "order by hour_start_ms, camera_id, n_others",
         {"cameras": data.ids, "first": period.first, "last": period.last},
     )
@@ -136,7 +136,7 @@ def others_met(warehouse: Warehouse, cameras: Collection[str], *, first: date, l
     settings = warehouse.site.settings
     rows = warehouse.table(
         "select site_day, n_met, longest_s::double as longest_s from met_days "
-        "where camera_id in (select unnest($cameras::varchar[])) and site_day between $first and $last "
+        "where list_contains($cameras::varchar[], camera_id) and site_day between $first and $last "
         "order by site_day, camera_id, track_id",
         {"cameras": sorted(cameras), "first": first, "last": last},
     )

@@ -75,7 +75,7 @@ left join exposure on coverage.camera_id = exposure.camera_id and coverage.quart
 where
     calendar.is_open
     and calendar.local_date between $first and $last
-    and coverage.camera_id in (select unnest($cameras))
+    and list_contains($cameras::varchar[], coverage.camera_id)
 """
 READ_BEFORE: Final = ("camera_hours", "camera_slots", "track_hours", "coverage", "exposure")
 """Relations that `usual_day` asks for."""

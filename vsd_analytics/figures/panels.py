@@ -258,7 +258,7 @@ class FloorHours:
             "union all select camera_id, local_date, 0, 0, 0, n_records from joined_days) "
             "select camera_id, local_date, sum(n_persons)::bigint as n_persons, "
             "sum(n_unlocated)::bigint as n_unlocated, sum(n_records)::bigint as n_records, "
-            "sum(n_joined)::bigint as n_joined from sent where camera_id in (select unnest($ids::varchar[])) "
+            "sum(n_joined)::bigint as n_joined from sent where list_contains($ids::varchar[], camera_id) "
             "group by camera_id, local_date",
             {"ids": self.ids},
         )

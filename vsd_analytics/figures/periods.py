@@ -161,7 +161,7 @@ class Period:
         first, end = self.span_ms
         row = self.data.warehouse.rows(
             "select count(*) as n, count(*) filter (where x_m is null) as n_unplaced from violations "
-            "where camera_id in (select unnest($ids)) and started_ms >= $first and started_ms < $end",
+            "where list_contains($ids::varchar[], camera_id) and started_ms >= $first and started_ms < $end",
             {"ids": self.data.ids, "first": first, "end": end},
         )[0]
         return NO_POSITIONS if row["n_unplaced"] * 2 > row["n"] else None
@@ -263,7 +263,7 @@ def cut_ids(data: FloorHours, days: tuple[date, date], cameras: Collection[str] 
     """
     rows = data.warehouse.table(
         "select (sum(n_goes_on) - sum(n_came_before))::double as goes_on, sum(n_ends)::double as ends from track_days "
-        "where camera_id in (select unnest($cameras::varchar[])) and site_day between $first and $last "
+        "where list_contains($cameras::varchar[], camera_id) and site_day between $first and $last "
         "group by site_day order by site_day",
         {"cameras": sorted(data.ids if cameras is None else cameras), "first": days[0], "last": days[1]},
     )

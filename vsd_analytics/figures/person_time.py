@@ -189,6 +189,6 @@ select
     between_s::double / 3600 as between_h,
     violation_s::double / 3600 as all_h
 from company_hours
-where camera_id in (select unnest($cameras)) and local_date between $first and $last
+where list_contains($cameras::varchar[], camera_id) and local_date between $first and $last
 order by hour_start_ms, camera_id
 """

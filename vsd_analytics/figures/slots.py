@@ -135,7 +135,7 @@ def load_slots(
         "select camera_id, date_diff('day', $first, local_date)::bigint as day, local_hour::bigint as hour, "
         "open_h::double as open_h, recorded_h::double as recorded_h, person_h::double as person_h, "
         "violation_h::double as violation_h, n_violations::double as n_violations from camera_slots "
-        "where local_date between $first and $last and camera_id in (select unnest($cameras))",
+        "where local_date between $first and $last and list_contains($cameras::varchar[], camera_id)",
         {"first": first, "last": monday + timedelta(days=6), "cameras": list(cameras)},
     )
     camera = pc.index_in(rows["camera_id"], value_set=pa.array(cameras, pa.string())).to_numpy()

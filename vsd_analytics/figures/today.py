@@ -338,7 +338,7 @@ def of_enough_people(warehouse: Warehouse, slots: Slots) -> Slots:
     first = slots.monday - timedelta(weeks=n_weeks - 1)
     rows = warehouse.table(
         "select date_diff('day', $first, local_date)::bigint as day, local_hour::bigint as hour, "
-        "max(n_tracks)::bigint as n from track_hours where camera_id in (select unnest($cameras::varchar[])) "
+        "max(n_tracks)::bigint as n from track_hours where list_contains($cameras::varchar[], camera_id) "
         "and local_date between $first and $last group by all",
         {"first": first, "last": slots.monday + timedelta(days=6), "cameras": list(slots.camera_ids)},
     )

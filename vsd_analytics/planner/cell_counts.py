@@ -200,7 +200,7 @@ def _rows_by_camera(data: WeekData, asked: CellsAsked) -> Iterator[tuple[int, Se
         ids = [data.ids[camera] for camera in few]
         rows = data.warehouse.table(
             "select camera_id, hour_start_ms, cx, cy, n_violations, n_tracks, exposure_ms, violation_ms "
-            "from planner_cells where floor_id = $floor and camera_id in (select unnest($cameras)) "
+            "from planner_cells where floor_id = $floor and list_contains($cameras::varchar[], camera_id) "
             "and hour_start_ms between $from and $to and cx >= $x0 and cx < $x1 and cy >= $y0 and cy < $y1",
             {"floor": data.floor.floor_id, "cameras": ids, **_from_to(data, asked.slots), **ends},
         )

@@ -40,8 +40,8 @@ def why_few_on_floor(period: Period) -> Reason | None:
 def has_tracks(period: Period) -> bool:
     """Tell whether anybody on the floor had a track id."""
     values = {"ids": period.data.ids, "first": period.first, "last": period.last}
-    query = "select 1 from track_days where camera_id in (select unnest($ids)) and site_day between $first and $last"
-    return bool(period.data.warehouse.rows(f"{query} limit 1", values))
+    query = "from track_days where list_contains($ids::varchar[], camera_id) and site_day between $first and $last"
+    return bool(period.data.warehouse.rows(f"select 1 {query} limit 1", values))
 
 
 def people_of_floor(period: Period) -> Ints:
@@ -101,7 +101,7 @@ def people_in_quarter(data: FloorHours, start_ms: int, *, at_once: float) -> int
     """
     [row] = data.warehouse.rows(
         "select coalesce(max(n), 0) as n from (select count(*) as n from track_lives where hour = $hour "
-        "and camera_id in (select unnest($ids)) and first_ms < $end and last_ms >= $start group by camera_id)",
+        "and list_contains($ids::varchar[], camera_id) and first_ms < $end and last_ms >= $start group by camera_id)",
         {"hour": start_ms // HOUR_MS, "ids": data.ids, "start": start_ms, "end": start_ms + QUARTER_MS},
     )
     return max(int(row["n"]), math.ceil(round(at_once / max(1, len(data.ids)), 6)))
@@ -166,7 +166,7 @@ def people_by_hour_of_day(period: Period, area_id: str) -> Mapping[int, int]:
     rows = data.warehouse.table(
         "select calendar.local_hour, max(seen.n) as n "
         "from (select hour, count(distinct track_id) as n from area_tracks "
-        "where area_id = $area and camera_id in (select unnest($ids)) group by hour, camera_id) as seen "
+        "where area_id = $area and list_contains($ids::varchar[], camera_id) group by hour, camera_id) as seen "
         "inner join calendar on seen.hour * 4 = calendar.quarter "
         "where calendar.is_open and calendar.local_date between $first and $last group by calendar.local_hour",
         {"area": area_id, "ids": data.ids, "first": period.first, "last": period.last},

@@ -228,7 +228,7 @@ def _people(data: FloorHours, first: date, last: date) -> tuple[int, int]:
     """Return the person-milliseconds that enter rates, and the number of track ids, of some days."""
     exposure_h = np.nan_to_num(data.panel(data.everyone, data.warehouse.days(first, last)).exposure_h)
     [row] = data.warehouse.rows(
-        "select count(*) as n from track_days where camera_id in (select unnest($ids)) "
+        "select count(*) as n from track_days where list_contains($ids::varchar[], camera_id) "
         "and site_day between $first and $last",
         {"ids": data.ids, "first": first, "last": last},
     )

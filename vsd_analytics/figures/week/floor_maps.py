@@ -101,7 +101,7 @@ def floor_extent(data: WeekData) -> Extent | None:
     if extent is None:
         seen = data.warehouse.rows(
             "select min(cx) as x0, min(cy) as y0, max(cx) + 1 as x1, max(cy) + 1 as y1 from cell_days "
-            "where camera_id in (select unnest($ids))",
+            "where list_contains($ids::varchar[], camera_id)",
             {"ids": data.ids},
         )[0]
         if seen["x0"] is None:

@@ -101,13 +101,14 @@ def _messages(data: WeekData) -> tuple[int | None, int]:
     first, last = (round(data.midnight(day).timestamp() * 1000) for day in (data.monday, data.monday + data.span))
     values = {"ids": data.ids, "first": first, "last": last}
     numbered = data.warehouse.rows(
-        "select 1 from sequence_runs where camera_id in (select unnest($ids)) "
+        "select 1 from sequence_runs where list_contains($ids::varchar[], camera_id) "
         "and last_ms >= $first and first_ms < $last limit 1",
         values,
     )
     row = data.warehouse.rows(
         "select sum(n_missing)::bigint as n, count(*) as n_gaps from message_gaps "
-        "where camera_id in (select unnest($ids)) and not is_restart and ended_ms >= $first and started_ms < $last",
+        "where list_contains($ids::varchar[], camera_id) and not is_restart "
+        "and ended_ms >= $first and started_ms < $last",
         values,
     )[0]
     return (row["n"] or 0 if numbered else None), row["n_gaps"]
@@ -127,7 +128,7 @@ def _outages(data: WeekData) -> tuple[Outage, ...]:
         last = min(last, data.not_over_ms)
     rows = data.warehouse.rows(
         "select camera_id, started_ms, ended_ms, open_s, is_inferred from outages "
-        "where camera_id in (select unnest($ids)) and ended_ms > $first and started_ms < $last "
+        "where list_contains($ids::varchar[], camera_id) and ended_ms > $first and started_ms < $last "
         "order by started_ms, ended_ms, camera_no",
         {"ids": data.ids, "first": first, "last": last},
     )
