@@ -201,6 +201,18 @@ def test_a_cell_with_four_tracks_is_not_shown(tmp_path: Path) -> None:
     assert (int(w.QUEUE[0] / 0.25), int(w.QUEUE[1] / 0.25)) not in cells
 
 
+def test_who_walks_at_night_makes_a_map_without_a_plan_no_larger(tmp_path: Path) -> None:
+    at_night = w.messages(lambda day, hour: {(40.0, 2.0): 5}, days=range(1), hours=(2, 3))
+    streams = [[w.messages(busy, days=range(1), hours=HOURS)] for _ in range(2)]
+    streams[1].insert(0, at_night)
+    by_day, with_night = (
+        maps_of(w.world(tmp_path / name, w.toml(opening=OPENING), *messages)).extent
+        for name, messages in zip(("day", "night"), streams, strict=True)
+    )
+    assert with_night == by_day
+    assert by_day[2] < 40.0
+
+
 def test_views_and_their_overlap_have_the_planted_sizes(tmp_path: Path) -> None:
     planted = {"cam-1": [[0, 0], [10, 0], [10, 6], [0, 6]], "cam-2": [[6, 0], [14, 0], [14, 6], [6, 6]]}
     config = w.toml(cameras=("cam-1", "cam-2"), opening=OPENING)
