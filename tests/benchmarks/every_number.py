@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Final
 
 COMMANDS: Final = (
-    "bench_tools.py --records 10000000 --only heatmaps --memory 8",
+    "bench_tools.py --records 10000000 --only heatmaps --memory 8 --rounds 7",
     "bench_tools.py --records 100000000 --only heatmaps --rounds 5 --memory 8",
     "bench_tools.py --records 1000000 --only writing --rounds 7",
     "bench_tools.py --only pairs",
@@ -25,7 +25,8 @@ COMMANDS: Final = (
     "bench_demo.py",
     "bench_history.py --cameras 2 --hours 4 --interval 20 --rounds 10",
     "bench_year.py --weeks 2 10",
-    "bench_year.py --weeks 2 --only 'first planner'",
+    "bench_year.py --weeks 2 10 --only 'first planner'",
+    "bench_year.py --weeks 2 --cameras 6 --only report planner 'first planner' hours compare",
     "bench_live.py --cameras 46 --hours 1",
     "bench_live.py --cameras 46 --hours 23",
     "bench_retention_year.py --weeks 13",
