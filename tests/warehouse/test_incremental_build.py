@@ -6,6 +6,7 @@ import json
 import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from warehouse.small_projects import (
     FACTS_WITHOUT_AREAS,
     HOUR,
@@ -251,6 +254,24 @@ def test_a_fact_file_has_the_names_of_its_rows_only() -> None:
     assert pa.types.is_string(found["track_id"].type)
     plain = factfiles.fact_bytes(found, inputs={})
     assert plain == data, "texts and dictionaries of more names give the same bytes"
+
+
+@given(data=st.data())
+def test_the_bytes_of_a_fact_file_follow_from_its_rows_however_they_come(data: st.DataObject) -> None:
+    names = ["a", "b", "c", "d"]
+    ids = data.draw(st.lists(st.sampled_from([*names, None]), min_size=1, max_size=12))
+    cuts = sorted(data.draw(st.sets(st.integers(0, len(ids)))) | {0, len(ids)})
+    writer = factfiles.FactWriter({})
+    for first, after in pairwise(cuts):
+        known = data.draw(st.permutations(names))
+        numbers = [None if name is None else known.index(name) for name in ids[first:after]]
+        held = pa.DictionaryArray.from_arrays(pa.array(numbers, pa.int32()), pa.array(known))
+        is_text = data.draw(st.booleans())
+        column = held.cast(pa.string()) if is_text else held
+        writer.add(pa.table({"hour": pa.array([7] * len(numbers)), "camera_id": column, "track_id": column}))
+    texts = pa.array(ids, pa.string())
+    whole = pa.table({"hour": [7] * len(ids), "camera_id": texts, "track_id": texts})
+    assert writer.finish() == factfiles.fact_bytes(whole, inputs={})
 
 
 def test_files_of_hours_of_an_older_version_give_way_to_those_of_days(project: Path) -> None:
