@@ -60,7 +60,7 @@ def floor_cells(held: Held, site: SiteTables) -> Columns:
     places.append(_Places.of(x, y, 2 * side_mm, met["_frame"], instants, site))
     numbers, cells_of, n = _numbered(places)
     counts = [np.bincount(records, minlength=n) for records in numbers]
-    used = np.flatnonzero(counts[0] + counts[2])  # who is in violation is counted among all people too
+    used = np.flatnonzero(counts[0] + counts[1] + counts[2])  # some people are in pairs only
     weight_ms = instants["weight_ms"]
     times = [
         _added(weight_ms, records["_frame"], at, n_of)
